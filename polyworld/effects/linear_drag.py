@@ -1,0 +1,23 @@
+"""Force against the velocity, proportional to it: slow motion in a viscous fluid."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+
+
+@wp.func
+def force(
+    p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
+) -> wp.spatial_vectord:
+    return wp.spatial_vectord(-p[0] * v, wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="linear_drag",
+    summary="F = -c v",
+    parameters={
+        "coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "drag force per speed"),
+    },
+    force=force,
+    reference="Stokes (1851); c = 6 pi eta R for a ball",
+)

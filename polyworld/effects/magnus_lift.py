@@ -1,0 +1,23 @@
+"""Sideways force on a spinning body that moves through a fluid."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+
+
+@wp.func
+def force(
+    p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
+) -> wp.spatial_vectord:
+    return wp.spatial_vectord(p[0] * wp.cross(omega, v), wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="magnus_lift",
+    summary="F = s (omega x v)",
+    parameters={
+        "coefficient": EffectParameter("kg", -1e6, 1e6, (-0.1, 0.1), 0.0, "lift per spin and speed"),
+    },
+    force=force,
+    reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447; s = pi rho R^3 for slow flow past a ball",
+)

@@ -1,0 +1,23 @@
+"""Force against the velocity, proportional to its square: fast motion through air."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+
+
+@wp.func
+def force(
+    p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
+) -> wp.spatial_vectord:
+    return wp.spatial_vectord(-p[0] * wp.length(v) * v, wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="quadratic_drag",
+    summary="F = -k |v| v, k = rho C_d A / 2",
+    parameters={
+        "coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed"),
+    },
+    force=force,
+    reference="Newton, Principia II; Batchelor, An Introduction to Fluid Dynamics, 5.11",
+)

@@ -1,0 +1,170 @@
+"""Volumes, inertia, hulls, footprints and rotations of the shapes a world is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from polyworld.world import Box, Capsule, ConvexMesh, Cylinder, MotionPlane, Sphere, Wall
+
+Array = NDArray[np.float64]
+ConvexShape = Sphere | Box | Cylinder | Capsule | ConvexMesh
+
+
+@dataclass(frozen=True)
+class MassProperties:
+    """volume [m^3]; inertia (3, 3) about the centre of mass for unit density [m^5]."""
+
+    volume: float
+    inertia: Array
+
+
+@lru_cache(maxsize=512)
+def hull(shape: ConvexMesh) -> trimesh.Trimesh:
+    """Convex hull with outward faces, moved so that its centre of mass is the origin."""
+    solid: trimesh.Trimesh = trimesh.convex.convex_hull(np.asarray(shape.vertices, dtype=float))
+    solid.apply_translation(-solid.center_mass)
+    return solid
+
+
+@lru_cache(maxsize=512)
+def mass_properties(shape: ConvexShape) -> MassProperties:
+    """Volume and unit-density inertia of a solid shape (any mechanics handbook)."""
+    if isinstance(shape, Sphere):
+        volume = 4.0 / 3.0 * np.pi * shape.radius**3
+        return MassProperties(volume, np.eye(3) * 0.4 * volume * shape.radius**2)
+    if isinstance(shape, Box):
+        a = np.asarray(shape.half_extents)
+        volume = float(8.0 * a.prod())
+        return MassProperties(volume, np.diag(volume / 3.0 * ((a**2).sum() - a**2)))
+    if isinstance(shape, Cylinder):
+        r, h = shape.radius, shape.half_height
+        volume = 2.0 * np.pi * r**2 * h
+        side = volume * (r**2 / 4.0 + h**2 / 3.0)
+        return MassProperties(volume, np.diag([side, side, volume * r**2 / 2.0]))
+    if isinstance(shape, Capsule):
+        r, h = shape.radius, shape.half_height
+        rod, ball = 2.0 * np.pi * r**2 * h, 4.0 / 3.0 * np.pi * r**3
+        side = rod * (r**2 / 4 + h**2 / 3) + ball * (0.4 * r**2 + h**2 + 0.75 * h * r)
+        return MassProperties(rod + ball, np.diag([side, side, rod * r**2 / 2 + ball * 0.4 * r**2]))
+    solid = hull(shape)
+    return MassProperties(float(solid.volume), np.asarray(solid.moment_inertia, dtype=float))
+
+
+def wall_box(wall: Wall) -> tuple[Box, Array, Array]:
+    """The box a wall is, its centre (3,) and its rotation matrix (3, 3); box x runs along the wall."""
+    start, end = np.asarray(wall.start), np.asarray(wall.end)
+    along = end - start
+    length = float(np.linalg.norm(along))
+    along = along / length
+    up = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+    up = up - (up @ along) * along
+    up /= np.linalg.norm(up)
+    rotation = np.stack([along, np.cross(up, along), up], axis=1)
+    box = Box(half_extents=(length / 2, wall.thickness / 2, wall.height / 2))
+    return box, (start + end) / 2 + up * wall.height / 2, rotation
+
+
+def plane_axes(plane: MotionPlane) -> Array:
+    """Rows x, y, n (3, 3): a right-handed frame of the motion plane.
+
+    For a normal along +z these are the world axes; for a vertical plane y is up, as seen by a viewer whom
+    the normal points at.
+    """
+    n = np.asarray(plane.normal, dtype=float)
+    n = n / np.linalg.norm(n)
+    up = np.array([0.0, 0.0, 1.0]) if abs(n[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    y = up - (up @ n) * n
+    y /= np.linalg.norm(y)
+    return np.stack([np.cross(y, n), y, n])
+
+
+def quaternion_matrix(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) w, x, y, z."""
+    w, x, y, z = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(r, axis=-1) for r in rows], axis=-2)
+
+
+def quaternion_product(a: Array, b: Array) -> Array:
+    """Hamilton product of quaternions (..., 4): first b, then a, as rotations."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a, dtype=float), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b, dtype=float), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def rotation_quaternion(rotation_vector: Array) -> Array:
+    """Unit quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
+    v = np.asarray(rotation_vector, dtype=float)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    # sin(a/2)/a is finite at 0: numpy's sinc is sin(pi x)/(pi x)
+    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
+
+
+def planar_outline(shape: ConvexShape, rotation: Array, axes: Array) -> tuple[Array, float]:
+    """Projection of a shape on the motion plane: a convex polygon swept by a disc.
+
+    rotation (3, 3) is the shape's rest orientation, axes (3, 3) the rows of `plane_axes`. Returns the
+    polygon's vertices (k, 2), counter-clockwise about the centre of mass (k = 1 for a disc, 2 for a capsule
+    lying down), and the disc's radius [m].
+    """
+    if isinstance(shape, Sphere):
+        return np.zeros((1, 2)), shape.radius
+    to_plane = axes @ rotation  # body axes to plane axes
+    if isinstance(shape, Capsule):
+        tip = to_plane[:2, 2] * shape.half_height
+        if np.linalg.norm(tip) < 1e-9:
+            return np.zeros((1, 2)), shape.radius
+        return np.stack([-tip, tip]), shape.radius
+    if isinstance(shape, Cylinder):
+        if abs(to_plane[2, 2]) > 1.0 - 1e-9:
+            return np.zeros((1, 2)), shape.radius
+        angle = np.arange(16) * (2 * np.pi / 16)
+        ring = np.stack([shape.radius * np.cos(angle), shape.radius * np.sin(angle), np.zeros(16)], axis=1)
+        lift = np.array([0.0, 0.0, shape.half_height])
+        points = np.concatenate([ring - lift, ring + lift])
+    elif isinstance(shape, Box):
+        corners = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), axis=-1).reshape(-1, 3)
+        points = corners * np.asarray(shape.half_extents)
+    else:
+        points = np.asarray(hull(shape).vertices, dtype=float)
+    flat = points @ to_plane[:2].T
+    outline: Array = flat[ConvexHull(flat).vertices]
+    return outline, 0.0
+
+
+def footprint_radius(shape: ConvexShape, outline: Array) -> float:
+    """Mean distance of the supporting patch from the centre of mass [m]: 2/3 R for a flat disc, 0 for a ball.
+
+    With uniform pressure the spinning-friction moment of a patch is mu N times this radius.
+    """
+    if isinstance(shape, Sphere | Capsule):
+        return 0.0
+    if isinstance(shape, Cylinder) and len(outline) == 1:
+        return 2.0 / 3.0 * shape.radius
+    # Integrate |p| over the triangles (centre, a, b) by the midpoint of a fine fan.
+    total, area = 0.0, 0.0
+    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        triangle = 0.5 * abs(a[0] * b[1] - a[1] * b[0])
+        s = (np.arange(32) + 0.5) / 32
+        edge = a + s[:, None] * (b - a)
+        total += triangle * 2.0 / 3.0 * float(np.linalg.norm(edge, axis=1).mean())
+        area += triangle
+    return total / area if area > 0 else 0.0

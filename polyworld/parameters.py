@@ -1,0 +1,180 @@
+"""Every number of a world that can be read, fitted or intervened on, by path, with unit and bounds.
+
+A path is text with dots, for example `objects.red.friction`, `objects.red.velocity.x`,
+`environment.gravity.z`, `statics.floor.friction`, `effects.air.coefficient`, `time.seconds_per_frame`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polyworld import geometry
+from polyworld.effects import CATALOGUE
+from polyworld.world import RigidObject, StaticObject, World
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """What a parameter is: unit, admissible range, and the range a fit searches unless told otherwise."""
+
+    unit: str
+    lower: float
+    upper: float
+    search: tuple[float, float]
+    description: str
+
+
+OBJECT_PARAMETERS: dict[str, ParameterSpec] = {
+    "mass": ParameterSpec("kg", 1e-9, 1e9, (0.1, 10.0), "mass"),
+    "friction": ParameterSpec("1", 0.0, 10.0, (0.0, 1.0), "Coulomb friction coefficient"),
+    "restitution": ParameterSpec("1", 0.0, 1.0, (0.0, 1.0), "coefficient of restitution"),
+    "rolling_resistance": ParameterSpec("m", 0.0, 10.0, (0.0, 0.05), "lever arm of rolling resistance"),
+    "torsional_radius": ParameterSpec("m", 0.0, 10.0, (0.0, 0.3), "radius of the spinning-friction patch"),
+    "linear_damping": ParameterSpec("1/s", 0.0, 1e3, (0.0, 1.0), "linear damping rate"),
+    "angular_damping": ParameterSpec("1/s", 0.0, 1e3, (0.0, 2.0), "angular damping rate"),
+}
+_STATE = {
+    "position": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "position at start_time"),
+    "velocity": ParameterSpec("m/s", -1e5, 1e5, (-10.0, 10.0), "velocity at start_time"),
+    "angular_velocity": ParameterSpec("rad/s", -1e5, 1e5, (-20.0, 20.0), "angular velocity at start_time"),
+    "rotation": ParameterSpec("rad", -100.0, 100.0, (-np.pi, np.pi), "turn about a world axis, on top of orientation"),
+}
+STATE_PARAMETERS: dict[str, ParameterSpec] = {f"{k}.{a}": s for k, s in _STATE.items() for a in "xyz"}
+GRAVITY = ParameterSpec("m/s^2", -1e4, 1e4, (-20.0, 20.0), "gravitational acceleration")
+STATIC_PARAMETERS = {k: OBJECT_PARAMETERS[k] for k in ("friction", "restitution")}
+SECONDS_PER_FRAME = ParameterSpec("s", 1e-6, 1e4, (0.01, 0.1), "physical time between frames")
+
+
+def parameter_paths(world: World) -> dict[str, ParameterSpec]:
+    """Every path of a world with its specification."""
+    paths: dict[str, ParameterSpec] = {}
+    for item in world.objects:
+        for field, spec in {**OBJECT_PARAMETERS, **STATE_PARAMETERS}.items():
+            paths[f"objects.{item.name}.{field}"] = spec
+    for static in world.statics:
+        for field, spec in STATIC_PARAMETERS.items():
+            paths[f"statics.{static.name}.{field}"] = spec
+    for axis in "xyz":
+        paths[f"environment.gravity.{axis}"] = GRAVITY
+    paths["environment.motion_plane.friction"] = OBJECT_PARAMETERS["friction"]
+    for effect in world.effects:
+        for name, parameter in CATALOGUE[effect.kind].parameters.items():
+            paths[f"effects.{effect.name}.{name}"] = ParameterSpec(
+                parameter.unit, parameter.lower, parameter.upper, parameter.search, parameter.description
+            )
+    paths["time.seconds_per_frame"] = SECONDS_PER_FRAME
+    return paths
+
+
+def specification(world: World, path: str) -> ParameterSpec:
+    """Unit and bounds of one path; raises KeyError naming the closest choices."""
+    paths = parameter_paths(world)
+    if path in paths:
+        return paths[path]
+    head = path.rsplit(".", 1)[0]
+    near = [p for p in paths if p.startswith(head + ".")]
+    heads = sorted({".".join(p.split(".")[:2]) for p in paths if p.count(".") >= 2} | {"time.seconds_per_frame"})
+    raise KeyError(f"unknown parameter {path!r}; choices: {near or heads}")
+
+
+def read_parameter(world: World, path: str) -> float | None:
+    """Value of a path; None for a static or plane coefficient that is left to the touching object."""
+    specification(world, path)
+    parts = path.split(".")
+    if parts[0] == "objects":
+        return _read_object(world, world.object(parts[1]), parts[2:])
+    if parts[0] == "statics":
+        return _static_value(world, parts[1], parts[2])
+    if parts[0] == "environment" and parts[1] == "gravity":
+        return world.environment.gravity["xyz".index(parts[2])]
+    if parts[0] == "environment":
+        return world.environment.motion_plane.friction
+    if parts[0] == "effects":
+        effect = next(e for e in world.effects if e.name == parts[1])
+        return effect.parameters.get(parts[2], CATALOGUE[effect.kind].parameters[parts[2]].default)
+    return world.time.seconds_per_frame
+
+
+def with_parameters(world: World, values: Mapping[str, float]) -> World:
+    """A child world with some values changed; raises ValueError for a value outside its bounds."""
+    data: dict[str, Any] = world.model_dump()
+    turns: dict[str, list[float]] = {}
+    for path, value in values.items():
+        spec = specification(world, path)
+        if not (np.isfinite(value) and spec.lower <= value <= spec.upper):
+            raise ValueError(f"{path} = {value} is outside its bounds {spec.lower} to {spec.upper} {spec.unit}")
+        parts = path.split(".")
+        if parts[0] in ("objects", "statics"):
+            item = next(d for d in data[parts[0]] if d["name"] == parts[1])
+            if parts[2] == "rotation":
+                turns.setdefault(parts[1], [0.0, 0.0, 0.0])["xyz".index(parts[3])] = float(value)
+            elif len(parts) == 4:
+                item[parts[2]] = _replace(item[parts[2]], "xyz".index(parts[3]), float(value))
+            else:
+                item[parts[2]] = float(value)
+        elif parts[0] == "environment" and parts[1] == "gravity":
+            gravity = data["environment"]["gravity"]
+            data["environment"]["gravity"] = _replace(gravity, "xyz".index(parts[2]), float(value))
+        elif parts[0] == "environment":
+            data["environment"]["motion_plane"]["friction"] = float(value)
+        elif parts[0] == "effects":
+            effect = next(d for d in data["effects"] if d["name"] == parts[1])
+            effect["parameters"] = {**effect["parameters"], parts[2]: float(value)}
+        else:
+            ratio = float(value) / world.time.seconds_per_frame
+            data["time"]["seconds_per_frame"] = float(value)
+            for item in data["objects"]:  # an object joins at a frame: keep the frame
+                item["start_time"] *= ratio
+    for name, vector in turns.items():
+        item = next(d for d in data["objects"] if d["name"] == name)
+        turned = geometry.quaternion_product(
+            geometry.rotation_quaternion(np.asarray(vector)), np.asarray(item["orientation"])
+        )
+        item["orientation"] = tuple(float(x) for x in turned)
+    return World.model_validate(data)
+
+
+def object_mass(item: RigidObject) -> float:
+    """Mass [kg]: as given, else density times volume."""
+    if item.mass is not None:
+        return item.mass
+    return item.density * geometry.mass_properties(item.shape).volume
+
+
+def torsional_radius(world: World, item: RigidObject) -> float:
+    """Radius of the spinning-friction patch [m]: as given, else the default its representation implies."""
+    if item.torsional_radius is not None:
+        return item.torsional_radius
+    if item.representation == "rigid_spatial":
+        return 0.0
+    axes = geometry.plane_axes(world.environment.motion_plane)
+    rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+    outline, _ = geometry.planar_outline(item.shape, rotation, axes)
+    return geometry.footprint_radius(item.shape, outline)
+
+
+def _read_object(world: World, item: RigidObject, field: list[str]) -> float:
+    if field[0] == "mass":
+        return object_mass(item)
+    if field[0] == "torsional_radius":
+        return torsional_radius(world, item)
+    if field[0] == "rotation":  # measured from the orientation the world already has
+        return 0.0
+    value = getattr(item, field[0])
+    return float(value["xyz".index(field[1])] if len(field) == 2 else value)
+
+
+def _static_value(world: World, name: str, field: str) -> float | None:
+    static: StaticObject = next(s for s in world.statics if s.name == name)
+    value: float | None = getattr(static, field)
+    return value
+
+
+def _replace(vector: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:
+    changed = list(vector)
+    changed[index] = value
+    return tuple(changed)

@@ -1,0 +1,161 @@
+"""A rigid world as plain arrays: shared fields have one row, fields that differ per world have W rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.effects import CATALOGUE, KIND_INDEX, MAX_PARAMETERS
+from polyworld.parameters import object_mass, specification, torsional_radius
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+OWN = -1.0  # marks a static or plane coefficient that is left to the touching object
+
+
+@dataclass
+class RigidArrays:
+    """Initial state and parameters of n objects, s statics and e effects; R is 1 or W for each field alone.
+
+    mass, friction, restitution, rolling_resistance, torsional_radius, linear_damping, angular_damping (R, n);
+    position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_friction,
+    static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object;
+    gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own.
+    effect_kind (e,), effect_acts (e, n): not varied.
+    """
+
+    mass: Array
+    friction: Array
+    restitution: Array
+    rolling_resistance: Array
+    torsional_radius: Array
+    linear_damping: Array
+    angular_damping: Array
+    position: Array
+    orientation: Array
+    velocity: Array
+    angular_velocity: Array
+    static_friction: Array
+    static_restitution: Array
+    plane_friction: Array
+    gravity: Array
+    effect_parameters: Array
+    time_scale: Array
+    effect_kind: NDArray[np.int32]
+    effect_acts: NDArray[np.int32]
+
+
+SCALARS = (
+    "friction",
+    "restitution",
+    "rolling_resistance",
+    "linear_damping",
+    "angular_damping",
+)
+
+
+def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> RigidArrays:
+    """Arrays of a world; `overrides` maps parameter paths to values of shape (W,), all of one length.
+
+    Only overridden fields get W rows. Raises KeyError for an unknown path and ValueError for values that
+    are not finite, outside their bounds, or of different lengths.
+    """
+    objects = world.objects
+    effects = [e for e in world.effects if e.enabled]
+    arrays = RigidArrays(
+        mass=_row([object_mass(o) for o in objects]),
+        **{name: _row([getattr(o, name) for o in objects]) for name in SCALARS},
+        torsional_radius=_row([torsional_radius(world, o) for o in objects]),
+        position=_rows([o.position for o in objects], 3),
+        orientation=_rows([o.orientation for o in objects], 4),
+        velocity=_rows([o.velocity for o in objects], 3),
+        angular_velocity=_rows([o.angular_velocity for o in objects], 3),
+        static_friction=_row([OWN if s.friction is None else s.friction for s in world.statics]),
+        static_restitution=_row([OWN if s.restitution is None else s.restitution for s in world.statics]),
+        plane_friction=_row([_or_own(world.environment.motion_plane.friction)]),
+        gravity=_row(list(world.environment.gravity)),
+        effect_parameters=_effect_parameters(world),
+        time_scale=np.ones((1, 1)),
+        effect_kind=np.array([KIND_INDEX[e.kind] for e in effects], dtype=np.int32),
+        effect_acts=np.array(
+            [[e.objects is None or o.name in e.objects for o in objects] for e in effects], dtype=np.int32
+        ).reshape(len(effects), len(objects)),
+    )
+    if overrides:
+        _apply(world, arrays, overrides)
+    return arrays
+
+
+def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) -> None:
+    lengths = {path: np.shape(v) for path, v in overrides.items()}
+    if len(set(lengths.values())) > 1 or any(len(s) != 1 for s in lengths.values()):
+        raise ValueError(f"overrides must be one-dimensional and of equal length, got {lengths}")
+    rows = next(iter(lengths.values()))[0]
+    columns = {o.name: i for i, o in enumerate(world.objects)}
+    static_columns = {s.name: i for i, s in enumerate(world.statics)}
+    effect_columns = {e.name: i for i, e in enumerate(e for e in world.effects if e.enabled)}
+    effect_kinds = {e.name: e.kind for e in world.effects}
+    turns: dict[str, Array] = {}
+    for path, given in overrides.items():
+        values = np.asarray(given, dtype=float)
+        spec = specification(world, path)
+        if not (np.all(np.isfinite(values)) and values.min() >= spec.lower and values.max() <= spec.upper):
+            raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
+        parts = path.split(".")
+        if parts[0] == "objects" and parts[2] == "rotation":
+            turns.setdefault(parts[1], np.zeros((rows, 3)))[:, "xyz".index(parts[3])] = values
+        elif parts[0] == "objects" and len(parts) == 4:
+            _widen(arrays, parts[2], rows)[:, columns[parts[1]], "xyz".index(parts[3])] = values
+        elif parts[0] == "objects":
+            _widen(arrays, parts[2], rows)[:, columns[parts[1]]] = values
+        elif parts[0] == "statics":
+            _widen(arrays, f"static_{parts[2]}", rows)[:, static_columns[parts[1]]] = values
+        elif parts[0] == "environment" and parts[1] == "gravity":
+            _widen(arrays, "gravity", rows)[:, "xyz".index(parts[2])] = values
+        elif parts[0] == "environment":
+            _widen(arrays, "plane_friction", rows)[:, 0] = values
+        elif parts[0] == "effects":
+            if parts[1] in effect_columns:  # a disabled effect has no column: its parameters act on nothing
+                slot = list(CATALOGUE[effect_kinds[parts[1]]].parameters).index(parts[2])
+                _widen(arrays, "effect_parameters", rows)[:, effect_columns[parts[1]], slot] = values
+        else:
+            arrays.time_scale = (values / world.time.seconds_per_frame)[:, None]
+    for name, vectors in turns.items():
+        orientation = _widen(arrays, "orientation", rows)
+        column = columns[name]
+        turn = geometry.rotation_quaternion(vectors)
+        orientation[:, column] = geometry.quaternion_product(turn, orientation[:, column])
+
+
+def _widen(arrays: RigidArrays, name: str, rows: int) -> Array:
+    field: Array = getattr(arrays, name)
+    if field.shape[0] != rows:
+        field = np.repeat(field, rows, axis=0)
+        setattr(arrays, name, field)
+    return field
+
+
+def _effect_parameters(world: World) -> Array:
+    effects = [e for e in world.effects if e.enabled]
+    values = np.zeros((1, len(effects), MAX_PARAMETERS))
+    for i, effect in enumerate(effects):
+        for j, (name, spec) in enumerate(CATALOGUE[effect.kind].parameters.items()):
+            values[0, i, j] = effect.parameters.get(name, spec.default)
+    return values
+
+
+def _row(values: list[float]) -> Array:
+    return np.asarray(values, dtype=float).reshape(1, -1)
+
+
+def _rows(values: list[tuple[float, ...]], width: int) -> Array:
+    return np.asarray(values, dtype=float).reshape(1, -1, width)
+
+
+def _or_own(value: float | None) -> float:
+    return OWN if value is None else value
