@@ -56,7 +56,7 @@ class ObservedTracks:
     @property
     def times(self) -> Array:
         """Times of the frames, shape (T,) [s]."""
-        return self.frames * self.seconds_per_frame
+        return self.frames.astype(np.float64) * self.seconds_per_frame
 
     def index(self, name: str) -> int:
         """Column of an object; raises KeyError naming the valid choices."""

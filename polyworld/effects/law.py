@@ -10,7 +10,7 @@ import warp as wp
 MAX_PARAMETERS = 8
 
 
-class Vec8(wp.types.vector(length=MAX_PARAMETERS, dtype=wp.float64)):  # type: ignore[misc]
+class Vec8(wp.types.vector(length=MAX_PARAMETERS, dtype=wp.float64)):
     """Parameter values of one effect, in the order of `EffectLaw.parameters`; the rest is zero."""
 
 
