@@ -159,12 +159,12 @@ def footprint_radius(shape: ConvexShape, outline: Array) -> float:
         return 0.0
     if isinstance(shape, Cylinder) and len(outline) == 1:
         return 2.0 / 3.0 * shape.radius
-    # Integrate |p| over the triangles (centre, a, b) by the midpoint of a fine fan.
+    # Over a triangle (centre, a, b) the integral of |p| is 2/3 of its area times the mean of |p| along the edge.
+    node, weight = np.polynomial.legendre.leggauss(16)
     total, area = 0.0, 0.0
     for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         triangle = 0.5 * abs(a[0] * b[1] - a[1] * b[0])
-        s = (np.arange(32) + 0.5) / 32
-        edge = a + s[:, None] * (b - a)
-        total += triangle * 2.0 / 3.0 * float(np.linalg.norm(edge, axis=1).mean())
+        edge = a + 0.5 * (node[:, None] + 1.0) * (b - a)
+        total += triangle * 2.0 / 3.0 * float(0.5 * weight @ np.linalg.norm(edge, axis=1))
         area += triangle
     return total / area if area > 0 else 0.0
