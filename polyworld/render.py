@@ -1,0 +1,334 @@
+"""Pictures of a world through a camera: which object each pixel shows, how far away, and in what colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld import geometry, raycast
+from polyworld.camera import Camera
+from polyworld.colors import display_color
+from polyworld.raycast_mesh import cast_mesh
+from polyworld.world import (
+    Box,
+    Capsule,
+    ConvexMesh,
+    Cylinder,
+    Plane,
+    Sphere,
+    TriangleMesh,
+    Wall,
+    World,
+)
+
+Array = NDArray[np.float64]
+Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | Plane | Wall | TriangleMesh
+
+BACKGROUND = (222, 226, 232)
+STATIC_COLOR = "silver"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a camera sees.
+
+    labels (H, W): index of the object, n + index of the static, or -1 where the ray meets nothing, n being
+    the number of objects; depth (H, W): distance along the camera's axis [m], inf where nothing; color
+    (H, W, 3): shaded red, green, blue in 0..255.
+    """
+
+    labels: NDArray[np.int32]
+    depth: NDArray[np.float32]
+    color: NDArray[np.uint8]
+
+    def mask(self, index: int) -> NDArray[np.bool_]:
+        """The visible pixels (H, W) of one object or static."""
+        seen: NDArray[np.bool_] = self.labels == index
+        return seen
+
+
+@dataclass
+class _Placed:
+    """Shapes in the order of labels: kind, pose, size, bounding radius (inf where unbounded), half spaces."""
+
+    kind: list[int]
+    position: list[Array]
+    rotation: list[Array]
+    size: list[tuple[float, float, float]]
+    bound: list[float]
+    faces: list[Array]
+    color: list[tuple[int, int, int]]
+    meshes: list[tuple[int, TriangleMesh]]
+
+
+def render(
+    world: World,
+    positions: Array,
+    orientations: Array,
+    camera: Camera | None = None,
+    *,
+    visible: Sequence[bool] | None = None,
+) -> Picture:
+    """Draw a world with its n objects at positions (n, 3) [m] and orientations (n, 4) w, x, y, z.
+
+    camera: default the world's own, else `default_camera`. visible (n,): objects not drawn, for instance before
+    they join. Pixel (column u, row v) shows the ray through image point (u, v), as `Camera.project` and OpenCV count.
+    Raises ValueError for arrays that do not fit the world.
+    """
+    positions, orientations = np.asarray(positions, dtype=float), np.asarray(orientations, dtype=float)
+    n = len(world.objects)
+    if positions.shape != (n, 3) or orientations.shape != (n, 4):
+        raise ValueError(
+            f"the world has {n} objects: positions must be ({n}, 3) and orientations ({n}, 4), "
+            f"got {positions.shape} and {orientations.shape}"
+        )
+    if visible is not None and len(visible) != n:
+        raise ValueError(f"visible must have one entry for each of the {n} objects, got {len(visible)}")
+    camera = camera or world.camera or default_camera(world, positions[None])
+    placed = _place(world, positions, orientations)
+    rectangles = np.array([_rectangle(camera, p, b) for p, b in zip(placed.position, placed.bound, strict=True)])
+    rectangles = rectangles.reshape(-1, 4)
+    for index in range(n):
+        if (visible is not None and not visible[index]) or not np.all(np.isfinite(positions[index])):
+            rectangles[index] = (0, -1, 0, -1)
+    return _cast(camera, placed, rectangles)
+
+
+def default_camera(world: World, positions: Array, *, width: int = 480, height: int = 320) -> Camera:
+    """A camera that sees every one of `positions` (..., 3) [m], from above and to the side.
+
+    Objects moving in an upright plane are seen along its normal. The vertical field of view is 40 degrees.
+    """
+    points = np.asarray(positions, dtype=float).reshape(-1, 3)
+    points = points[np.all(np.isfinite(points), axis=1)]
+    radius = max([_bounding_radius(o.shape) for o in world.objects], default=0.5)
+    if not len(points):
+        points = np.zeros((1, 3))
+    lower, upper = points.min(axis=0) - radius, points.max(axis=0) + radius
+    target = (lower + upper) / 2
+    reach = max(float(np.linalg.norm(upper - lower)) / 2, 1e-3)
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    upright = world.planar and abs(normal[2]) < 0.7
+    direction = normal if upright else np.array([0.0, -0.8, 0.6])
+    focal = height / 2 / np.tan(np.radians(20.0))
+    distance = reach / np.sin(np.radians(20.0)) * 1.05
+    return look_at(target + distance * direction, target, focal=focal, width=width, height=height)
+
+
+def look_at(eye: Array, target: Array, *, focal: float, width: int, height: int) -> Camera:
+    """A camera at `eye` (3,) whose middle pixel shows `target` (3,), with world z up in the picture.
+
+    focal [px]. Raises ValueError when eye and target coincide.
+    """
+    forward = np.asarray(target, dtype=float) - np.asarray(eye, dtype=float)
+    length = float(np.linalg.norm(forward))
+    if length < 1e-12:
+        raise ValueError("a camera's eye and target must differ")
+    forward /= length
+    up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    k = ((focal, 0.0, (width - 1) / 2), (0.0, focal, (height - 1) / 2), (0.0, 0.0, 1.0))
+    translation = -rotation @ np.asarray(eye, dtype=float)
+    return Camera.model_validate(
+        {
+            "width": width,
+            "height": height,
+            "intrinsics": k,
+            "rotation": rotation.tolist(),
+            "translation": translation.tolist(),
+        }
+    )
+
+
+def _place(world: World, positions: Array, orientations: Array) -> _Placed:
+    placed = _Placed([], [], [], [], [], [], [], [])
+    rotations = geometry.quaternion_matrix(orientations)
+    for index, item in enumerate(world.objects):
+        _add(placed, item.shape, positions[index], rotations[index], display_color(item.appearance.color, index))
+    for static in world.statics:
+        rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
+        color = display_color(static.appearance.color or STATIC_COLOR, 0)
+        _add(placed, static.shape, np.asarray(static.position), rotation, color)
+    return placed
+
+
+def _add(placed: _Placed, shape: Shape, position: Array, rotation: Array, color: tuple[int, int, int]) -> None:
+    kind, size, faces = raycast.BOX, (0.0, 0.0, 0.0), np.zeros((0, 4))
+    if isinstance(shape, Wall):
+        box, centre, turn = geometry.wall_box(shape)
+        position, rotation, shape = position + rotation @ centre, rotation @ turn, box
+    if isinstance(shape, Plane):
+        # Drawn in a frame whose z is the normal and whose origin lies on the surface.
+        normal = np.asarray(shape.normal, dtype=float) / np.linalg.norm(shape.normal)
+        position, rotation = position + rotation @ (normal * shape.offset), rotation @ _frame(normal)
+        kind = raycast.PLANE
+    elif isinstance(shape, Sphere):
+        kind, size = raycast.SPHERE, (shape.radius, 0.0, 0.0)
+    elif isinstance(shape, Box):
+        size = shape.half_extents
+    elif isinstance(shape, Cylinder | Capsule):
+        kind = raycast.CYLINDER if isinstance(shape, Cylinder) else raycast.CAPSULE
+        size = (shape.radius, shape.half_height, 0.0)
+    elif isinstance(shape, ConvexMesh):
+        kind, faces = raycast.CONVEX, _half_spaces(shape)
+    else:
+        placed.meshes.append((len(placed.kind), shape))
+        kind = -1  # drawn by its own kernel
+    placed.kind.append(int(kind))
+    placed.position.append(np.asarray(position, dtype=float))
+    placed.rotation.append(np.asarray(rotation, dtype=float))
+    placed.size.append(size)
+    placed.bound.append(_bounding_radius(shape))
+    placed.faces.append(faces)
+    placed.color.append(color)
+
+
+def _bounding_radius(shape: Shape) -> float:
+    """Radius about the shape's origin that holds all of it; inf for what has no bound or its own test."""
+    if isinstance(shape, Sphere):
+        return shape.radius
+    if isinstance(shape, Box):
+        return float(np.linalg.norm(shape.half_extents))
+    if isinstance(shape, Cylinder):
+        return float(np.hypot(shape.radius, shape.half_height))
+    if isinstance(shape, Capsule):
+        return shape.radius + shape.half_height
+    if isinstance(shape, ConvexMesh):
+        return float(np.linalg.norm(geometry.hull(shape).vertices, axis=1).max())
+    return float("inf")
+
+
+@lru_cache(maxsize=512)
+def _half_spaces(shape: ConvexMesh) -> Array:
+    """Rows (normal, offset) of a hull's faces, shape (m, 4)."""
+    solid = geometry.hull(shape)
+    normals = np.asarray(solid.face_normals, dtype=float)
+    offsets = np.einsum("ij,ij->i", normals, np.asarray(solid.triangles, dtype=float)[:, 0])
+    rows: Array = np.unique(np.round(np.column_stack([normals, offsets]), 12), axis=0)  # coplanar triangles share one
+    return rows
+
+
+@lru_cache(maxsize=32)
+def _mesh(shape: TriangleMesh) -> Any:
+    points: Any = wp.array(np.asarray(shape.vertices, dtype=np.float32), dtype=wp.vec3, device="cpu")
+    indices: Any = wp.array(np.asarray(shape.faces, dtype=np.int32).ravel(), dtype=wp.int32, device="cpu")
+    return wp.Mesh(points=points, indices=indices)
+
+
+def _frame(normal: Array) -> Array:
+    """A rotation (3, 3) whose third column is the unit vector `normal`; the identity for +z."""
+    helper = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    x = helper - (helper @ normal) * normal
+    x /= np.linalg.norm(x)
+    frame: Array = np.stack([x, np.cross(normal, x), normal], axis=1)
+    return frame
+
+
+def _rectangle(camera: Camera, centre: Array, bound: float) -> tuple[int, int, int, int]:
+    """First and last column, first and last row, of the pixels that can show a ball; the whole image if unbounded."""
+    whole = (0, camera.width - 1, 0, camera.height - 1)
+    if not np.isfinite(bound) or not np.all(np.isfinite(centre)):
+        return whole
+    offsets = bound * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    corners = camera.to_camera(centre) + offsets
+    if corners[:, 2].max() <= 0.0:
+        return (0, -1, 0, -1)
+    if corners[:, 2].min() <= 1e-6:
+        return whole
+    image = corners @ np.asarray(camera.intrinsics).T
+    pixels = np.clip(image[:, :2] / image[:, 2:], -1e6, 1e6)
+    first, last = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0))
+    return int(first[0]), int(last[0]), int(first[1]), int(last[1])
+
+
+def _cast(camera: Camera, placed: _Placed, rectangles: NDArray[np.int64]) -> Picture:
+    rotation = np.asarray(camera.rotation)
+    pixel_to_ray = rotation.T @ np.linalg.inv(np.asarray(camera.intrinsics))
+    origin = camera.centre
+    light = rotation.T @ np.array([-0.35, -0.75, -0.56])  # over the viewer's left shoulder
+    light /= np.linalg.norm(light)
+    shape = (camera.height, camera.width)
+    counts = [len(f) for f in placed.faces]
+    first = np.concatenate([[0], np.cumsum(counts)])[:-1] if counts else np.zeros(0)
+    faces = np.concatenate([*placed.faces, np.zeros((1, 4))])
+
+    def array(values: Any, dtype: Any, numpy_type: Any, width: int = 0) -> Any:
+        rows = np.asarray(values, dtype=numpy_type)
+        return wp.array(rows.reshape(-1, width) if width else rows.reshape(-1), dtype=dtype, device="cpu")
+
+    colors = np.asarray(placed.color, dtype=np.float32).reshape(-1, 3) / 255.0
+    matrices = np.asarray(placed.rotation, dtype=np.float32).reshape(-1, 3, 3)
+    labels: Any = wp.full(shape, -1, dtype=int, device="cpu")
+    distance: Any = wp.full(shape, 1.0e30, dtype=float, device="cpu")
+    color: Any = wp.full(shape, wp.vec3(*(c / 255.0 for c in BACKGROUND)), dtype=wp.vec3, device="cpu")
+    view = [wp.vec3(*origin), wp.mat33(*pixel_to_ray.ravel())]
+    wp.launch(
+        raycast.cast,
+        dim=shape,
+        inputs=[
+            *view,
+            array(placed.kind, int, np.int32),
+            array(placed.position, wp.vec3, np.float32, 3),
+            wp.array(matrices, dtype=wp.mat33, device="cpu"),
+            array(placed.size, wp.vec3, np.float32, 3),
+            array(first, int, np.int32),
+            array(counts, int, np.int32),
+            array(faces, wp.vec4, np.float32, 4),
+            wp.array(colors, dtype=wp.vec3, device="cpu"),
+            array(rectangles, wp.vec4i, np.int32, 4),
+            wp.vec3(*light),
+            _tile_size(camera),
+            labels,
+            distance,
+            color,
+        ],
+        device="cpu",
+    )
+    for label, mesh in placed.meshes:
+        wp.launch(
+            cast_mesh,
+            dim=shape,
+            inputs=[
+                *view,
+                _mesh(mesh).id,
+                wp.vec3(*placed.position[label]),
+                wp.mat33(*placed.rotation[label].ravel()),
+                wp.vec3(*(c / 255.0 for c in placed.color[label])),
+                label,
+                wp.vec3(*light),
+                labels,
+                distance,
+                color,
+            ],
+            device="cpu",
+        )
+    return Picture(
+        labels=labels.numpy().astype(np.int32),
+        depth=_axial(camera, distance.numpy()),
+        color=np.clip(np.rint(color.numpy() * 255.0), 0, 255).astype(np.uint8),
+    )
+
+
+def _axial(camera: Camera, distance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Distances along rays (H, W) to depths along the camera's axis; inf where nothing was hit."""
+    inverse = np.linalg.inv(np.asarray(camera.intrinsics))
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ inverse.T
+    depth = distance / np.linalg.norm(rays, axis=-1)
+    return np.where(distance >= 1.0e30, np.inf, depth).astype(np.float32)
+
+
+def _tile_size(camera: Camera) -> float:
+    """Edge of the tiles of a plane [m]: the power of ten, or half of one, that puts a handful across the view."""
+    across = 2.0 * float(np.linalg.norm(camera.centre)) * camera.width / 2.0 / camera.intrinsics[0][0]
+    exponent = np.floor(np.log10(max(across, 1e-6) / 4.0))
+    step = float(10.0**exponent)
+    return 5.0 * step if across / (5.0 * step) > 4.0 else step
