@@ -1,0 +1,38 @@
+"""Records and lineage in SQLite: cases, observations, worlds, rollouts, fits, evidence. No physics, no MCP."""
+
+from evidence_store.canonical import content_id, to_json
+from evidence_store.cases import Answer, Binding, Case
+from evidence_store.content import Content, ContentTable
+from evidence_store.errors import (
+    NotAStore,
+    StoreError,
+    StoreLocked,
+    StoreReadOnly,
+    StoreTooNew,
+    UnknownRecord,
+)
+from evidence_store.evidence import Evidence, Status
+from evidence_store.jobs import Job
+from evidence_store.store import EvidenceStore
+from evidence_store.worlds import Descent
+
+__all__ = [
+    "Answer",
+    "Binding",
+    "Case",
+    "Content",
+    "ContentTable",
+    "Descent",
+    "Evidence",
+    "EvidenceStore",
+    "Job",
+    "NotAStore",
+    "Status",
+    "StoreError",
+    "StoreLocked",
+    "StoreReadOnly",
+    "StoreTooNew",
+    "UnknownRecord",
+    "content_id",
+    "to_json",
+]

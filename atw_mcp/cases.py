@@ -1,0 +1,53 @@
+"""Opening a case: finding out what a file is, and naming the case after it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any
+
+from evidence_store import Case, EvidenceStore
+
+
+def content_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def existing_file(text: str) -> Path:
+    """The absolute path of a readable, non-empty file; raises ValueError saying what is wrong with it."""
+    path = Path(text).expanduser().absolute()
+    if not path.exists():
+        near = sorted(p.name for p in path.parent.glob("*") if p.is_file())[:10] if path.parent.is_dir() else []
+        found = f"; that folder has {near}" if near else "; that folder does not exist or has no files"
+        raise ValueError(f"no such file: {path}{found}")
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder, not a file")
+    if path.stat().st_size == 0:
+        raise ValueError(f"{path} is empty (0 bytes)")
+    return path
+
+
+def case_name(path: Path, content: str) -> str:
+    """A name for the case of a file: its stem and six digits of its hash."""
+    stem = re.sub(r"[^A-Za-z0-9]+", "-", path.stem).strip("-").lower()[:40] or "case"
+    return f"{stem}-{content[:6]}"
+
+
+def open_case(
+    store: EvidenceStore, path: Path, *, kind: str, facts: dict[str, Any], name: str | None, questions: list[str]
+) -> Case:
+    """The case of a file's content, new or as it was; raises StoreError where the name is taken by another."""
+    content = content_hash(path)
+    with store.transaction():
+        case = store.cases.add(
+            name or case_name(path, content), content=content, kind=kind, path=str(path), facts=facts
+        )
+        for question in questions:
+            store.cases.add_question(case.id, question)
+    return case

@@ -1,0 +1,91 @@
+"""The MCP server: which tools there are and how they are served.
+
+How a group of tools is written (see `atw_mcp/tools/inspection.py`)
+-------------------------------------------------------------------
+A module in `atw_mcp/tools` has one `GROUP = ToolGroup(role)`; each tool is a plain `def` under
+`@GROUP.tool("ToolName", title=..., read_only=..., pictures=...)`. Add the module to `GROUPS` below; nothing
+else registers it.
+
+- Arguments: the first is `app: App` (not seen by the agent); every other is typed, bounded and described with
+  `Annotated[T, Field(description=..., ge=..., max_length=...)]`. Nested models need `extra="forbid"`. Lists
+  instead of tuples. The docstring is the tool's description; it and the field descriptions are all an agent
+  reads. Unknown arguments are refused by the toolbox, naming the valid ones.
+- State: `app.case(id)` in either stage; `app.case_to_model(id, "ToolName")` in construction tools;
+  `case, world = app.case_to_probe(id, "ToolName")` in experimentation tools; `app.world(case, id_or_None)`;
+  `app.keep_world(...)`; `app.store` for the rest. All raise `ToolError` with the next step.
+- The function runs in a worker thread. It returns an `Answer` (summary, data, provenance, pictures): the
+  toolbox records it as evidence and shapes it, so a tool never writes evidence itself. NaN and numpy values are
+  fine in `data`. Put a short version in `shown` when `data` is long. With `pictures=True` the JSON comes as text
+  and the images beside it, without structured content.
+- Work that may take more than a few seconds returns a `LongWork` instead (`atw_mcp/jobs.py`).
+- Refusals: `raise ToolError("what failed; the valid values. Next: Tool(...)")`. Wrap calls into polyworld,
+  perception or the store, whose KeyError/ValueError messages are written for readers, in
+  `with explained("Tool(...)"):`. Any other exception becomes a generic sentence and is logged.
+- Nothing is computed twice: `app.store.rollouts.get_or_compute(kind, inputs, compute)` and likewise
+  `.observations` and `.fits`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import anyio
+import platformdirs
+from mcp.server import MCPServer
+from mcp.server.mcpserver.tools import Tool
+
+from atw_mcp.app import App
+from atw_mcp.toolbox import ToolGroup, WorldTool
+from atw_mcp.tools import construction, control, inspection
+
+GROUPS: tuple[ToolGroup, ...] = (construction.GROUP, inspection.GROUP, control.GROUP)
+
+INSTRUCTIONS = """\
+Answer physical questions about a video by building a small executable world that behaves like it, then \
+experimenting on that world. World Modeling: OpenCase, ObserveObjects, CalibrateCamera, BuildWorld, FitWorld, \
+look at InspectFrames and InspectRollout, CommitWorld. World Probing: Rollout (with interventions), ReadEvents, \
+CompareWorlds, QueryWorld, then Finish with the evidence ids that decide the question. SI units, z up; \
+frames are numbered from 0."""
+
+
+def default_store() -> Path:
+    """Where the store is when nobody says otherwise: the user's data folder."""
+    return Path(platformdirs.user_data_dir("atw-mcp", appauthor=False)) / "atw.db"
+
+
+def build_server(store: Path | None = None) -> MCPServer[App]:
+    """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used."""
+    app = App(store or default_store())
+
+    @asynccontextmanager
+    async def lifespan(_: MCPServer[App]) -> AsyncIterator[App]:
+        try:
+            yield app
+        finally:
+            with anyio.CancelScope(shield=True):
+                await anyio.to_thread.run_sync(app.jobs.shutdown)
+
+    return MCPServer(
+        "asking-the-world",
+        title="Asking the World",
+        instructions=INSTRUCTIONS,
+        version=_version(),
+        tools=list[Tool](all_tools()),
+        lifespan=lifespan,
+        log_level="WARNING",
+    )
+
+
+def all_tools() -> list[WorldTool]:
+    """Every tool, in the order of the method."""
+    return [tool for group in GROUPS for tool in group.tools]
+
+
+def _version() -> str:
+    try:
+        return version("atw-mcp")
+    except PackageNotFoundError:  # run from a source tree that was never installed
+        return "0+source"

@@ -1,0 +1,117 @@
+"""The tables of a store and the stamp that tells a store from any other SQLite file.
+
+Records addressed by content (worlds, observations, rollouts, fits) carry no time. Order of creation is
+the `seq` of the relations that tie them to a case; wall-clock times appear only in `jobs`, where they tell
+the living from the dead.
+"""
+
+APPLICATION_ID = 0x41545731  # "ATW1"
+VERSION = 1
+
+TABLES = """
+CREATE TABLE cases (
+    id TEXT PRIMARY KEY,
+    content TEXT NOT NULL,             -- hash of the video or data file
+    kind TEXT NOT NULL,                -- video | data
+    path TEXT NOT NULL,                -- where the content was last seen
+    facts TEXT NOT NULL,               -- JSON
+    committed_world TEXT REFERENCES worlds(id),
+    seq INTEGER NOT NULL UNIQUE
+);
+CREATE TABLE questions (
+    seq INTEGER PRIMARY KEY,
+    case_id TEXT NOT NULL REFERENCES cases(id),
+    text TEXT NOT NULL,
+    UNIQUE (case_id, text)
+);
+CREATE TABLE observations (
+    id TEXT PRIMARY KEY,
+    kind TEXT NOT NULL,
+    inputs TEXT NOT NULL,              -- JSON: everything that determined the content
+    document TEXT NOT NULL,            -- JSON
+    arrays BLOB                        -- npz
+);
+CREATE TABLE case_observations (
+    seq INTEGER PRIMARY KEY,
+    case_id TEXT NOT NULL REFERENCES cases(id),
+    kind TEXT NOT NULL,
+    observation_id TEXT NOT NULL REFERENCES observations(id)
+);
+CREATE INDEX case_observations_by_case ON case_observations (case_id, kind, seq);
+CREATE TABLE worlds (
+    id TEXT PRIMARY KEY,
+    document TEXT NOT NULL             -- canonical JSON
+);
+CREATE TABLE world_parents (
+    child TEXT NOT NULL REFERENCES worlds(id),
+    parent TEXT NOT NULL REFERENCES worlds(id),
+    how TEXT NOT NULL,                 -- built | fitted | intervention | effect | committed ...
+    detail TEXT NOT NULL,              -- JSON
+    PRIMARY KEY (child, parent, how, detail)
+);
+CREATE TABLE case_worlds (
+    seq INTEGER PRIMARY KEY,
+    case_id TEXT NOT NULL REFERENCES cases(id),
+    world_id TEXT NOT NULL REFERENCES worlds(id),
+    origin TEXT NOT NULL,
+    UNIQUE (case_id, world_id)
+);
+CREATE TABLE rollouts (
+    id TEXT PRIMARY KEY,
+    kind TEXT NOT NULL,
+    inputs TEXT NOT NULL,
+    document TEXT NOT NULL,
+    arrays BLOB
+);
+CREATE TABLE fits (
+    id TEXT PRIMARY KEY,
+    kind TEXT NOT NULL,
+    inputs TEXT NOT NULL,
+    document TEXT NOT NULL,
+    arrays BLOB
+);
+CREATE TABLE evidence (
+    seq INTEGER PRIMARY KEY AUTOINCREMENT,
+    case_id TEXT REFERENCES cases(id),
+    tool TEXT NOT NULL,
+    arguments TEXT NOT NULL,           -- JSON
+    world_id TEXT,
+    rollout_id TEXT,
+    observation_id TEXT,
+    objects TEXT NOT NULL,             -- JSON list
+    interval TEXT,                     -- JSON [start, end] in seconds
+    status TEXT NOT NULL CHECK (status IN ('running', 'completed', 'failed', 'cancelled', 'diverged')),
+    summary TEXT NOT NULL,
+    payload TEXT NOT NULL,             -- JSON
+    attachments BLOB                   -- npz of byte arrays: pictures
+);
+CREATE INDEX evidence_by_case ON evidence (case_id, seq);
+CREATE TABLE bindings (
+    seq INTEGER PRIMARY KEY,
+    case_id TEXT NOT NULL REFERENCES cases(id),
+    name TEXT NOT NULL,                -- as the question says it
+    track TEXT,
+    object TEXT,
+    reason TEXT NOT NULL
+);
+CREATE TABLE answers (
+    seq INTEGER PRIMARY KEY,
+    case_id TEXT NOT NULL REFERENCES cases(id),
+    question TEXT NOT NULL,
+    answer TEXT,                       -- NULL: unresolved
+    confidence REAL,
+    evidence TEXT NOT NULL,            -- JSON list of evidence ids
+    missing TEXT NOT NULL
+);
+CREATE TABLE jobs (
+    evidence_seq INTEGER PRIMARY KEY REFERENCES evidence(seq),
+    key TEXT NOT NULL,                 -- what is being computed: equal work is joined, not repeated
+    host TEXT NOT NULL,
+    pid INTEGER NOT NULL,
+    heartbeat REAL NOT NULL,           -- Unix time [s]
+    done REAL NOT NULL DEFAULT 0,
+    total REAL,
+    message TEXT NOT NULL DEFAULT '',
+    cancel_requested INTEGER NOT NULL DEFAULT 0
+);
+"""

@@ -1,0 +1,66 @@
+"""The store as a whole."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from evidence_store.cases import Cases
+from evidence_store.connection import Connection
+from evidence_store.content import ContentTable
+from evidence_store.evidence import Evidence, EvidenceTable
+from evidence_store.jobs import Jobs
+from evidence_store.worlds import Worlds
+
+
+class EvidenceStore:
+    """Cases, observations, worlds, rollouts, fits and evidence in one SQLite file.
+
+    Safe for several threads and several processes at once. Raises the errors of `evidence_store.errors`.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float = 10.0) -> None:
+        self._connection = Connection(path, busy_timeout=busy_timeout)
+        self.path = self._connection.path
+        self.cases = Cases(self._connection)
+        self.worlds = Worlds(self._connection)
+        self.observations = ContentTable(self._connection, "observations", "obs")
+        self.rollouts = ContentTable(self._connection, "rollouts", "rollout")
+        self.fits = ContentTable(self._connection, "fits", "fit")
+        self.evidence = EvidenceTable(self._connection)
+        self.jobs = Jobs(self._connection)
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """Everything stored inside is stored together, or not at all."""
+        with self._connection.write():
+            yield
+
+    def read_evidence(self, identifier: str) -> Evidence:
+        """One record of evidence; one whose worker died while it ran is marked `failed` first."""
+        record = self.evidence.get(identifier)
+        if record.status != "running":
+            return record
+        job = self.jobs.get(identifier)
+        if job is not None and job.alive():
+            return record
+        with self.transaction():
+            record = self.evidence.get(identifier)
+            if record.status != "running":  # it finished between the two looks
+                return record
+            where = "" if job is None else f" (process {job.pid} on {job.host})"
+            record = replace(
+                record,
+                status="failed",
+                summary=f"the process that worked on this{where} ended before it was done; "
+                f"call {record.tool} again with the same arguments",
+            )
+            self.evidence.update(record)
+            self.jobs.finish(identifier)
+        return record
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
