@@ -22,6 +22,7 @@ class App:
     def __init__(self, store_path: Path) -> None:
         self.store = EvidenceStore(store_path)
         self.jobs = JobRunner(self.store)
+        self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
 
     # --- cases and stages ---
 
@@ -56,6 +57,16 @@ class App:
             raise ToolError(f"{tool} probes a committed world, and case {case.id!r} has none yet. Next: {step}")
         return case, self.world(case, case.committed_world)
 
+    # --- observations ---
+
+    def track_names(self, case: Case) -> list[str]:
+        """Names of the tracks observed in the case so far."""
+        names: list[str] = []
+        for kind, observation in self.store.cases.observations(case.id):
+            if kind == "tracks":
+                names += [n for n in self.store.observations.get(observation).document["names"] if n not in names]
+        return sorted(names)
+
     # --- worlds ---
 
     def world(self, case: Case, identifier: str | None = None) -> World:
@@ -85,7 +96,7 @@ class App:
 
     # --- evidence ---
 
-    def evidence_result(self, identifier: str, structured: bool = True) -> CallToolResult:
+    def evidence_result(self, identifier: str) -> CallToolResult:
         """An evidence record as a tool result; one still running says how far it is."""
         record = self.store.read_evidence(identifier)
         job = self.store.jobs.get(identifier) if record.status == "running" else None
@@ -96,7 +107,7 @@ class App:
                 "with cancel=true it stops it"
             )
             record = replace(record, summary=summary, payload={"data": {"progress": progress}})
-        return to_result(record, structured=structured)
+        return to_result(record)
 
 
 @lru_cache(maxsize=256)

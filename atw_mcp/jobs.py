@@ -99,6 +99,15 @@ class JobRunner:
         if job is not None and job.progress is not None:
             job.progress.cancel()
 
+    def wait_for(self, evidence: str, seconds: float) -> Evidence:
+        """The record once its work has ended, or as it is after `seconds`."""
+        deadline = time.monotonic() + seconds
+        while True:
+            record = self._store.read_evidence(evidence)
+            if record.status != "running" or time.monotonic() > deadline:
+                return record
+            time.sleep(0.05)
+
     def shutdown(self, wait: float = 3.0) -> None:
         """Cancel everything this process works on; what does not stop in time is marked failed."""
         deadline = time.monotonic() + wait

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ RESULT_SCHEMA: dict[str, Any] = {
 }
 
 
-def to_result(evidence: Evidence, *, structured: bool = True) -> CallToolResult:
+def to_result(evidence: Evidence) -> CallToolResult:
     """A record as MCP content: compact JSON in both places, or JSON text and pictures without structured content.
 
     Some clients drop pictures when structured content is present, so a result with pictures has none.
@@ -148,7 +148,31 @@ def to_result(evidence: Evidence, *, structured: bool = True) -> CallToolResult:
     for name, picture in evidence.pictures.items():
         kind = "image/png" if name.endswith(".png") else "image/jpeg"
         content.append(ImageContent(type="image", data=base64.b64encode(picture).decode(), mime_type=kind))
-    return CallToolResult(content=content, structured_content=body if structured else None)
+    return CallToolResult(content=content, structured_content=None if evidence.pictures else body)
+
+
+def page(evidence: Evidence, path: str, cursor: int, limit: int) -> Evidence:
+    """The record with only the part of its data at `path`; of a list, `limit` items from `cursor` on.
+
+    Raises ToolError naming the parts there are.
+    """
+    part: Any = evidence.payload.get("data", {})
+    walked: list[str] = []
+    for step in path.split("."):
+        keys = [
+            str(key) for key in (part if isinstance(part, dict) else range(len(part) if isinstance(part, list) else 0))
+        ]
+        if step not in keys:
+            there = f"{keys[0]}..{keys[-1]}" if isinstance(part, list) and keys else keys
+            where = f"{evidence.id} at {'.'.join(walked)!r}" if walked else evidence.id
+            raise ToolError(f"{where} has no part {step!r}; parts: {there}")
+        part = part[step] if isinstance(part, dict) else part[int(step)]
+        walked.append(step)
+    data: dict[str, Any] = {"path": path, "value": part}
+    if isinstance(part, list):
+        rest = cursor + limit if cursor + limit < len(part) else None
+        data = {"path": path, "value": part[cursor : cursor + limit], "next_cursor": rest, "of": len(part)}
+    return replace(evidence, payload={"data": data}, pictures={})
 
 
 def plain(value: Any) -> Any:

@@ -35,3 +35,42 @@ def inlined(schema: dict[str, Any]) -> dict[str, Any]:
 
     result: dict[str, Any] = resolve(schema, ())
     return result
+
+
+def argument_lines(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """The arguments of an inlined object schema, each with name, type in words, default and description."""
+    required = schema.get("required", [])
+    lines = []
+    for name, part in schema.get("properties", {}).items():
+        line = {"argument": name, "type": type_in_words(part), "required": name in required}
+        if "default" in part:
+            line["default"] = part["default"]
+        line["description"] = part.get("description", "")
+        lines.append(line)
+    return lines
+
+
+def type_in_words(schema: dict[str, Any]) -> str:
+    """A schema as a short phrase: `number >= 0 and <= 1`, `list of text`, `"a" | "b"`, `object {name, track}`."""
+    choices = schema.get("anyOf") or schema.get("oneOf")
+    if choices:
+        return " | ".join(dict.fromkeys(type_in_words(part) for part in choices))
+    if "enum" in schema or "const" in schema:
+        return " | ".join(f'"{value}"' for value in schema.get("enum", [schema.get("const")]))
+    kind = schema.get("type", "any")
+    if kind == "array":
+        size = [
+            f"{word} {schema[key]}"
+            for key, word in (("minItems", "at least"), ("maxItems", "at most"))
+            if key in schema
+        ]
+        return f"list of {type_in_words(schema.get('items', {}))}" + (f" ({', '.join(size)})" if size else "")
+    if kind == "object" and "properties" in schema:
+        return "object {" + ", ".join(schema["properties"]) + "}"
+    bounds = [
+        f"{sign} {schema[key]}"
+        for key, sign in (("minimum", ">="), ("exclusiveMinimum", ">"), ("maximum", "<="), ("exclusiveMaximum", "<"))
+        if key in schema
+    ]
+    word = {"string": "text", "null": "null", "boolean": "true or false"}.get(kind, kind)
+    return f"{word} {' and '.join(bounds)}".strip()

@@ -37,7 +37,9 @@ import platformdirs
 from mcp.server import MCPServer
 from mcp.server.mcpserver.tools import Tool
 
+from atw_mcp import resources
 from atw_mcp.app import App
+from atw_mcp.prompting import PromptServer, add_prompts
 from atw_mcp.toolbox import ToolGroup, WorldTool
 from atw_mcp.tools import construction, control, inspection
 
@@ -59,6 +61,7 @@ def default_store() -> Path:
 def build_server(store: Path | None = None) -> MCPServer[App]:
     """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used."""
     app = App(store or default_store())
+    app.tools = all_tools()
 
     @asynccontextmanager
     async def lifespan(_: MCPServer[App]) -> AsyncIterator[App]:
@@ -68,15 +71,18 @@ def build_server(store: Path | None = None) -> MCPServer[App]:
             with anyio.CancelScope(shield=True):
                 await anyio.to_thread.run_sync(app.jobs.shutdown)
 
-    return MCPServer(
+    server = PromptServer(
         "asking-the-world",
         title="Asking the World",
         instructions=INSTRUCTIONS,
         version=_version(),
-        tools=list[Tool](all_tools()),
+        tools=list[Tool](app.tools),
         lifespan=lifespan,
         log_level="WARNING",
     )
+    resources.register(server, app)
+    add_prompts(server)
+    return server
 
 
 def all_tools() -> list[WorldTool]:

@@ -52,7 +52,7 @@ class WorldTool(Tool):
             if isinstance(outcome, LongWork):
                 return await self._wait(app, arguments, outcome, context)
             record = await anyio.to_thread.run_sync(app.store.evidence.add, outcome.to_evidence(self.name, arguments))
-            return to_result(record, structured=not self.pictures)
+            return to_result(record)
         except (ToolError, MCPError):
             raise
         except StoreError as error:
@@ -89,7 +89,10 @@ class WorldTool(Tool):
             with anyio.CancelScope(shield=True):  # the caller gave up on it: stop the work, keep the record
                 await anyio.to_thread.run_sync(app.jobs.cancel, job.evidence)
             raise
-        return await anyio.to_thread.run_sync(app.evidence_result, job.evidence, not self.pictures)
+        record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
+        if record.status == "failed":
+            raise ToolError(f"{record.summary} (evidence {record.id})")
+        return await anyio.to_thread.run_sync(app.evidence_result, job.evidence)
 
     async def _follow(self, app: App, job: RunningJob, context: Context[App, Any]) -> None:
         told = -1.0

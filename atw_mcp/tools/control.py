@@ -1,31 +1,232 @@
-"""Execution control: tools about tools, evidence, names and the end."""
+"""Execution control: tools about tools, evidence, names, and the end of a question."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import difflib
+from typing import Annotated, Any
 
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.app import App
+from atw_mcp.results import Answer, page, to_result
+from atw_mcp.schemas import argument_lines, inlined
 from atw_mcp.toolbox import ToolGroup
-from evidence_store import UnknownRecord
+from evidence_store import Answer as RecordedAnswer
+from evidence_store import Binding, Evidence, UnknownRecord
+from polyworld.world import World
 
 GROUP = ToolGroup("execution control")
 
+CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
+EVIDENCE_PATTERN = r"^ev-\d{1,15}$"
 
-@GROUP.tool("ReadEvidence", title="Read evidence again")
+
+@GROUP.tool("DescribeTool", title="Describe a tool")
+def describe_tool(
+    app: App,
+    tool: Annotated[str | None, Field(description="name of a tool; without it, every tool in one line")] = None,
+    argument: Annotated[
+        str | None, Field(description="one argument, to get its full JSON schema (for BuildWorld.world: of a world)")
+    ] = None,
+) -> Answer:
+    """What a tool does, its arguments with types, bounds and defaults, and in which stage it can be called."""
+    if tool is None:
+        tools = [{"tool": t.name, "role": t.role, "does": t.description.split(". ")[0]} for t in app.tools]
+        return Answer(summary=f"{len(tools)} tools", data={"tools": tools})
+    found = next((t for t in app.tools if t.name.lower() == tool.lower()), None)
+    if found is None:
+        names = [t.name for t in app.tools]
+        close = difflib.get_close_matches(tool, names, n=1, cutoff=0.5)
+        hint = f" (did you mean {close[0]}?)" if close else ""
+        raise ToolError(f"no tool {tool!r}{hint}; tools: {', '.join(names)}")
+    properties: dict[str, Any] = found.parameters.get("properties", {})
+    if argument is not None:
+        if argument not in properties:
+            raise ToolError(f"{found.name} has no argument {argument!r}; arguments: {', '.join(properties)}")
+        schema = properties[argument]
+        if (found.name, argument) == ("BuildWorld", "world"):
+            schema = inlined(World.model_json_schema())
+        return Answer(summary=f"{found.name}.{argument}", data={"schema": schema})
+    return Answer(
+        summary=f"{found.name} ({found.role})",
+        data={
+            "tool": found.name,
+            "role": found.role,
+            "stage": STAGES[found.role],
+            "description": found.description,
+            "arguments": argument_lines(found.parameters),
+            "result": "pictures, with their data as JSON text"
+            if found.pictures
+            else "JSON, also as structured content",
+        },
+    )
+
+
+STAGES = {
+    "world construction": "World Modeling: refused once the case has a committed world (OpenCase is always allowed)",
+    "world inspection": "either stage",
+    "world experimentation": "World Probing: refused until CommitWorld",
+    "execution control": "either stage",
+}
+
+
+@GROUP.tool("ReadEvidence", title="Read evidence again", pictures=True)
 def read_evidence(
     app: App,
-    evidence: Annotated[str, Field(description="evidence id, e.g. ev-12")],
+    evidence: Annotated[str | None, Field(description="evidence id, e.g. ev-12; or give case to list them")] = None,
+    case: Annotated[str | None, Field(description="case id: lists the evidence of the case, latest first")] = None,
+    path: Annotated[
+        str | None,
+        Field(description="part of the result to read in full, e.g. 'events' or 'objects.0.positions'", max_length=200),
+    ] = None,
+    cursor: Annotated[int, Field(ge=0, description="first item of a list to return")] = 0,
+    limit: Annotated[int, Field(ge=1, le=1000, description="how many items of a list to return")] = 100,
     cancel: Annotated[bool, Field(description="stop the work if it is still running")] = False,
 ) -> CallToolResult:
-    """Return an earlier result again without running anything, or see how far running work is, or cancel it."""
+    """Return an earlier result without running anything again. Of work still running it tells how far it is
+    (cancel=true stops it); of a long result it returns the part at `path`, list items from `cursor` on."""
+    if (evidence is None) == (case is None):
+        raise ToolError("ReadEvidence takes either evidence (an id such as ev-12) or case (to list its evidence)")
+    if case is not None:
+        return to_result(_listing(app, app.case(case).id, cursor, limit))
+    assert evidence is not None
     try:
         record = app.store.read_evidence(evidence)
     except UnknownRecord as error:
-        raise ToolError(f"{error}. Every result names its own id in the field evidence") from error
-    if cancel and record.status == "running":
+        raise ToolError(f"{error}. Next: ReadEvidence(case=CASE) lists the evidence of a case") from error
+    if cancel:
+        if record.status != "running":
+            raise ToolError(f"{evidence} is {record.status} already: there is nothing to cancel")
         app.jobs.cancel(evidence)
+        record = app.jobs.wait_for(evidence, seconds=5.0)
+    if path is not None:
+        return to_result(page(record, path, cursor, limit))
     return app.evidence_result(evidence)
+
+
+def _listing(app: App, case: str, cursor: int, limit: int) -> Evidence:
+    records = app.store.evidence.of_case(case)[::-1]
+    rows = [{"evidence": r.id, "tool": r.tool, "status": r.status, "summary": r.summary} for r in records]
+    shown = rows[cursor : cursor + limit]
+    rest = cursor + limit if cursor + limit < len(rows) else None
+    return Evidence(
+        tool="ReadEvidence",
+        arguments={},
+        case=case,
+        summary=f"{len(shown)} of {len(rows)} records, latest first",
+        payload={"data": {"records": shown, "next_cursor": rest, "of": len(rows)}},
+    )
+
+
+class Correction(BaseModel):
+    """One name and what it stands for."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(min_length=1, max_length=200, description="the name as the question says it")
+    track: str | None = Field(default=None, max_length=64, description="observed track it stands for; null for none")
+    object: str | None = Field(default=None, max_length=64, description="object of the world it stands for")
+
+
+@GROUP.tool("UpdateBindings", title="Correct what names stand for", read_only=False)
+def update_bindings(
+    app: App,
+    case: CaseId,
+    corrections: Annotated[list[Correction], Field(min_length=1, max_length=100, description="what to change")],
+    reason: Annotated[str, Field(min_length=1, max_length=2000, description="what was seen that shows the change")],
+) -> Answer:
+    """Say which observed track and which object of the world a name in a question stands for, or correct it.
+
+    A binding replaces the earlier one of the same name; both stay in the evidence. Returns every binding in force.
+    """
+    found = app.case(case)
+    tracks = app.track_names(found)
+    worlds = [app.world(found, world) for world, _ in app.store.cases.worlds(found.id)]
+    objects = sorted({o.name for world in worlds for o in world.objects} | {s.name for w in worlds for s in w.statics})
+    for correction in corrections:
+        if correction.track is not None and correction.track not in tracks:
+            raise ToolError(
+                f"no track {correction.track!r} in case {found.id!r}; tracks: {tracks}. Nothing was changed"
+            )
+        if correction.object is not None and correction.object not in objects:
+            raise ToolError(f"no object {correction.object!r} in its worlds; objects: {objects}. Nothing was changed")
+    with app.store.transaction():
+        for correction in corrections:
+            app.store.cases.bind(found.id, Binding(correction.name, correction.track, correction.object, reason))
+    bindings = app.store.cases.bindings(found.id)
+    return Answer(
+        summary=f"{len(corrections)} bindings changed, {len(bindings)} in force",
+        data={"bindings": [vars(binding) for binding in bindings.values()]},
+        case=found.id,
+        objects=tuple(sorted({b.object for b in bindings.values() if b.object is not None})),
+    )
+
+
+@GROUP.tool("Finish", title="Answer a question", read_only=False)
+def finish(
+    app: App,
+    case: CaseId,
+    question: Annotated[str, Field(min_length=1, max_length=4000, description="the question, as it was asked")],
+    evidence: Annotated[
+        list[Annotated[str, Field(pattern=EVIDENCE_PATTERN)]],
+        Field(max_length=100, description="ids of the results that decide the question"),
+    ],
+    answer: Annotated[
+        str | None, Field(max_length=4000, description="the answer; null where the evidence does not decide it")
+    ] = None,
+    confidence: Annotated[float | None, Field(ge=0, le=1, description="how sure, 0 to 1")] = None,
+    missing: Annotated[
+        str | None, Field(max_length=4000, description="for an unresolved question: what evidence is missing")
+    ] = None,
+) -> Answer:
+    """Record the answer to a question with the evidence it rests on. Every id must be a finished result of this
+    case. A question the evidence does not decide is finished with answer=null and what is missing."""
+    found = app.case(case)
+    records = []
+    for identifier in dict.fromkeys(evidence):
+        try:
+            record = app.store.read_evidence(identifier)
+        except UnknownRecord as error:
+            raise ToolError(f"{error}. Next: ReadEvidence(case={found.id!r}) lists what there is") from error
+        if record.case != found.id:
+            raise ToolError(f"{identifier} belongs to case {record.case!r}, not to {found.id!r}. Nothing was recorded")
+        if record.status not in ("completed", "diverged"):
+            raise ToolError(f"{identifier} is {record.status}: it proves nothing yet. Nothing was recorded")
+        records.append(record)
+    if answer is not None and not records:
+        raise ToolError("an answer needs at least one evidence id; without evidence give answer=null and missing=...")
+    if answer is None and not missing:
+        raise ToolError("an unresolved question (answer=null) needs missing=...: what evidence would decide it")
+    recorded = RecordedAnswer(question, answer, confidence, tuple(r.id for r in records), missing or "")
+    with app.store.transaction():
+        app.store.cases.add_question(found.id, question)
+        app.store.cases.add_answer(found.id, recorded)
+    worlds = [r.world for r in records if r.world is not None]
+    return Answer(
+        summary=f"unresolved: {missing}" if answer is None else f"answered: {answer}",
+        data={
+            "question": question,
+            "answer": answer,
+            "resolved": answer is not None,
+            "confidence": confidence,
+            "missing": missing,
+            "committed_world": found.committed_world,
+            "evidence": [
+                {
+                    "evidence": r.id,
+                    "tool": r.tool,
+                    "status": r.status,
+                    "summary": r.summary,
+                    "world": r.world,
+                    "rollout": r.rollout,
+                    "observation": r.observation,
+                }
+                for r in records
+            ],
+        },
+        case=found.id,
+        world=found.committed_world or (worlds[-1] if worlds else None),
+        objects=tuple(sorted({name for r in records for name in r.objects})),
+    )

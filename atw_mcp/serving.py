@@ -1,0 +1,85 @@
+"""Serving over stdio and over streamable HTTP, in both protocol eras or only in the older one."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import anyio
+import uvicorn
+from mcp.server import MCPServer
+from mcp.server.runner import serve_loop
+from mcp.server.stdio import stdio_server
+from mcp_types import UNSUPPORTED_PROTOCOL_VERSION
+from mcp_types.version import HANDSHAKE_PROTOCOL_VERSIONS
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from atw_mcp.app import App
+
+PATH = "/mcp"
+
+
+def serve_stdio(server: MCPServer[App], *, legacy_only: bool = False) -> None:
+    """Serve one client over stdin and stdout until it leaves.
+
+    legacy_only: speak only the handshake-era revisions. For clients that probe the newer era and then
+    initialize in the older one, which a connection whose era is settled by its first request refuses.
+    """
+    if legacy_only:
+        anyio.run(_serve_stdio_handshake_only, server)
+    else:
+        server.run("stdio")
+
+
+def serve_http(server: MCPServer[App], *, host: str = "127.0.0.1", port: int = 8000, legacy_only: bool = False) -> None:
+    """Serve many clients at http://host:port/mcp until interrupted.
+
+    The default host is loopback: whoever can reach the port can read files that this process can read.
+    """
+    app = http_app(server, host=host, legacy_only=legacy_only)
+    uvicorn.run(app, host=host, port=port, log_level="warning")
+
+
+def http_app(server: MCPServer[App], *, host: str = "127.0.0.1", legacy_only: bool = False) -> ASGIApp:
+    """The ASGI application behind `serve_http`. On loopback, requests with a foreign Host header are refused."""
+    app = server.streamable_http_app(streamable_http_path=PATH, host=host)
+    return HandshakeOnly(app) if legacy_only else app
+
+
+class HandshakeOnly:
+    """Answers requests of the newer era with the versions that are served, so that clients fall back."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one ASGI connection."""
+        headers = dict(scope.get("headers", ()))
+        asked = headers.get(b"mcp-protocol-version", b"").decode("latin-1")
+        if scope["type"] != "http" or not asked or asked in HANDSHAKE_PROTOCOL_VERSIONS:
+            await self._app(scope, receive, send)
+            return
+        body: dict[str, Any] = {
+            "jsonrpc": "2.0",
+            "id": None,
+            "error": {
+                "code": UNSUPPORTED_PROTOCOL_VERSION,
+                "message": f"this server was started with --legacy-only and does not speak {asked}",
+                "data": {"supported": list(HANDSHAKE_PROTOCOL_VERSIONS), "requested": asked},
+            },
+        }
+        start = {"type": "http.response.start", "status": 400, "headers": [(b"content-type", b"application/json")]}
+        await send(start)
+        await send({"type": "http.response.body", "body": json.dumps(body).encode()})
+
+
+async def _serve_stdio_handshake_only(server: MCPServer[App]) -> None:
+    lowlevel = server._lowlevel_server  # the SDK has no public way to choose the era of a stdio connection
+    async with stdio_server() as (read_stream, write_stream), lowlevel.lifespan(lowlevel) as state:
+        await serve_loop(
+            lowlevel,
+            read_stream,
+            write_stream,
+            lifespan_state=state,
+            init_options=lowlevel.create_initialization_options(),
+        )

@@ -1,0 +1,48 @@
+"""The server over stdio as a process of its own, with one slow tool on top of the real ones."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from atw_mcp import server
+from atw_mcp.app import App
+from atw_mcp.jobs import LongWork, Progress
+from atw_mcp.results import Answer
+from atw_mcp.serving import serve_stdio
+from atw_mcp.toolbox import ToolGroup
+
+SLOW = ToolGroup("execution control")
+
+
+@SLOW.tool("WorkSlowly", title="Work slowly")
+def work_slowly(
+    app: App,
+    case: str,
+    seconds: Annotated[float, Field(ge=0)],
+    patience_seconds: Annotated[float, Field(ge=0)] = 30.0,
+    fail: str | None = None,
+) -> LongWork:
+    """Count to `seconds`, ten steps a second."""
+    app.case(case)
+
+    def work(progress: Progress) -> Answer:
+        steps = round(seconds * 10)
+        for step in range(steps):
+            progress.report(step, steps, f"step {step}")
+            time.sleep(0.1)
+        if fail is not None:
+            raise RuntimeError(fail)
+        return Answer(summary=f"counted to {steps}", data={"steps": steps}, case=case)
+
+    key = f"slow {case} {seconds}"
+    return LongWork(key, work, Answer(summary="counting", data={}, case=case), patience_seconds)
+
+
+if __name__ == "__main__":
+    server.GROUPS = (*server.GROUPS, SLOW)
+    serve_stdio(server.build_server(Path(sys.argv[1])), legacy_only="--legacy-only" in sys.argv)
