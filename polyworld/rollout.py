@@ -8,10 +8,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.events import all_events
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+
+MAX_SUBSTEPS = 2_000_000  # about a quarter of a minute for six planar bodies
 
 
 class Simulator(Protocol):
@@ -43,12 +46,52 @@ def simulator(
     seconds_per_frame is sampled at proportionally other times. threads: default all cores; the result does
     not depend on it, to the bit.
     """
-    raise NotImplementedError
+    times = np.array(sample_times, dtype=float)
+    if times.ndim != 1 or len(times) == 0:
+        raise ValueError(f"sample_times must be a list of at least one time, got shape {times.shape}")
+    if not np.all(np.isfinite(times)) or times[0] < 0 or np.any(np.diff(times) <= 0):
+        raise ValueError("sample_times must be finite, not negative, and increase")
+    if n_worlds < 1:
+        raise ValueError(f"n_worlds must be at least 1, got {n_worlds}")
+    # Imported here: a world needs only its own solver, and each brings its kernels.
+    if world.planar:
+        from polyworld.solver.planar import PlanarSimulator
+
+        return PlanarSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+    from polyworld.solver.spatial.simulator import SpatialSimulator
+
+    return SpatialSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
 
 
 def rollout(world: World, horizon: float, *, sample_interval: float | None = None) -> Rollout:
     """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
 
-    Raises ValueError for a horizon that is not positive or asks for more than MAX_SUBSTEPS substeps.
+    Samples are taken at 0, one interval, two, ... and at the horizon. Raises ValueError for a horizon that is
+    not positive or asks for more than MAX_SUBSTEPS substeps.
     """
-    raise NotImplementedError
+    interval = world.time.seconds_per_frame if sample_interval is None else sample_interval
+    if not (np.isfinite(interval) and interval > 0):
+        raise ValueError(f"sample_interval must be positive, got {interval}")
+    if not (np.isfinite(horizon) and horizon > 0):
+        raise ValueError(f"horizon must be positive, got {horizon}")
+    longest = MAX_SUBSTEPS * min(world.time.substep, interval)
+    if horizon > longest:
+        raise ValueError(
+            f"a horizon of {horizon} s asks for more than {MAX_SUBSTEPS} substeps; the longest is {longest:.6g} s"
+        )
+    whole = int(np.floor(horizon / interval * (1 + 1e-12)))
+    times = np.arange(whole + 1) * interval
+    if horizon - times[-1] > 1e-9 * interval:
+        times = np.append(times, horizon)
+    batch = simulator(world, times, record_events=True, threads=1).run()
+    trajectory = batch.world(0)
+    diverged = bool(batch.diverged[0])
+    return Rollout(
+        world_id=world.id,
+        horizon=horizon,
+        trajectory=trajectory,
+        events=all_events(world, trajectory, batch.events[0]),
+        status="diverged" if diverged else "completed",
+        diverged_time=float(batch.diverged_time[0]) if diverged else None,
+        diverged_object=batch.names[int(batch.diverged_object[0])] if diverged else None,
+    )

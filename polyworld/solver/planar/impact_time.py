@@ -1,0 +1,158 @@
+"""When, within a step, the next pair touches: bodies that are fast or thin cannot pass through each other."""
+
+import warp as wp
+
+from polyworld.solver.planar.motion import pose_at
+from polyworld.solver.planar.records import Bodies, Contacts, Scene
+from polyworld.solver.planar.separation import find_manifold
+
+wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.constant(wp.float64(0.0))
+HALF = wp.constant(wp.float64(0.5))
+ONE = wp.constant(wp.float64(1.0))
+
+
+@wp.func
+def gap_at(
+    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32, time: wp.float64, h: wp.float64
+) -> wp.float64:
+    m = find_manifold(
+        scene, bodies, w, a, pose_at(scene, bodies, w, a, time, h), b, pose_at(scene, bodies, w, b, time, h)
+    )
+    return wp.min(m.gap0, m.gap1)
+
+
+@wp.func
+def path_bound(scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32, h: wp.float64) -> wp.float64:
+    """No point of a moves further than this against b during the step [m]."""
+    # Along a quadratic path the rate runs between that at the start and that at the end.
+    first = bodies.rate[w, a]
+    last = bodies.shift[w, a] * (wp.float64(2.0) / h) - first
+    spin = wp.max(wp.abs(first[2]), wp.abs(last[2])) * (scene.bound[a] - scene.sweep[a])
+    if b < scene.bodies:
+        first_b = bodies.rate[w, b]
+        last_b = bodies.shift[w, b] * (wp.float64(2.0) / h) - first_b
+        spin += wp.max(wp.abs(first_b[2]), wp.abs(last_b[2])) * (scene.bound[b] - scene.sweep[b])
+        first = first - first_b
+        last = last - last_b
+    speed2 = wp.max(first[0] * first[0] + first[1] * first[1], last[0] * last[0] + last[1] * last[1])
+    return (wp.sqrt(speed2) + spin) * h
+
+
+@wp.func
+def first_touch(
+    scene: Scene,
+    bodies: Bodies,
+    w: wp.int32,
+    a: wp.int32,
+    b: wp.int32,
+    gap: wp.float64,
+    bound: wp.float64,
+    h: wp.float64,
+    until: wp.float64,
+) -> wp.float64:
+    """First time in 0..until at which the gap of a pair, `gap` now, has fallen to contact; h + 1 if it does not."""
+    # March so far at a time that the pair can neither pass through nor touch and part unseen by much.
+    leap = scene.depth[a]
+    if scene.first[b + 1] > scene.first[b]:
+        leap = wp.min(leap, scene.depth[b])
+    early = ZERO
+    early_gap = gap
+    late = ZERO
+    late_gap = gap
+    while late < until and late_gap > scene.touch:
+        early = late
+        early_gap = late_gap
+        late = wp.min(until, early + h * (early_gap + leap) / bound)
+        late_gap = gap_at(scene, bodies, w, a, b, late, h)
+    if late_gap > scene.touch:
+        return h + ONE
+    # Regula falsi (Illinois) for the middle of the contact band 0..touch.
+    target = HALF * scene.touch
+    f0 = early_gap - target
+    f1 = late_gap - target
+    side = wp.int32(0)
+    for _ in range(60):
+        if wp.abs(f1) < HALF * HALF * scene.touch or late - early < wp.float64(1.0e-15) * h:
+            break
+        t = (f0 * late - f1 * early) / (f0 - f1)
+        g = gap_at(scene, bodies, w, a, b, t, h)
+        f = g - target
+        if wp.abs(f) < HALF * HALF * scene.touch:
+            return t
+        if f > ZERO:
+            early = t
+            f0 = f
+            if side == 1:
+                f1 = f1 * HALF
+            side = wp.int32(1)
+        else:
+            late = t
+            f1 = f
+            if side == -1:
+                f0 = f0 * HALF
+            side = wp.int32(-1)
+    return late
+
+
+@wp.func
+def next_impact(
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+    near_count: wp.int32,
+    h: wp.float64,
+) -> wp.float64:
+    """Time of the first new contact within a step of length h whose paths are set; h if there is none."""
+    time = h
+    for k in range(near_count):
+        gap = contacts.near_gap[w, k]
+        if gap > scene.touch:
+            pair = contacts.near[w, k]
+            a = pair[0]
+            b = pair[1]
+            bound = path_bound(scene, bodies, w, a, b, h)
+            if bound >= gap - scene.touch:
+                gap = gap_at(scene, bodies, w, a, b, ZERO, h)
+                contacts.near_gap[w, k] = gap
+                if bound >= gap - scene.touch and gap > scene.touch:
+                    t = first_touch(scene, bodies, w, a, b, gap, bound, h, time)
+                    if t < time:
+                        time = t
+    # The second corner of a pair that touches with one: its gap along the normal, to second order.
+    for k in range(rows):
+        row = contacts.rows[w, half, k]
+        if row.touching == 0 and row.gap > scene.touch:
+            va = bodies.rate[w, row.a]
+            sa = bodies.shift[w, row.a]
+            speed = -(row.normal[0] * (va[0] - va[2] * row.arm_a[1]) + row.normal[1] * (va[1] + va[2] * row.arm_a[0]))
+            move = -(row.normal[0] * (sa[0] - sa[2] * row.arm_a[1]) + row.normal[1] * (sa[1] + sa[2] * row.arm_a[0]))
+            if row.b < scene.bodies:
+                vb = bodies.rate[w, row.b]
+                sb = bodies.shift[w, row.b]
+                speed += row.normal[0] * (vb[0] - vb[2] * row.arm_b[1]) + row.normal[1] * (vb[1] + vb[2] * row.arm_b[0])
+                move += row.normal[0] * (sb[0] - sb[2] * row.arm_b[1]) + row.normal[1] * (sb[1] + sb[2] * row.arm_b[0])
+            if row.gap + move < ZERO:
+                # gap + speed t + bend t^2 = touch / 2
+                bend = (move - speed * h) / (h * h)
+                c = row.gap - HALF * scene.touch
+                root = wp.sqrt(wp.max(ZERO, speed * speed - wp.float64(4.0) * bend * c))
+                t = wp.float64(2.0) * c / (root - speed)
+                if t > ZERO and t < time:
+                    time = t
+    return time
+
+
+@wp.func
+def lower_gaps(
+    scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, near_count: wp.int32, time: wp.float64, h: wp.float64
+):
+    """Keep the near list's gaps lower bounds after moving `time` into the step."""
+    for k in range(near_count):
+        pair = contacts.near[w, k]
+        bound = path_bound(scene, bodies, w, pair[0], pair[1], h) * (time / h)
+        contacts.near_gap[w, k] = contacts.near_gap[w, k] - bound

@@ -1,0 +1,147 @@
+"""Motion between contacts: gravity, damping and sliding on the supporting plane.
+
+Friction of a pressed patch: force and moment together lie on an elliptic limit surface and oppose
+(v, r omega) (Goyal, Ruina & Papadopoulos 1991, Wear 143, 307; Howe & Cutkosky 1996, IJRR 15, 557).
+"""
+
+import warp as wp
+
+from polyworld.solver.planar.records import Bodies, Scene
+
+wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.constant(wp.float64(0.0))
+HALF = wp.constant(wp.float64(0.5))
+ONE = wp.constant(wp.float64(1.0))
+
+
+@wp.func
+def slide(rate: wp.vec3d, limit: wp.float64, patch: wp.float64, stiffness: wp.float64) -> wp.vec3d:
+    """Rate after friction of at most `limit` = mu |g_n| h acted, solved implicitly: it stops and never reverses.
+
+    stiffness: m r^2 / I. With sigma = sqrt(v^2 + (r omega)^2) after the step,
+    v = v0 sigma / (sigma + limit) and omega = omega0 sigma / (sigma + stiffness limit).
+    """
+    speed = wp.sqrt(rate[0] * rate[0] + rate[1] * rate[1])
+    if patch <= ZERO or rate[2] == ZERO:
+        if speed <= limit:
+            return wp.vec3d(ZERO, ZERO, wp.where(patch > ZERO, ZERO, rate[2]))
+        left = (speed - limit) / speed
+        return wp.vec3d(rate[0] * left, rate[1] * left, rate[2])
+    spin = wp.abs(patch * rate[2])
+    spin_limit = stiffness * limit
+    if limit <= ZERO:
+        return rate
+    x = speed / limit
+    y = spin / spin_limit
+    if x * x + y * y <= ONE:
+        return wp.vec3d(ZERO, ZERO, ZERO)
+    # Newton from the left of the root of a convex, falling function: monotone.
+    sigma = wp.max(wp.max(speed - limit, spin - spin_limit), ZERO)
+    for _ in range(40):
+        p = ONE / (sigma + limit)
+        q = ONE / (sigma + spin_limit)
+        u = speed * p
+        z = spin * q
+        rise = (u * u + z * z - ONE) / (wp.float64(2.0) * (u * u * p + z * z * q))
+        sigma += rise
+        if rise <= wp.float64(1.0e-15) * sigma:
+            break
+    along = sigma / (sigma + limit)
+    return wp.vec3d(rate[0] * along, rate[1] * along, rate[2] * sigma / (sigma + spin_limit))
+
+
+@wp.func
+def decay(damping: wp.float64, h: wp.float64) -> wp.vec3d:
+    """exp(-ch), phi1 = (1 - exp(-ch))/ch and (1 - phi1)/(ch phi1): exact for dv/dt = a - c v with constant a."""
+    z = damping * h
+    if z < wp.float64(1.0e-4):  # series: the closed form loses digits
+        phi1 = ONE - z * HALF + z * z / wp.float64(6.0)
+        phi2 = HALF - z / wp.float64(6.0) + z * z / wp.float64(24.0)
+        return wp.vec3d(ONE - z * phi1, phi1, phi2 / phi1)
+    fall = wp.exp(-z)
+    phi1 = (ONE - fall) / z
+    return wp.vec3d(fall, phi1, (ONE - phi1) / (z * phi1))
+
+
+@wp.func
+def set_step(scene: Scene, bodies: Bodies, w: wp.int32, h: wp.float64):
+    """Damping factors of a step of length h; kept while h stays the same to rounding."""
+    if wp.abs(h - bodies.decay_step[w]) > wp.float64(1.0e-12) * h:
+        bodies.decay_step[w] = h
+        for i in range(scene.bodies):
+            bodies.linear_decay[w, i] = decay(bodies.linear_damping[w, i], h)
+            bodies.angular_decay[w, i] = decay(bodies.angular_damping[w, i], h)
+
+
+@wp.func
+def unheld_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
+    """Rate after h under gravity, effects and damping, without friction or contact."""
+    v = bodies.rate[w, i]
+    a = bodies.push[w, i]
+    linear = bodies.linear_decay[w, i]
+    angular = bodies.angular_decay[w, i]
+    reach = h * linear[1]
+    return wp.vec3d(
+        v[0] * linear[0] + a[0] * reach, v[1] * linear[0] + a[1] * reach, v[2] * angular[0] + a[2] * h * angular[1]
+    )
+
+
+@wp.func
+def stiffness_of(bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.float64:
+    r = bodies.patch[w, i]
+    return bodies.mass[w, i] * r * r * bodies.inverse_inertia[w, i]
+
+
+@wp.func
+def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
+    """Rate after h without contact: the direction of sliding friction is taken at the middle of the step."""
+    unheld = unheld_rate(bodies, w, i, h)
+    hold = bodies.hold[w, i]
+    if hold <= ZERO:
+        return unheld
+    r = bodies.patch[w, i]
+    k = stiffness_of(bodies, w, i)
+    limit = hold * h * bodies.linear_decay[w, i][1]
+    after = slide(unheld, limit, r, k)
+    if after[0] == ZERO and after[1] == ZERO:
+        return after
+    v = bodies.rate[w, i]
+    if (bodies.push[w, i][0] == ZERO and bodies.push[w, i][1] == ZERO) and (r == ZERO or v[2] == ZERO):
+        return after  # the direction does not change: already exact
+    middle = slide(v + bodies.push[w, i] * (HALF * h), HALF * hold * h, r, k)
+    sigma = wp.sqrt(middle[0] * middle[0] + middle[1] * middle[1] + r * r * middle[2] * middle[2])
+    if sigma <= limit:
+        return after  # about to stop
+    lost = limit / sigma
+    return wp.vec3d(unheld[0] - lost * middle[0], unheld[1] - lost * middle[1], unheld[2] - lost * k * middle[2])
+
+
+@wp.func
+def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64):
+    """Change of pose over h: exact for constant acceleration with damping; a stop within h is respected."""
+    v = bodies.rate[w, i]
+    u = bodies.next_rate[w, i]
+    linear = bodies.linear_decay[w, i]
+    angular = bodies.angular_decay[w, i]
+    x = linear[1] * h * v[0] + linear[2] * h * (u[0] - linear[0] * v[0])
+    y = linear[1] * h * v[1] + linear[2] * h * (u[1] - linear[0] * v[1])
+    z = angular[1] * h * v[2] + angular[2] * h * (u[2] - angular[0] * v[2])
+    if u[0] == ZERO and u[1] == ZERO and bodies.hold[w, i] > ZERO and bodies.coupled[w, i] == 0:
+        # Friction stopped it before the step ended: distance v^2 / 2 mu g, not v h / 2.
+        speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
+        time = wp.min(ONE, speed / (bodies.hold[w, i] * h))
+        x = HALF * time * h * v[0]
+        y = HALF * time * h * v[1]
+        z = HALF * time * h * v[2] if u[2] == ZERO else z
+    bodies.shift[w, i] = wp.vec3d(x, y, z)
+
+
+@wp.func
+def pose_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
+    """Pose `time` into a step of length h: quadratic in time through the pose, the rate and the shift."""
+    if i >= scene.bodies:
+        return scene.static_pose[i - scene.bodies]
+    part = time / h
+    straight = bodies.rate[w, i] * time
+    return bodies.pose[w, i] + straight + (bodies.shift[w, i] - bodies.rate[w, i] * h) * (part * part)

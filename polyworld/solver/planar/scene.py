@@ -1,0 +1,187 @@
+"""A planar world as the arrays of `records.Scene`: outlines, pairs that can meet, and the time table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.effects import KIND_INDEX
+from polyworld.solver.planar.records import Scene
+from polyworld.world import Plane, RigidObject, StaticObject, Wall, World
+
+Array = NDArray[np.float64]
+
+TOUCH = 1e-6  # contact band, in radii of the smallest body: far below what an observation resolves
+SKIN = 0.25  # margin of the near list, in mean radii
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A body's or static's cross-section: convex polygon (k, 2) about `pose`, swept by a disc.
+
+    k = 0 marks a half plane; `pose` is then its outward normal and offset. low, high: extent along the
+    normal of the motion plane [m].
+    """
+
+    vertices: Array
+    sweep: float
+    pose: tuple[float, float, float]
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class TimeTable:
+    """Segments between consecutive sample and start times.
+
+    end (K,) [s]; steps (K,): substeps in the segment; sample (K,): index of the sample taken at its end or
+    -1; joins (n,): first segment in which an object moves.
+    """
+
+    end: Array
+    steps: NDArray[np.int32]
+    sample: NDArray[np.int32]
+    joins: NDArray[np.int32]
+
+
+def time_table(world: World, sample_times: Array) -> TimeTable:
+    """Segments of a run; every substep is at most `world.time.substep` at the world's own seconds_per_frame."""
+    starts = np.array([o.start_time for o in world.objects])
+    inner = starts[(starts > 0) & (starts < sample_times[-1])]
+    end = np.unique(np.concatenate([sample_times, inner]))
+    before = np.concatenate([[0.0], end[:-1]])
+    # A ratio that is whole but for rounding is whole: 0.04 / 0.002 makes 20 substeps, not 21.
+    steps = np.ceil((end - before) / world.time.substep * (1.0 - 1e-12)).astype(np.int32)
+    sample = np.full(len(end), -1, dtype=np.int32)
+    sample[np.searchsorted(end, sample_times)] = np.arange(len(sample_times), dtype=np.int32)
+    joins = np.searchsorted(before, starts).astype(np.int32)
+    joins[starts <= 0] = 0
+    return TimeTable(end, steps, sample, joins)
+
+
+def body_outline(item: RigidObject, axes: Array) -> Outline:
+    """Cross-section of an object in its initial orientation."""
+    rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+    vertices, sweep = geometry.planar_outline(item.shape, rotation, axes)
+    low, high = _extent(item.shape, rotation, np.asarray(item.position), axes[2])
+    return Outline(vertices, sweep, (0.0, 0.0, 0.0), low, high)
+
+
+def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | None:
+    """Cross-section of a static; None for a plane parallel to the motion plane, which nothing can run into."""
+    if isinstance(item.shape, Plane):
+        rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+        normal = np.asarray(item.shape.normal, dtype=float)
+        normal = rotation @ (normal / np.linalg.norm(normal))
+        offset = item.shape.offset + normal @ np.asarray(item.position)
+        flat = axes[:2] @ normal
+        length = float(np.linalg.norm(flat))
+        if length < 1e-6:
+            return None
+        # Where the plane cuts the motion plane, which passes through `point`.
+        rest = offset - (axes[2] @ normal) * (axes[2] @ point)
+        return Outline(
+            np.zeros((0, 2)), 0.0, (flat[0] / length, flat[1] / length, float(rest) / length), -np.inf, np.inf
+        )
+    if isinstance(item.shape, Wall):
+        shape: Any
+        shape, centre, rotation = geometry.wall_box(item.shape)
+        turn = geometry.quaternion_matrix(np.asarray(item.orientation))
+        centre, rotation = turn @ centre + np.asarray(item.position), turn @ rotation
+    else:
+        shape, centre = item.shape, np.asarray(item.position, dtype=float)
+        rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+    vertices, sweep = geometry.planar_outline(shape, rotation, axes)
+    low, high = _extent(shape, rotation, centre, axes[2])
+    x, y = axes[:2] @ centre
+    return Outline(vertices, sweep, (float(x), float(y), 0.0), low, high)
+
+
+def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
+    """The scene of a planar world and the names of its bodies, then of its statics."""
+    plane = world.environment.motion_plane
+    axes = geometry.plane_axes(plane)
+    bodies = [body_outline(o, axes) for o in world.objects]
+    statics = [static_outline(s, axes, np.asarray(plane.point)) for s in world.statics]
+    absent = Outline(np.zeros((0, 2)), 0.0, (1.0, 0.0, -np.inf), np.inf, -np.inf)
+    outlines = bodies + [absent if s is None else s for s in statics]
+    n = len(bodies)
+    bound = [o.sweep + float(np.linalg.norm(o.vertices, axis=1).max(initial=0.0)) for o in outlines]
+    collides = np.array(
+        [[_overlap(outlines[a], outlines[b]) for b in range(len(outlines))] for a in range(n)], dtype=np.int32
+    ).reshape(n, len(outlines))
+    effects = [e for e in world.effects if e.enabled]
+    volumes = [geometry.mass_properties(o.shape).volume for o in world.objects]
+
+    scene = Scene()
+    scene.bodies = n
+    scene.statics = len(statics)
+    scene.effects = len(effects)
+    vertices = np.concatenate([o.vertices for o in outlines]) if outlines else np.zeros((0, 2))
+    normals = np.concatenate([edge_normals(o.vertices) for o in outlines]) if outlines else np.zeros((0, 2))
+    scene.vertices = wp.array(vertices, dtype=wp.vec2d, device="cpu")
+    scene.normals = wp.array(normals, dtype=wp.vec2d, device="cpu")
+    scene.first = _ints(np.concatenate([[0], np.cumsum([len(o.vertices) for o in outlines])]))
+    scene.sweep = _doubles([o.sweep for o in outlines])
+    scene.bound = _doubles(bound)
+    scene.depth = _doubles([leap_limit(o) for o in outlines])
+    scene.static_pose = wp.array(np.array([o.pose for o in outlines[n:]]).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+    scene.collides = _ints(collides)
+    scene.touch = TOUCH * min(bound[:n])
+    scene.skin = SKIN * float(np.mean(bound[:n]))
+    scene.axes = wp.mat33d(*axes.ravel())
+    scene.segment_end = _doubles(table.end)
+    scene.segment_steps = _ints(table.steps)
+    scene.segment_sample = _ints(table.sample)
+    scene.joins = _ints(table.joins)
+    scene.effect_kind = _ints([KIND_INDEX[e.kind] for e in effects])
+    acts = [[e.objects is None or o.name in e.objects for o in world.objects] for e in effects]
+    scene.effect_acts = _ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
+    scene.effect_radius = _doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
+    return scene, [o.name for o in world.objects] + [s.name for s in world.statics]
+
+
+def edge_normals(vertices: Array) -> Array:
+    """Outward normals (k, 2) of a counter-clockwise polygon's edges; a disc has none (one zero row)."""
+    if len(vertices) < 2:
+        return np.zeros((len(vertices), 2))
+    edge = np.roll(vertices, -1, axis=0) - vertices
+    normals: Array = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)
+    return normals
+
+
+def leap_limit(outline: Outline) -> float:
+    """Half the radius of the largest circle about the centre that fits inside [m]."""
+    if len(outline.vertices) < 3:
+        return 0.5 * outline.sweep
+    inner = np.einsum("ij,ij->i", edge_normals(outline.vertices), outline.vertices).min()
+    return 0.5 * (outline.sweep + max(float(inner), 0.0))
+
+
+def _extent(shape: Any, rotation: Array, centre: Array, normal: Array) -> tuple[float, float]:
+    # The outline seen from the side: project on a plane that contains the normal.
+    aside = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    aside = aside - (aside @ normal) * normal
+    aside /= np.linalg.norm(aside)
+    side = np.stack([aside, normal, np.cross(aside, normal)])
+    vertices, sweep = geometry.planar_outline(shape, rotation, side)
+    height = float(normal @ centre)
+    return height + float(vertices[:, 1].min()) - sweep, height + float(vertices[:, 1].max()) + sweep
+
+
+def _overlap(a: Outline, b: Outline) -> bool:
+    slack = 1e-9
+    return a.low < b.high - slack and b.low < a.high - slack
+
+
+def _ints(values: Any) -> Any:
+    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
+
+
+def _doubles(values: Any) -> Any:
+    return wp.array(np.asarray(values, dtype=np.float64), dtype=wp.float64, device="cpu")

@@ -1,0 +1,274 @@
+"""W variants of one planar world, run in one kernel launch per share of the worlds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.effects import MAX_PARAMETERS
+from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.planar.kernel import gravity_only, rollout_kernel, with_effects
+from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
+from polyworld.solver.planar.scene import build_scene, time_table
+from polyworld.trajectory import BatchTrajectory, Event
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
+EPISODES = 4096  # contact episodes kept for a world; more is an error, not a silence
+BODY_FIELDS = {
+    "pose": wp.vec3d,
+    "rate": wp.vec3d,
+    "next_rate": wp.vec3d,
+    "shift": wp.vec3d,
+    "push": wp.vec3d,
+    "drag": wp.vec3d,
+    "coupled": wp.int32,
+    "linear_decay": wp.vec3d,
+    "angular_decay": wp.vec3d,
+    "mass": wp.float64,
+    "inverse_mass": wp.float64,
+    "inverse_inertia": wp.float64,
+    "hold": wp.float64,
+    "patch": wp.float64,
+    "linear_damping": wp.float64,
+    "angular_damping": wp.float64,
+    "rolling": wp.float64,
+    "height": wp.float64,
+}
+
+
+@lru_cache(maxsize=2)
+def _kernel(effects: bool) -> Any:
+    return rollout_kernel(with_effects(), refine=True) if effects else rollout_kernel(gravity_only, refine=False)
+
+
+class PlanarSimulator:
+    """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run."""
+
+    def __init__(
+        self,
+        world: World,
+        sample_times: Array,
+        *,
+        n_worlds: int = 1,
+        record_events: bool = False,
+        threads: int | None = None,
+    ) -> None:
+        wp.init()
+        self.world = world
+        self.names = tuple(o.name for o in world.objects)
+        self.n_worlds = n_worlds
+        self.sample_times = sample_times
+        self.record_events = record_events
+        self.threads = threads or len(os.sched_getaffinity(0))
+        self._table = time_table(world, sample_times)
+        self._scene, self._all_names = build_scene(world, self._table)
+        self._axes = geometry.plane_axes(world.environment.motion_plane)
+        rotations = [geometry.quaternion_matrix(np.asarray(o.orientation)) for o in world.objects]
+        solids = [geometry.mass_properties(o.shape) for o in world.objects]
+        # Moment of inertia about the plane's normal, per unit mass.
+        self._gyration = np.array(
+            [
+                self._axes[2] @ r @ s.inertia @ r.T @ self._axes[2] / s.volume
+                for r, s in zip(rotations, solids, strict=True)
+            ]
+        )
+        self._kernel = _kernel(self._scene.effects > 0)
+        self._allocate()
+
+    def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
+        """Roll all variants out from their initial state, to the first `samples` sample times."""
+        count = len(self.sample_times) if samples is None else samples
+        if not 1 <= count <= len(self.sample_times):
+            raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
+        arrays = rigid_arrays(self.world, overrides)
+        rows = {len(v) for v in vars(arrays).values() if np.ndim(v) > 1} - {1}
+        lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
+        if lengths and lengths != {self.n_worlds}:
+            raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths | rows)}")
+        orientation = self._write(arrays)
+        segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
+        self._launch(segments)
+        return self._read(arrays, orientation, count)
+
+    def _allocate(self) -> None:
+        w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
+        pairs = int(self._scene.collides.numpy()[:, :].sum())
+        corners = np.diff(self._scene.first.numpy())
+        bodies = Bodies()
+        for name, dtype in BODY_FIELDS.items():
+            setattr(bodies, name, _zeros((w, n), dtype))
+        bodies.decay_step = _zeros((w,), wp.float64)
+        bodies.friction = _zeros((w, n + s), wp.float64)
+        bodies.restitution = _zeros((w, n + s), wp.float64)
+        bodies.gravity = _zeros((w,), wp.vec2d)
+        bodies.time_scale = _zeros((w,), wp.float64)
+        bodies.effect_parameters = _zeros((w, self._scene.effects, MAX_PARAMETERS), wp.float64)
+        bodies.corners = _zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
+        contacts = Contacts()
+        contacts.near = _zeros((w, max(pairs, 1)), wp.vec2i)
+        contacts.near_gap = _zeros((w, max(pairs, 1)), wp.float64)
+        # Touching outlines form a planar graph: at most 3 (n + s) pairs of two points, twice that for overlaps.
+        contacts.rows = _zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
+        log = Log()
+        log.record = int(self.record_events)
+        log.merge = MERGE
+        kept = EPISODES if self.record_events else 1
+        log.open = _zeros((w, n, n + s) if self.record_events else (1, 1, 1), wp.int32)
+        log.count = _zeros((w,), wp.int32)
+        log.pair = _zeros((w, kept), wp.vec2i)
+        log.point = _zeros((w, kept), wp.vec2d)
+        for name in ("begin", "last", "first_impulse", "impulse", "speed"):
+            setattr(log, name, _zeros((w, kept), wp.float64))
+        samples = Samples()
+        samples.pose = _zeros((w, len(self.sample_times), n), wp.vec3d)
+        samples.rate = _zeros((w, len(self.sample_times), n), wp.vec3d)
+        samples.diverged_object = _zeros((w,), wp.int32)
+        samples.diverged_time = _zeros((w,), wp.float64)
+        samples.crowded = _zeros((w,), wp.int32)
+        self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
+
+    def _write(self, arrays: RigidArrays) -> Array:
+        """Fill the device arrays; returns the initial orientations (R, n, 4)."""
+        b, axes = self._bodies, self._axes
+        flat, normal = axes[:2], axes[2]
+        angle = self._turn(arrays.orientation)
+        pose, rate = b.pose.numpy(), b.rate.numpy()
+        pose[..., :2] = arrays.position @ flat.T
+        pose[..., 2] = angle
+        rate[..., :2] = arrays.velocity @ flat.T
+        rate[..., 2] = arrays.angular_velocity @ normal
+        b.height.numpy()[:] = arrays.position @ normal
+        b.mass.numpy()[:] = arrays.mass
+        b.inverse_mass.numpy()[:] = 1.0 / arrays.mass
+        b.inverse_inertia.numpy()[:] = 1.0 / (arrays.mass * self._gyration)
+        plane = self.world.environment.motion_plane
+        load = np.maximum(0.0, -(arrays.gravity @ normal))[:, None] if plane.supports else np.zeros((1, 1))
+        own = arrays.plane_friction < 0
+        b.hold.numpy()[:] = load * np.where(
+            own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction)
+        )
+        b.patch.numpy()[:] = arrays.torsional_radius
+        b.linear_damping.numpy()[:] = arrays.linear_damping
+        b.angular_damping.numpy()[:] = arrays.angular_damping
+        b.rolling.numpy()[:] = arrays.rolling_resistance
+        n = self._scene.bodies
+        b.friction.numpy()[:, :n] = arrays.friction
+        b.friction.numpy()[:, n:] = arrays.static_friction
+        b.restitution.numpy()[:, :n] = arrays.restitution
+        b.restitution.numpy()[:, n:] = arrays.static_restitution
+        b.gravity.numpy()[:] = arrays.gravity @ flat.T
+        b.time_scale.numpy()[:] = arrays.time_scale[:, 0]
+        b.effect_parameters.numpy()[:] = arrays.effect_parameters
+        b.decay_step.numpy()[:] = -1.0
+        self._log.open.numpy()[:] = -1
+        self._log.count.numpy()[:] = 0
+        out = self._samples
+        out.pose.numpy()[:] = np.nan
+        out.rate.numpy()[:] = np.nan
+        out.diverged_object.numpy()[:] = -1
+        out.diverged_time.numpy()[:] = np.nan
+        out.crowded.numpy()[:] = 0
+        return arrays.orientation
+
+    def _turn(self, orientation: Array) -> Array:
+        """Angle (R, n) about the plane's normal from the world's own orientations to those given."""
+        base = np.array([o.orientation for o in self.world.objects]).reshape(1, -1, 4)
+        turn = geometry.quaternion_product(orientation, base * np.array([1.0, -1.0, -1.0, -1.0]))
+        along = turn[..., 1:] @ self._axes[2]
+        if np.abs(turn[..., 1:] - along[..., None] * self._axes[2]).max(initial=0.0) > 1e-9:
+            raise ValueError(
+                "planar objects turn only about the motion plane's normal "
+                f"{tuple(np.round(self._axes[2], 6).tolist())}: override that rotation alone"
+            )
+        angle: Array = 2.0 * np.arctan2(along, turn[..., 0])
+        return angle
+
+    def _launch(self, segments: int) -> None:
+        if self._scene.bodies == 0:
+            return
+        pieces = min(self.n_worlds, 1 if self.threads == 1 else 4 * self.threads)
+        edges = np.linspace(0, self.n_worlds, pieces + 1).astype(int)
+
+        def piece(index: int) -> None:
+            first, last = int(edges[index]), int(edges[index + 1])
+            wp.launch(
+                self._kernel,
+                dim=last - first,
+                inputs=[self._scene, self._bodies, self._contacts, self._log, self._samples, first, segments],
+                device="cpu",
+            )
+
+        self._kernel.module.load("cpu", block_dim=1)  # before the threads ask for it
+        if pieces == 1:
+            piece(0)
+            return
+        with ThreadPoolExecutor(min(self.threads, pieces)) as pool:
+            list(pool.map(piece, range(pieces)))
+
+    def _read(self, arrays: RigidArrays, orientation: Array, count: int) -> BatchTrajectory:
+        out, axes = self._samples, self._axes
+        crowded = out.crowded.numpy()
+        if crowded.any():
+            raise RuntimeError(
+                f"{int(crowded.max())} contact points found no room: the objects overlap too much at the start"
+            )
+        pose, rate = out.pose.numpy()[:, :count], out.rate.numpy()[:, :count]
+        height = self._bodies.height.numpy()[:, None, :, None]
+        turn = np.zeros((*pose.shape[:3], 4))
+        # The angle counts from the world's own orientation, an override's turn included.
+        turn[..., 0] = np.cos(pose[..., 2] / 2)
+        turn[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
+        base = np.array([o.orientation for o in self.world.objects]).reshape(1, 1, -1, 4)
+        starts = np.array([o.start_time for o in self.world.objects])
+        diverged = out.diverged_object.numpy() >= 0
+        times = self.sample_times[None, :count] * self._bodies.time_scale.numpy()[:, None]
+        return BatchTrajectory(
+            names=self.names,
+            times=times,
+            positions=pose[..., :2] @ axes[:2] + height * axes[2],
+            orientations=geometry.quaternion_product(turn, np.broadcast_to(base, turn.shape)),
+            velocities=rate[..., :2] @ axes[:2],
+            angular_velocities=rate[..., 2:] * axes[2],
+            active=self.sample_times[:count, None] >= starts[None, :],
+            diverged=diverged,
+            diverged_time=out.diverged_time.numpy().copy(),
+            diverged_object=out.diverged_object.numpy().astype(np.int64),
+            events=tuple(self._events(w, float(times[w, -1])) for w in range(self.n_worlds)),
+        )
+
+    def _events(self, w: int, end: float) -> tuple[Event, ...]:
+        """Contact events of one world in order of time."""
+        log = self._log
+        if not self.record_events:
+            return ()
+        count = int(log.count.numpy()[w])
+        if count > EPISODES:
+            raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
+        pairs, points = log.pair.numpy()[w], log.point.numpy()[w]
+        begin, last = log.begin.numpy()[w], log.last.numpy()[w]
+        first, total, speed = (getattr(log, k).numpy()[w] for k in ("first_impulse", "impulse", "speed"))
+        events = []
+        for k in range(count):
+            a, b = int(pairs[k][0]), int(pairs[k][1])
+            names = tuple(sorted((self._all_names[a], self._all_names[b])))
+            spot = points[k] @ self._axes[:2] + self._bodies.height.numpy()[w, a] * self._axes[2]
+            position = (float(spot[0]), float(spot[1]), float(spot[2]))
+            events.append(Event("contact_begin", float(begin[k]), names, position, float(first[k]), float(speed[k])))
+            if last[k] < end:
+                events.append(Event("contact_end", float(last[k]), names, None, float(total[k])))
+        return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
+
+
+def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    return wp.zeros(shape, dtype=dtype, device="cpu")
