@@ -81,9 +81,16 @@ class App:
         return _parsed(self.store.worlds.document(identifier))
 
     def keep_world(
-        self, case: Case, world: World, *, how: str, parent: World | None = None, detail: dict[str, Any] | None = None
+        self,
+        case: Case,
+        world: World,
+        *,
+        how: str,
+        parent: World | None = None,
+        detail: dict[str, Any] | None = None,
+        observation: str | None = None,
     ) -> None:
-        """Store a world as one of the case's, with where it came from."""
+        """Store a world as one of the case's, with where it came from and the track record it models."""
         with self.store.transaction():
             self.store.worlds.put(
                 world.id,
@@ -92,7 +99,7 @@ class App:
                 how=how,
                 detail=detail,
             )
-            self.store.cases.add_world(case.id, world.id, how)
+            self.store.cases.add_world(case.id, world.id, how, observation)
 
     # --- evidence ---
 

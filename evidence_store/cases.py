@@ -125,12 +125,23 @@ class Cases:
             )
             return [(row["kind"], row["observation_id"]) for row in rows]
 
-    def add_world(self, identifier: str, world_id: str, origin: str) -> None:
-        """Make a world one of the case's, once."""
+    def add_world(self, identifier: str, world_id: str, origin: str, observation: str | None = None) -> None:
+        """Make a world one of the case's, once; `observation` is the track record it models."""
         with self._connection.write() as database:
             database.table("case_worlds").insert(
-                {"case_id": identifier, "world_id": world_id, "origin": origin}, ignore=True
+                {"case_id": identifier, "world_id": world_id, "origin": origin, "observation_id": observation},
+                ignore=True,
             )
+
+    def modelled_observation(self, identifier: str, world_id: str) -> str | None:
+        """The track record that a world of the case models, where it models one."""
+        with self._connection.read() as database:
+            rows = list(
+                database.query(
+                    "SELECT observation_id FROM case_worlds WHERE case_id = ? AND world_id = ?", [identifier, world_id]
+                )
+            )
+        return rows[0]["observation_id"] if rows else None
 
     def worlds(self, identifier: str) -> list[tuple[str, str]]:
         """(world id, origin) of the case, oldest first."""

@@ -54,6 +54,7 @@ CREATE TABLE case_worlds (
     case_id TEXT NOT NULL REFERENCES cases(id),
     world_id TEXT NOT NULL REFERENCES worlds(id),
     origin TEXT NOT NULL,
+    observation_id TEXT REFERENCES observations(id),   -- the tracks it models
     UNIQUE (case_id, world_id)
 );
 CREATE TABLE rollouts (

@@ -1,0 +1,254 @@
+"""From an observation to a world: which representation, which shapes, where everything starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from polyworld.camera import Camera
+from polyworld.initial_states import initial_states, with_initial_states
+from polyworld.tracks import ObservedTracks
+from polyworld.world import (
+    Appearance,
+    BodyShape,
+    Box,
+    Capsule,
+    ConvexMesh,
+    Cylinder,
+    Effect,
+    Environment,
+    MotionPlane,
+    Plane,
+    RigidObject,
+    Sphere,
+    StaticObject,
+    TimeBase,
+    World,
+)
+
+Representation = Literal["auto", "planar", "spatial"]
+
+# An object counts as staying on its plane while its height varies less than this share of its half height,
+# or than this many standard deviations of its measured position.
+HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+
+
+@dataclass(frozen=True)
+class ObservedObject:
+    """What was seen of an object beside its motion; None where it was not."""
+
+    name: str
+    shape: BodyShape | None = None
+    color: str | None = None
+    material: str | None = None
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the agent says about one object; None leaves it to the observation or to the default."""
+
+    shape: BodyShape | None = None
+    mass: float | None = None
+    density: float | None = None
+    friction: float | None = None
+    restitution: float | None = None
+    rolling_resistance: float | None = None
+    linear_damping: float | None = None
+    angular_damping: float | None = None
+    color: str | None = None
+    material: str | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What surrounds the objects. floor_height [m] is where they rest; None: nothing supports them."""
+
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    floor_height: float | None = 0.0
+    motion_plane: MotionPlane | None = None
+    statics: tuple[StaticObject, ...] = ()
+    effects: tuple[Effect, ...] = ()
+
+
+@dataclass(frozen=True)
+class Built:
+    """A world, and every choice made on the way that the agent did not make itself."""
+
+    world: World
+    representation: Literal["planar", "spatial"]
+    why: str
+    assumed: tuple[str, ...] = field(default=())
+    left_out: tuple[str, ...] = field(default=())
+
+
+def build_world(
+    tracks: ObservedTracks,
+    objects: Sequence[ObservedObject],
+    *,
+    given: Mapping[str, Given],
+    chosen: Sequence[str] | None = None,
+    scene: Scene,
+    representation: Representation = "auto",
+    heights_assumed: bool = False,
+    time: TimeBase,
+    camera: Camera | None = None,
+) -> Built:
+    """A world of the tracked objects, each placed and set in motion as its track begins.
+
+    chosen: names of the tracks to model (default all). heights_assumed: the tracks were got by assuming that
+    objects stay on the floor, so their height says nothing. Raises ValueError or KeyError for unknown names and
+    for objects whose shape is neither observed nor given.
+    """
+    seen = {item.name: item for item in objects}
+    names = list(tracks.names if chosen is None else chosen)
+    unknown = sorted((set(names) | set(given)) - set(tracks.names))
+    if unknown:
+        raise ValueError(f"no tracks {unknown}; tracks: {list(tracks.names)}")
+    states = initial_states(tracks, seconds_per_frame=time.seconds_per_frame)
+    left_out = tuple(f"{name}: observed in fewer than two frames" for name in names if name not in states)
+    names = [name for name in names if name in states]
+    shapes = _shapes(names, seen, given)
+    kind, why = _representation(representation, tracks.select(names), shapes, scene, heights_assumed)
+    bodies = tuple(
+        _body(name, shapes[name], seen.get(name), given.get(name, Given()), kind, scene, states[name].position)
+        for name in names
+    )
+    floor: tuple[StaticObject, ...] = ()
+    plane = scene.motion_plane
+    if plane is None:
+        # Without a floor the plane is still where the objects move; it just does not press back.
+        plane = MotionPlane(point=(0.0, 0.0, scene.floor_height or 0.0), supports=scene.floor_height is not None)
+    if kind == "spatial" and scene.floor_height is not None:
+        floor = (StaticObject(name="floor", shape=Plane(offset=scene.floor_height)),)
+    world = World(
+        objects=bodies,
+        statics=(*floor, *scene.statics),
+        environment=Environment(gravity=scene.gravity, motion_plane=plane),
+        effects=scene.effects,
+        time=time,
+        camera=camera,
+    )
+    return Built(
+        world=with_initial_states(world, tracks.select(names)),
+        representation=kind,
+        why=why,
+        assumed=_assumed(names, given, scene, kind),
+        left_out=left_out,
+    )
+
+
+def _shapes(
+    names: Sequence[str], seen: Mapping[str, ObservedObject], given: Mapping[str, Given]
+) -> dict[str, BodyShape]:
+    shapes: dict[str, BodyShape] = {}
+    for name in names:
+        said = given[name].shape if name in given else None
+        observed = seen[name].shape if name in seen else None
+        shape = said or observed
+        if shape is not None:
+            shapes[name] = shape
+    missing = [name for name in names if name not in shapes]
+    if missing:
+        raise ValueError(
+            f"the shape and size of {missing} are not known: give objects=[{{name, shape}}] or default_shape, "
+            'e.g. {"kind": "sphere", "radius": 0.2}'
+        )
+    return shapes
+
+
+def _representation(
+    asked: Representation,
+    tracks: ObservedTracks,
+    shapes: Mapping[str, BodyShape],
+    scene: Scene,
+    heights_assumed: bool,
+) -> tuple[Literal["planar", "spatial"], str]:
+    if asked != "auto":
+        return asked, "as asked"
+    if any(static.shape.kind == "triangle_mesh" for static in scene.statics):
+        return "spatial", "a triangle mesh can only be touched in a spatial world"
+    if scene.motion_plane is not None:
+        return "planar", "a motion plane was given"
+    if heights_assumed:
+        return "planar", "positions were measured by assuming that objects stay on the floor"
+    for column, name in enumerate(tracks.names):
+        rows = tracks.confidence[:, column] > 0
+        height = tracks.positions[rows, column, 2]
+        swing = float(np.ptp(height))
+        sigma = float(np.median(tracks.position_sigma[rows, column]))
+        allowed = max(HEIGHT_SHARE * half_height(shapes[name]), HEIGHT_SIGMAS * sigma)
+        if swing > allowed:
+            return "spatial", f"{name} rises or falls by {swing:.3g} m, more than the {allowed:.3g} m of level motion"
+    return "planar", "every object keeps its height"
+
+
+def half_height(shape: BodyShape) -> float:
+    """Half the vertical extent of a shape in its rest orientation [m]: how high its centre is above the floor."""
+    if isinstance(shape, Sphere):
+        return shape.radius
+    if isinstance(shape, Box):
+        return shape.half_extents[2]
+    if isinstance(shape, Cylinder):
+        return shape.half_height
+    if isinstance(shape, Capsule):
+        return shape.half_height + shape.radius
+    return _mesh_half_height(shape)
+
+
+def _mesh_half_height(shape: ConvexMesh) -> float:
+    from polyworld.geometry import hull
+
+    return float(-np.asarray(hull(shape).vertices)[:, 2].min())
+
+
+def _body(
+    name: str,
+    shape: BodyShape,
+    seen: ObservedObject | None,
+    given: Given,
+    kind: Literal["planar", "spatial"],
+    scene: Scene,
+    position: np.ndarray,
+) -> RigidObject:
+    values = {
+        key: value
+        for key in (
+            "mass", "density", "friction", "restitution", "rolling_resistance", "linear_damping", "angular_damping"
+        )
+        if (value := getattr(given, key)) is not None
+    }  # fmt: skip
+    x, y, z = (float(v) for v in position)
+    if kind == "planar" and scene.motion_plane is None:
+        z = (scene.floor_height or 0.0) + half_height(shape)  # it stands on the floor, whatever a track says
+    return RigidObject(
+        name=name,
+        representation="rigid_planar" if kind == "planar" else "rigid_spatial",
+        shape=shape,
+        appearance=Appearance(
+            color=given.color or (seen.color if seen else None),
+            material=given.material or (seen.material if seen else None),
+        ),
+        position=(x, y, z),
+        **values,
+    )
+
+
+def _assumed(
+    names: Sequence[str], given: Mapping[str, Given], scene: Scene, kind: Literal["planar", "spatial"]
+) -> tuple[str, ...]:
+    defaults = RigidObject(name="x", shape=Sphere(radius=1.0), position=(0.0, 0.0, 0.0))
+    said = {name: given.get(name, Given()) for name in names}
+    notes = []
+    for key in ("friction", "restitution"):
+        open_ones = [name for name in names if getattr(said[name], key) is None]
+        if open_ones:
+            notes.append(f"{key} {getattr(defaults, key):g} for {', '.join(open_ones)}: FitWorld finds better")
+    unweighed = [name for name in names if said[name].mass is None and said[name].density is None]
+    if unweighed:
+        notes.append(f"density {defaults.density:g} kg/m^3 for {', '.join(unweighed)}")
+    if kind == "planar" and scene.motion_plane is None:
+        notes.append("objects stay upright and on the floor")
+    return tuple(notes)
