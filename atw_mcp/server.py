@@ -75,7 +75,7 @@ def build_server(store: Path | None = None) -> MCPServer[App]:
         "asking-the-world",
         title="Asking the World",
         instructions=INSTRUCTIONS,
-        version=serverserver_version(),
+        version=server_version(),
         tools=list[Tool](app.tools),
         lifespan=lifespan,
         log_level="WARNING",
@@ -90,7 +90,8 @@ def all_tools() -> list[WorldTool]:
     return [tool for group in GROUPS for tool in group.tools]
 
 
-def serverserver_version() -> str:
+def server_version() -> str:
+    """The version of this program as installed."""
     try:
         return version("atw-mcp")
     except PackageNotFoundError:  # run from a source tree that was never installed
