@@ -1,0 +1,160 @@
+"""The cross-entropy method over a box: a diagonal Gaussian drawn towards its best samples.
+
+Rubinstein & Kroese, The Cross-Entropy Method (2004), with the smoothed update and the variance floor:
+samples are projected on their bounds, the elite set of lowest losses gives mean and standard deviation, both
+are smoothed with the previous ones, and the deviation is kept above a floor. The best candidates so far are
+carried into the next generation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Evaluate = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class CemSettings:
+    """population N candidates a generation, of which `elites` K form the elite set and the `carried` best so
+    far are candidates of the generation before. smoothing: the weight of the old mean and deviation. floor:
+    smallest standard deviation as a share of the initial one.
+    """
+
+    population: int = 64
+    elites: int = 8
+    carried: int = 4
+    smoothing: float = 0.3
+    floor: float = 0.01
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.elites <= self.population:
+            raise ValueError(f"elites must lie in 2..population ({self.population}), got {self.elites}")
+        if not 0 <= self.carried <= min(self.elites, self.population - 1):
+            raise ValueError(f"carried must lie in 0..{min(self.elites, self.population - 1)}, got {self.carried}")
+        if not 0.0 <= self.smoothing < 1.0:
+            raise ValueError(f"smoothing must lie in [0, 1), got {self.smoothing}")
+        if not 0.0 <= self.floor <= 1.0:
+            raise ValueError(f"floor must lie in 0..1, got {self.floor}")
+
+
+@dataclass
+class CemState:
+    """All that the search knows between generations; `to_dict` and `from_dict` keep it exactly.
+
+    mean, sd (P,): the proposal. elite (K', P): the best candidates so far, best first, and their losses.
+    elite_sd (P,): spread of the last elite set. rng: state of the random generator.
+    """
+
+    generation: int
+    mean: Array
+    sd: Array
+    elite: Array
+    elite_losses: Array
+    elite_sd: Array
+    rng: dict[str, Any]
+
+    @classmethod
+    def start(cls, mean: Array, sd: Array, seed: int) -> CemState:
+        """The state before the first generation."""
+        p = len(mean)
+        return cls(
+            generation=0,
+            mean=np.array(mean, dtype=float),
+            sd=np.array(sd, dtype=float),
+            elite=np.zeros((0, p)),
+            elite_losses=np.zeros(0),
+            elite_sd=np.array(sd, dtype=float),
+            rng=dict(np.random.default_rng(seed).bit_generator.state),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        return {
+            "generation": self.generation,
+            **{k: getattr(self, k).tolist() for k in ("mean", "sd", "elite", "elite_losses", "elite_sd")},
+            "rng": self.rng,
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> CemState:
+        """The inverse of `to_dict`."""
+        p = len(data["mean"])
+        return cls(
+            generation=int(data["generation"]),
+            mean=np.asarray(data["mean"], dtype=float),
+            sd=np.asarray(data["sd"], dtype=float),
+            elite=np.asarray(data["elite"], dtype=float).reshape(-1, p),
+            elite_losses=np.asarray(data["elite_losses"], dtype=float),
+            elite_sd=np.asarray(data["elite_sd"], dtype=float),
+            rng=data["rng"],
+        )
+
+
+def generation(
+    state: CemState,
+    evaluate: Evaluate,
+    lower: Array,
+    upper: Array,
+    floor: Array,
+    settings: CemSettings,
+    *,
+    free: NDArray[np.bool_] | None = None,
+) -> CemState:
+    """One generation: sample, project, evaluate, select, update; returns the next state.
+
+    evaluate: candidates (N, P) -> losses (N,). floor (P,): smallest standard deviations. free (P,):
+    parameters that take part (default all); the others keep their mean in every candidate and their proposal.
+    The carried candidates are evaluated again with the rest, so `evaluate` may change between generations
+    (a longer horizon) and the elite's losses always belong to the present one.
+    """
+    rng = np.random.default_rng(0)
+    rng.bit_generator.state = state.rng
+    active = np.ones(len(state.mean), dtype=bool) if free is None else free
+    noise = rng.standard_normal((settings.population, len(state.mean)))
+    candidates = np.clip(state.mean + state.sd * noise * active, lower, upper)
+    # The mean itself is a candidate, and the best so far are carried over.
+    candidates[-1] = np.clip(state.mean, lower, upper)
+    carried = state.elite[: settings.carried]
+    candidates[: len(carried)] = carried
+    losses = evaluate(candidates)
+    order = np.argsort(losses, kind="stable")[: settings.elites]
+    elite = candidates[order]
+    elite_mean, elite_sd = elite.mean(axis=0), elite.std(axis=0)
+    a = settings.smoothing
+    mean = np.where(active, a * state.mean + (1.0 - a) * elite_mean, state.mean)
+    sd = np.where(active, np.maximum(floor, a * state.sd + (1.0 - a) * elite_sd), state.sd)
+    return CemState(
+        generation=state.generation + 1,
+        mean=mean,
+        sd=sd,
+        elite=elite,
+        elite_losses=losses[order],
+        elite_sd=elite_sd,
+        rng=dict(rng.bit_generator.state),
+    )
+
+
+def minimise(
+    evaluate: Evaluate,
+    lower: Array,
+    upper: Array,
+    mean: Array,
+    sd: Array,
+    *,
+    generations: int,
+    seed: int = 0,
+    settings: CemSettings | None = None,
+) -> CemState:
+    """Run `generations` generations on one objective; the best candidate is `state.elite[0]`."""
+    settings = settings or CemSettings()
+    state = CemState.start(mean, sd, seed)
+    floor = settings.floor * np.asarray(sd, dtype=float)
+    for _ in range(generations):
+        state = generation(state, evaluate, lower, upper, floor, settings)
+    return state

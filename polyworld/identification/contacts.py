@@ -1,0 +1,91 @@
+"""Which objects the tracks bring close enough to touch, and when: what contact parameters can be told from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.tracks import ObservedTracks
+from polyworld.world import Box, Capsule, Cylinder, Plane, RigidObject, Sphere, StaticObject, TriangleMesh, Wall, World
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PossibleContact:
+    """Two names, alphabetical, and the first time [s] at which their tracks come within reach of each other."""
+
+    participants: tuple[str, str]
+    time: float
+
+
+def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05) -> list[PossibleContact]:
+    """Pairs whose circumscribed balls come within `margin` [m] of each other, in order of time.
+
+    Pairs of objects, and objects with statics. A pair observed too seldom, or never both at once, is not
+    listed. A planar world's supporting plane is not a static and makes no contact here.
+    """
+    found: list[PossibleContact] = []
+    times = tracks.frames * world.time.seconds_per_frame
+    names = [o.name for o in world.objects if o.name in tracks.names]
+    seen = {n: tracks.confidence[:, tracks.index(n)] > 0.0 for n in names}
+    place = {n: tracks.positions[:, tracks.index(n)] for n in names}
+    reach = {n: circumscribed_radius(world.object(n)) for n in names}
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            gap = np.linalg.norm(place[a] - place[b], axis=1) - reach[a] - reach[b]
+            near = seen[a] & seen[b] & (gap <= margin)
+            if near.any():
+                first, second = sorted((a, b))
+                found.append(PossibleContact((first, second), float(times[np.argmax(near)])))
+        for static in world.statics:
+            near = seen[a] & (distance_to_static(static, place[a]) - reach[a] <= margin)
+            if near.any():
+                first, second = sorted((a, static.name))
+                found.append(PossibleContact((first, second), float(times[np.argmax(near)])))
+    return sorted(found, key=lambda contact: (contact.time, contact.participants))
+
+
+def circumscribed_radius(item: RigidObject) -> float:
+    """Radius [m] of the smallest ball about the centre of mass that holds the object."""
+    shape = item.shape
+    if isinstance(shape, Sphere):
+        return shape.radius
+    if isinstance(shape, Box):
+        return float(np.linalg.norm(shape.half_extents))
+    if isinstance(shape, Cylinder):
+        return float(np.hypot(shape.radius, shape.half_height))
+    if isinstance(shape, Capsule):
+        return shape.radius + shape.half_height
+    return float(np.linalg.norm(geometry.hull(shape).vertices, axis=1).max())
+
+
+def distance_to_static(static: StaticObject, points: Array) -> Array:
+    """Distance (T,) [m] of points (T, 3) from a static's surface; never larger than the true one, 0 inside."""
+    rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
+    local = (points - np.asarray(static.position)) @ rotation
+    shape = static.shape
+    if isinstance(shape, Plane):
+        normal = np.asarray(shape.normal) / np.linalg.norm(shape.normal)
+        height: Array = np.maximum(local @ normal - shape.offset, 0.0)
+        return height
+    if isinstance(shape, Wall):
+        box, centre, turn = geometry.wall_box(shape)
+        return _outside_box((local - centre) @ turn, np.asarray(box.half_extents))
+    if isinstance(shape, Box):
+        return _outside_box(local, np.asarray(shape.half_extents))
+    if isinstance(shape, TriangleMesh):
+        corners = np.asarray(shape.vertices)
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        return _outside_box(local - middle, (corners.max(axis=0) - corners.min(axis=0)) / 2)
+    radius = circumscribed_radius(RigidObject(name="static", shape=shape, position=(0.0, 0.0, 0.0)))
+    gap: Array = np.maximum(np.linalg.norm(local, axis=1) - radius, 0.0)
+    return gap
+
+
+def _outside_box(local: Array, half_extents: Array) -> Array:
+    distance: Array = np.linalg.norm(np.maximum(np.abs(local) - half_extents, 0.0), axis=1)
+    return distance

@@ -1,0 +1,87 @@
+"""Losses and residuals of many candidates at once, by batches of rollouts of constant size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.identification.free_parameters import SearchSpace
+from polyworld.identification.objective import Objective
+from polyworld.rollout import Simulator
+from polyworld.trajectory import BatchTrajectory
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+
+class MakeSimulator(Protocol):
+    """Anything that makes a simulator as `polyworld.rollout.simulator` does."""
+
+    def __call__(self, world: World, sample_times: Array, *, n_worlds: int) -> Simulator: ...
+
+
+class ForwardModel:
+    """Candidates in search coordinates in, losses or residuals out; counts the rollouts it asks for.
+
+    batch: worlds of one simulator run. Candidates are evaluated in runs of that size, the last one filled up
+    with copies that are not counted.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        objective: Objective,
+        space: SearchSpace,
+        make_simulator: MakeSimulator,
+        *,
+        batch: int,
+        prior_weight: float = 1.0,
+    ) -> None:
+        self.world = world
+        self.objective = objective
+        self.space = space
+        self.rollouts = 0
+        self._batch = batch
+        self._prior_weight = prior_weight
+        self._simulator = make_simulator(world, objective.sample_times, n_worlds=batch)
+
+    @property
+    def samples(self) -> int:
+        """Number of sample times of the full horizon."""
+        return len(self.objective.sample_times)
+
+    def losses(self, candidates: Array, samples: int) -> Array:
+        """Loss (N,) of candidates (N, P) over the first `samples` sample times.
+
+        With the prior: D + lambda R, where R is the sum of squared prior residuals over the same normaliser
+        as the data's, so that for lambda = 1 the minimum is the most probable value.
+        """
+        losses = self._over(candidates, samples, self.objective.losses)
+        prior = (self.space.prior_residuals(candidates) ** 2).sum(axis=1)
+        total: Array = losses + self._prior_weight * prior / self.objective.weight(samples)
+        return total
+
+    def residuals(self, candidates: Array, samples: int) -> Array:
+        """Weighted standardised residuals (N, r) of candidates (N, P), the prior's last; NaN rows where diverged."""
+        data = self._over(candidates, samples, self.objective.residuals)
+        prior = np.sqrt(self._prior_weight) * self.space.prior_residuals(candidates)
+        return np.concatenate([data, prior], axis=1)
+
+    def huber_weights(self, candidate: Array, samples: int) -> Array:
+        """Weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""
+        data = self._over(candidate[None], samples, self.objective.huber_weights)[0]
+        count = sum(p.prior is not None for p in self.space.parameters)
+        return np.concatenate([data, np.ones(count)])
+
+    def _over(self, candidates: Array, samples: int, measure: Callable[[BatchTrajectory], Array]) -> Array:
+        parts: list[Array] = []
+        for begin in range(0, len(candidates), self._batch):
+            part = candidates[begin : begin + self._batch]
+            filled = np.concatenate([part, np.repeat(part[-1:], self._batch - len(part), axis=0)])
+            batch = self._simulator.run(self.space.overrides(filled), samples=samples)
+            parts.append(measure(batch)[: len(part)])
+            self.rollouts += len(part)
+        return np.concatenate(parts)
