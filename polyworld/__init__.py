@@ -1,6 +1,32 @@
-"""Worlds in, trajectories and events out."""
+"""Worlds in, trajectories and events out.
 
-import warp as _warp
+Describe a `World`, `rollout` it, `branch` it by interventions, `compare` the rollouts, `query` them.
+"""
 
-# Standard output may carry a protocol: Warp announces itself and every compilation there.
-_warp.config.log_level = _warp.LOG_WARNING
+from polyworld import warp_settings
+from polyworld.compare import Comparison, compare
+from polyworld.interventions import Intervention, branch
+from polyworld.predicates import Predicate
+from polyworld.query import QueryResult, query
+from polyworld.rollout import Simulator, rollout, simulator
+from polyworld.trajectory import BatchTrajectory, Event, Rollout, Trajectory
+from polyworld.world import World
+
+__all__ = [
+    "BatchTrajectory",
+    "Comparison",
+    "Event",
+    "Intervention",
+    "Predicate",
+    "QueryResult",
+    "Rollout",
+    "Simulator",
+    "Trajectory",
+    "World",
+    "branch",
+    "compare",
+    "query",
+    "rollout",
+    "simulator",
+    "warp_settings",
+]

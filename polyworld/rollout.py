@@ -80,7 +80,7 @@ def rollout(world: World, horizon: float, *, sample_interval: float | None = Non
             f"a horizon of {horizon} s asks for more than {MAX_SUBSTEPS} substeps; the longest is {longest:.6g} s"
         )
     whole = int(np.floor(horizon / interval * (1 + 1e-12)))
-    times = np.arange(whole + 1) * interval
+    times: Array = np.arange(whole + 1, dtype=np.float64) * interval
     if horizon - times[-1] > 1e-9 * interval:
         times = np.append(times, horizon)
     batch = simulator(world, times, record_events=True, threads=1).run()

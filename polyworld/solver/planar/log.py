@@ -12,15 +12,14 @@ def touch(log: Log, w: wp.int32, row: Row, centre: wp.vec2d, time: wp.float64, i
     """Note that a pair touches at `time` with the row's kick and, over the step, `impulse` [N s]."""
     episode = log.open[w, row.a, row.b]
     total = impulse + row.kick
-    if episode >= 0:
-        if time - log.last[w, episode] <= log.merge:
-            # The points of one step belong to one first impulse.
-            if time == log.begin[w, episode]:
-                log.first_impulse[w, episode] = log.first_impulse[w, episode] + total
-                log.speed[w, episode] = wp.max(log.speed[w, episode], row.approach)
-            log.impulse[w, episode] = log.impulse[w, episode] + total
-            log.last[w, episode] = time
-            return
+    if episode >= 0 and time - log.last[w, episode] <= log.merge:
+        # The points of one step belong to one first impulse.
+        if time == log.begin[w, episode]:
+            log.first_impulse[w, episode] = log.first_impulse[w, episode] + total
+            log.speed[w, episode] = wp.max(log.speed[w, episode], row.approach)
+        log.impulse[w, episode] = log.impulse[w, episode] + total
+        log.last[w, episode] = time
+        return
     slot = log.count[w]
     log.count[w] = slot + 1
     if slot < log.begin.shape[1]:

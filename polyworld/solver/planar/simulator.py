@@ -92,18 +92,17 @@ class PlanarSimulator:
         if not 1 <= count <= len(self.sample_times):
             raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
         arrays = rigid_arrays(self.world, overrides)
-        rows = {len(v) for v in vars(arrays).values() if np.ndim(v) > 1} - {1}
         lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
         if lengths and lengths != {self.n_worlds}:
-            raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths | rows)}")
-        orientation = self._write(arrays)
+            raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
+        self._write(arrays)
         segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
         self._launch(segments)
-        return self._read(arrays, orientation, count)
+        return self._read(count)
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
-        pairs = int(self._scene.collides.numpy()[:, :].sum())
+        pairs = int(self._scene.collides.numpy().sum())
         corners = np.diff(self._scene.first.numpy())
         bodies = Bodies()
         for name, dtype in BODY_FIELDS.items():
@@ -138,8 +137,8 @@ class PlanarSimulator:
         samples.crowded = _zeros((w,), wp.int32)
         self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
 
-    def _write(self, arrays: RigidArrays) -> Array:
-        """Fill the device arrays; returns the initial orientations (R, n, 4)."""
+    def _write(self, arrays: RigidArrays) -> None:
+        """Fill the device arrays in place."""
         b, axes = self._bodies, self._axes
         flat, normal = axes[:2], axes[2]
         angle = self._turn(arrays.orientation)
@@ -179,7 +178,6 @@ class PlanarSimulator:
         out.diverged_object.numpy()[:] = -1
         out.diverged_time.numpy()[:] = np.nan
         out.crowded.numpy()[:] = 0
-        return arrays.orientation
 
     def _turn(self, orientation: Array) -> Array:
         """Angle (R, n) about the plane's normal from the world's own orientations to those given."""
@@ -216,7 +214,7 @@ class PlanarSimulator:
         with ThreadPoolExecutor(min(self.threads, pieces)) as pool:
             list(pool.map(piece, range(pieces)))
 
-    def _read(self, arrays: RigidArrays, orientation: Array, count: int) -> BatchTrajectory:
+    def _read(self, count: int) -> BatchTrajectory:
         out, axes = self._samples, self._axes
         crowded = out.crowded.numpy()
         if crowded.any():
@@ -226,9 +224,9 @@ class PlanarSimulator:
         pose, rate = out.pose.numpy()[:, :count], out.rate.numpy()[:, :count]
         height = self._bodies.height.numpy()[:, None, :, None]
         turn = np.zeros((*pose.shape[:3], 4))
-        # The angle counts from the world's own orientation, an override's turn included.
         turn[..., 0] = np.cos(pose[..., 2] / 2)
         turn[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
+        # The angle counts from the world's own orientation, an override's turn included.
         base = np.array([o.orientation for o in self.world.objects]).reshape(1, 1, -1, 4)
         starts = np.array([o.start_time for o in self.world.objects])
         diverged = out.diverged_object.numpy() >= 0

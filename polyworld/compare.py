@@ -1,0 +1,190 @@
+"""What differs between two rollouts: how far objects end up apart, and which events are new, gone or shifted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.trajectory import Event, Rollout, Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ObjectDifference:
+    """How one object's centre moves in the other rollout compared with the base.
+
+    largest [m] at largest_time [s]; final [m] at the end of what both cover; apart_from [s]: first time at
+    which the centres are further apart than the tolerance, None if never. All None where the object is
+    active in both at no common time.
+    """
+
+    name: str
+    largest: float | None
+    largest_time: float | None
+    final: float | None
+    apart_from: float | None
+
+
+@dataclass(frozen=True)
+class EventMatch:
+    """The same event in both rollouts; shift [s] is the other's time minus the base's."""
+
+    base: Event
+    other: Event
+    shift: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two rollouts over the time both cover, 0 to `horizon` [s]."""
+
+    horizon: float
+    tolerance: float
+    time_tolerance: float
+    objects: tuple[ObjectDifference, ...]
+    objects_only_in_base: tuple[str, ...]
+    objects_only_in_other: tuple[str, ...]
+    events_only_in_base: tuple[Event, ...]
+    events_only_in_other: tuple[Event, ...]
+    events_in_both: tuple[EventMatch, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison as JSON-ready values."""
+        return {
+            "horizon": self.horizon,
+            "tolerance": self.tolerance,
+            "time_tolerance": self.time_tolerance,
+            "objects": [asdict(o) for o in self.objects],
+            "objects_only_in_base": list(self.objects_only_in_base),
+            "objects_only_in_other": list(self.objects_only_in_other),
+            "events_only_in_base": [e.to_dict() for e in self.events_only_in_base],
+            "events_only_in_other": [e.to_dict() for e in self.events_only_in_other],
+            "events_in_both": [
+                {"base": m.base.to_dict(), "other": m.other.to_dict(), "shift": m.shift} for m in self.events_in_both
+            ],
+        }
+
+
+def compare(
+    base: Rollout,
+    other: Rollout,
+    objects: Sequence[str] | None = None,
+    *,
+    tolerance: float = 0.01,
+    time_tolerance: float = 0.25,
+) -> Comparison:
+    """Compare two rollouts over the time both cover.
+
+    objects: names to compare (default: all); an event belongs when one of its participants does. tolerance
+    [m]: distance from which an object has parted from its base motion. time_tolerance [s]: events of equal
+    kind and participants no further apart are the same event. Raises KeyError for a name in neither rollout.
+    """
+    ours, theirs = base.trajectory.names, other.trajectory.names
+    known = list(dict.fromkeys([*ours, *theirs]))
+    chosen = list(objects) if objects is not None else known
+    unknown = [name for name in chosen if name not in known]
+    if unknown:
+        raise KeyError(f"unknown objects {unknown}; objects in either rollout: {known}")
+    horizon = min(_end(base.trajectory), _end(other.trajectory))
+    a = [e for e in base.events if _belongs(e, chosen, horizon, objects is None)]
+    b = [e for e in other.events if _belongs(e, chosen, horizon, objects is None)]
+    matches = match_events(a, b, time_tolerance)
+    matched_a, matched_b = {i for i, _ in matches}, {j for _, j in matches}
+    return Comparison(
+        horizon=horizon,
+        tolerance=tolerance,
+        time_tolerance=time_tolerance,
+        objects=tuple(
+            _difference(base.trajectory, other.trajectory, name, horizon, tolerance)
+            for name in chosen
+            if name in ours and name in theirs
+        ),
+        objects_only_in_base=tuple(n for n in chosen if n not in theirs),
+        objects_only_in_other=tuple(n for n in chosen if n not in ours),
+        events_only_in_base=tuple(e for i, e in enumerate(a) if i not in matched_a),
+        events_only_in_other=tuple(e for j, e in enumerate(b) if j not in matched_b),
+        events_in_both=tuple(EventMatch(a[i], b[j], b[j].time - a[i].time) for i, j in sorted(matches)),
+    )
+
+
+def match_events(a: Sequence[Event], b: Sequence[Event], tolerance: float) -> list[tuple[int, int]]:
+    """Index pairs of events of equal kind and participants, nearest in time first, each used once."""
+    candidates = sorted(
+        (abs(y.time - x.time), i, j)
+        for i, x in enumerate(a)
+        for j, y in enumerate(b)
+        if x.kind == y.kind and x.participants == y.participants and abs(y.time - x.time) <= tolerance
+    )
+    used_a: set[int] = set()
+    used_b: set[int] = set()
+    matches = []
+    for _, i, j in candidates:
+        if i not in used_a and j not in used_b:
+            used_a.add(i)
+            used_b.add(j)
+            matches.append((i, j))
+    return matches
+
+
+def positions_at(trajectory: Trajectory, column: int, times: Array) -> Array:
+    """Centres (T, 3) of one object at times within the trajectory: the cubic through positions and velocities."""
+    if len(trajectory.times) == 1:
+        return np.repeat(trajectory.positions[:, column], len(times), axis=0)
+    k = np.clip(np.searchsorted(trajectory.times, times, side="right") - 1, 0, len(trajectory.times) - 2)
+    step = (trajectory.times[k + 1] - trajectory.times[k])[:, None]
+    u = (times - trajectory.times[k])[:, None] / step
+    p, v = trajectory.positions[:, column], trajectory.velocities[:, column]
+    value: Array = (
+        (1 + 2 * u) * (1 - u) ** 2 * p[k]
+        + u * (1 - u) ** 2 * step * v[k]
+        + u**2 * (3 - 2 * u) * p[k + 1]
+        + u**2 * (u - 1) * step * v[k + 1]
+    )
+    # A sample is returned as it is, to the bit.
+    exact = trajectory.times[k] == times
+    value[exact] = p[k[exact]]
+    last = trajectory.times[k + 1] == times
+    value[last] = p[k[last] + 1]
+    return value
+
+
+def _difference(base: Trajectory, other: Trajectory, name: str, horizon: float, tolerance: float) -> ObjectDifference:
+    i, j = base.index(name), other.index(name)
+    both = (base.times <= horizon) & base.active[:, i]
+    # Before the other's object is active it has no motion to compare with.
+    started = other.times[other.active[:, j]]
+    both &= base.times >= (started[0] if len(started) else np.inf)
+    times = base.times[both]
+    if len(times) == 0:
+        return ObjectDifference(name, None, None, None, None)
+    distance = np.linalg.norm(positions_at(other, j, times) - base.positions[both, i], axis=1)
+    peak = int(np.argmax(distance))
+    beyond = np.flatnonzero(distance > tolerance)
+    return ObjectDifference(
+        name=name,
+        largest=float(distance[peak]),
+        largest_time=float(times[peak]),
+        final=float(distance[-1]),
+        apart_from=_first_beyond(times, distance, tolerance, int(beyond[0])) if len(beyond) else None,
+    )
+
+
+def _first_beyond(times: Array, distance: Array, tolerance: float, k: int) -> float:
+    """Time at which the distance passes the tolerance, on the line between samples k - 1 and k."""
+    if k == 0:
+        return float(times[0])
+    share = (tolerance - distance[k - 1]) / (distance[k] - distance[k - 1])
+    return float(times[k - 1] + share * (times[k] - times[k - 1]))
+
+
+def _belongs(event: Event, chosen: Sequence[str], horizon: float, everything: bool) -> bool:
+    return event.time <= horizon and (everything or any(p in chosen for p in event.participants))
+
+
+def _end(trajectory: Trajectory) -> float:
+    return float(trajectory.times[-1]) if len(trajectory.times) else 0.0

@@ -1,0 +1,294 @@
+"""Decide a predicate over an interval of a rollout. What the rollout does not cover is unknown, never false."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.predicates import (
+    Above,
+    AtRest,
+    Below,
+    Collides,
+    InContact,
+    InsideRegion,
+    InView,
+    Moving,
+    NearerThan,
+    PassesBefore,
+    Predicate,
+    names_in,
+)
+from polyworld.trajectory import Rollout, Trajectory
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+Aggregation = Literal["any", "all", "first", "last", "count", "fraction"]
+Interval = tuple[float, float]
+
+ROUNDING = 1e-9  # [s]: an interval that ends at the horizon may have been computed another way
+
+
+@dataclass(frozen=True)
+class QueryResult:
+    """The answer to a query.
+
+    decided: whether the rollout covers what the question needs; value is None where it does not, and
+    `reason` says why. value: bool for any and all; a time [s] for first and last, or None, decided, where it
+    never holds; int for count; 0..1 for fraction. intervals: when the predicate holds, within the covered
+    part of the interval asked for. evidence: the numbers it was decided on.
+    """
+
+    value: bool | int | float | None
+    decided: bool
+    reason: str | None
+    intervals: tuple[Interval, ...]
+    covered: Interval | None
+    evidence: dict[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as JSON-ready values."""
+        return {
+            "value": self.value,
+            "decided": self.decided,
+            "reason": self.reason,
+            "intervals": [list(i) for i in self.intervals],
+            "covered": None if self.covered is None else list(self.covered),
+            "evidence": self.evidence,
+        }
+
+
+def query(
+    rollout: Rollout,
+    world: World,
+    predicate: Predicate,
+    interval: Interval | None = None,
+    aggregation: Aggregation = "any",
+) -> QueryResult:
+    """Decide `predicate` over `interval` (start, end) [s] (default: the whole rollout), both ends included.
+
+    States are read at the samples and crossings found on the straight line between them; contacts are exact.
+    Raises ValueError for an interval that ends before it begins, for a rollout of another world, and for an
+    aggregation that the predicate does not have.
+    """
+    if rollout.world_id != world.id:
+        raise ValueError(f"the rollout is of {rollout.world_id}, the world is {world.id}")
+    start, end = interval if interval is not None else (0.0, rollout.horizon)
+    if not (np.isfinite(start) and np.isfinite(end) and start <= end):
+        raise ValueError(f"an interval is (start, end) with start <= end, got {(start, end)}")
+    if isinstance(predicate, PassesBefore) and aggregation != "any":
+        raise ValueError("passes_before is an order, not a state: its only aggregation is any")
+    if isinstance(predicate, Collides) and aggregation in ("all", "fraction"):
+        raise ValueError("collides holds at instants: its aggregations are any, first, last, count")
+    objects = [o.name for o in world.objects]
+    statics = [s.name for s in world.statics]
+    may_be_static = isinstance(predicate, InContact | Collides)
+    for position, name in enumerate(names_in(predicate)):
+        if name not in objects and not (may_be_static and name in statics):
+            kind = "static: nothing of the kind is tracked" if name in statics else "not in this world"
+            return _unknown(f"{name!r} is {kind}; objects: {objects}" + (f"; statics: {statics}" * may_be_static))
+        if name in statics and position == 0:
+            return _unknown(f"{name!r} is static: give the object that moves first; objects: {objects}")
+    if isinstance(predicate, InView) and world.camera is None and world.region is None:
+        return _unknown("this world has neither a camera nor a region: there is no view to be in")
+    covered = _coverage(rollout, world, predicate, start, end)
+    if isinstance(covered, str):
+        return _unknown(covered)
+    if isinstance(predicate, PassesBefore):
+        return _order(rollout.trajectory, predicate, covered, (start, end))
+    if isinstance(predicate, InContact | Collides):
+        holds, evidence = _contacts(rollout, predicate, covered)
+    else:
+        holds, evidence = _states(rollout.trajectory, world, predicate, covered)
+    return _aggregate(aggregation, holds, covered, (start, end), evidence)
+
+
+def _unknown(
+    reason: str,
+    holds: tuple[Interval, ...] = (),
+    covered: Interval | None = None,
+    evidence: dict[str, Any] | None = None,
+) -> QueryResult:
+    return QueryResult(None, False, reason, holds, covered, evidence or {})
+
+
+def _coverage(rollout: Rollout, world: World, predicate: Predicate, start: float, end: float) -> Interval | str:
+    """The part of an interval that the rollout simulated with all objects active; else why there is none."""
+    times = rollout.trajectory.times
+    if len(times) == 0:
+        return "the rollout has no samples"
+    first, last = float(times[0]), float(times[-1])
+    late = ""
+    for name in names_in(predicate):
+        for item in world.objects:
+            if item.name == name and item.start_time > first:
+                first = item.start_time
+                late = f"; {name!r} joins at {item.start_time:.6g} s"
+    if start > last + ROUNDING or end < first - ROUNDING:
+        return f"the interval {start:.6g} to {end:.6g} s lies outside the covered {first:.6g} to {last:.6g} s{late}"
+    return max(start, first), min(end, last)
+
+
+def _aggregate(
+    aggregation: Aggregation,
+    holds: tuple[Interval, ...],
+    covered: Interval,
+    asked: Interval,
+    evidence: dict[str, Any],
+) -> QueryResult:
+    from_start = covered[0] <= asked[0] + ROUNDING
+    to_end = covered[1] >= asked[1] - ROUNDING
+    whole = from_start and to_end
+    inside = sum(b - a for a, b in holds)
+    length = covered[1] - covered[0]
+    throughout = bool(holds) and inside >= length - ROUNDING
+    value: bool | int | float | None
+    if aggregation == "any":
+        decided, value = bool(holds) or whole, bool(holds)
+    elif aggregation == "all":
+        decided, value = whole or not throughout, throughout
+    elif aggregation == "first":
+        decided, value = from_start and (bool(holds) or to_end), holds[0][0] if holds else None
+    elif aggregation == "last":
+        decided, value = to_end and (bool(holds) or from_start), holds[-1][1] if holds else None
+    elif aggregation == "count":
+        decided, value = whole, len(holds)
+    else:
+        decided, value = whole, inside / length if length > 0 else float(bool(holds))
+    if not decided:
+        return _unknown(
+            f"only {covered[0]:.6g} to {covered[1]:.6g} s of {asked[0]:.6g} to {asked[1]:.6g} s is covered, "
+            f"which does not decide {aggregation!r}",
+            holds,
+            covered,
+            evidence,
+        )
+    reason = "it never holds in the interval" if value is None else None
+    return QueryResult(value, True, reason, holds, covered, evidence)
+
+
+def _contacts(
+    rollout: Rollout, predicate: InContact | Collides, covered: Interval
+) -> tuple[tuple[Interval, ...], dict[str, Any]]:
+    wanted = set(names_in(predicate))
+    spans: list[Interval] = []
+    used = []
+    open_since: dict[tuple[str, ...], float] = {}
+    for event in rollout.events:
+        if event.kind not in ("contact_begin", "contact_end") or not wanted <= set(event.participants):
+            continue
+        if event.kind == "contact_begin":
+            open_since[event.participants] = event.time
+        else:
+            spans.append((open_since.pop(event.participants, 0.0), event.time))
+        used.append(event.to_dict())
+    spans += [(since, rollout.horizon) for since in open_since.values()]
+    if isinstance(predicate, Collides):
+        spans = [(a, a) for a, _ in spans if covered[0] <= a <= covered[1]]
+    clipped = [(max(a, covered[0]), min(b, covered[1])) for a, b in spans if a <= covered[1] and b >= covered[0]]
+    return tuple(sorted(clipped)), {"events": used}
+
+
+def _states(
+    trajectory: Trajectory, world: World, predicate: Predicate, covered: Interval
+) -> tuple[tuple[Interval, ...], dict[str, Any]]:
+    """Intervals in which the predicate's margin is positive, and the range of the quantity behind it."""
+    quantity, margin, label = _margin(trajectory, world, predicate)
+    times = trajectory.times
+    inner = (times > covered[0]) & (times < covered[1])
+    grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
+    m = np.interp(grid, times, margin)
+    q = np.interp(grid, times, quantity)
+    holds: list[Interval] = []
+    since: float | None = float(grid[0]) if m[0] > 0 else None
+    for k in range(1, len(grid)):
+        if (m[k] > 0) == (m[k - 1] > 0):
+            continue
+        crossing = float(grid[k - 1] + m[k - 1] / (m[k - 1] - m[k]) * (grid[k] - grid[k - 1]))
+        if since is None:
+            since = crossing
+        else:
+            holds.append((since, crossing))
+            since = None
+    if since is not None:
+        holds.append((since, float(grid[-1])))
+    low, high = int(np.argmin(q)), int(np.argmax(q))
+    evidence = {
+        label: {
+            "lowest": float(q[low]),
+            "at": float(grid[low]),
+            "highest": float(q[high]),
+            "highest_at": float(grid[high]),
+        }
+    }
+    return tuple(holds), evidence
+
+
+def _margin(trajectory: Trajectory, world: World, predicate: Predicate) -> tuple[Array, Array, str]:
+    """The quantity a state predicate compares, its margin (positive: it holds), and the quantity's label; (T,)."""
+    names = names_in(predicate)
+    i = trajectory.index(names[0])
+    p = trajectory.positions[:, i]
+    speed: Array = np.linalg.norm(trajectory.velocities[:, i], axis=1)
+    if isinstance(predicate, Moving):
+        return speed, speed - predicate.speed, "speed_m_per_s"
+    if isinstance(predicate, AtRest):
+        spin = np.linalg.norm(trajectory.angular_velocities[:, i], axis=1)
+        return speed, np.minimum(1.0 - speed / predicate.speed, 1.0 - spin / predicate.spin), "speed_m_per_s"
+    if isinstance(predicate, InsideRegion):
+        depth = _depth(p, np.asarray(predicate.lower), np.asarray(predicate.upper))
+        return depth, depth, "depth_inside_m"
+    if isinstance(predicate, InView):
+        if world.camera is None:
+            assert world.region is not None  # checked by `query`
+            depth = _depth(p, np.asarray(world.region.lower), np.asarray(world.region.upper))
+            return depth, depth, "depth_inside_m"
+        pixels = world.camera.project(p)
+        depth = _depth(pixels, np.zeros(2), np.array([world.camera.width, world.camera.height], dtype=float))
+        depth = np.where(np.isfinite(depth), depth, -1.0)  # behind the camera
+        return depth, depth, "depth_inside_px"
+    other = trajectory.positions[:, trajectory.index(names[1])]
+    if isinstance(predicate, Above | Below):
+        higher = p[:, 2] - other[:, 2]
+        sign = 1.0 if isinstance(predicate, Above) else -1.0
+        return higher, sign * higher - predicate.margin, "height_difference_m"
+    assert isinstance(predicate, NearerThan)
+    distance = np.linalg.norm(p - other, axis=1)
+    return distance, predicate.distance - distance, "distance_m"
+
+
+def _depth(points: Array, lower: Array, upper: Array) -> Array:
+    depth: Array = np.minimum((points - lower).min(axis=1), (upper - points).min(axis=1))
+    return depth
+
+
+def _order(trajectory: Trajectory, predicate: PassesBefore, covered: Interval, asked: Interval) -> QueryResult:
+    axis = "xyz".index(predicate.axis)
+    passed: dict[str, float | None] = {}
+    for name in (predicate.a, predicate.b):
+        offset = trajectory.positions[:, trajectory.index(name), axis] - predicate.value
+        passed[name] = _first_crossing(trajectory.times, offset, covered)
+    evidence = {"passes_at_s": passed}
+    a, b = passed[predicate.a], passed[predicate.b]
+    if a is None and b is None:
+        return _unknown("neither passes in the covered part of the interval", (), covered, evidence)
+    if covered[0] > asked[0] + ROUNDING:
+        reason = f"what happened before {covered[0]:.6g} s is not covered: either may have passed already"
+        return _unknown(reason, (), covered, evidence)
+    value = a is not None and (b is None or a < b)
+    first = a if b is None or (a is not None and a < b) else b
+    assert first is not None
+    return QueryResult(value, True, None, ((first, first),), covered, evidence)
+
+
+def _first_crossing(times: Array, offset: Array, covered: Interval) -> float | None:
+    inner = times[(times > covered[0]) & (times < covered[1])]
+    grid = np.unique(np.concatenate([[covered[0]], inner, [covered[1]]]))
+    value = np.interp(grid, times, offset)
+    for k in range(1, len(grid)):
+        if value[k - 1] == 0.0 or value[k - 1] * value[k] < 0:
+            return float(grid[k - 1] + value[k - 1] / (value[k - 1] - value[k]) * (grid[k] - grid[k - 1]))
+    return None
