@@ -14,6 +14,12 @@ class Vec8(wp.types.vector(length=MAX_PARAMETERS, dtype=wp.float64)):
     """Parameter values of one effect, in the order of `EffectLaw.parameters`; the rest is zero."""
 
 
+@wp.func
+def wrench(force: wp.vec3d, torque: wp.vec3d) -> wp.spatial_vectord:
+    """Force and torque as one vector of six; Warp makes no spatial vector of two double vectors."""
+    return wp.spatial_vectord(force[0], force[1], force[2], torque[0], torque[1], torque[2])
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """A number of a law: unit, admissible range, the range a fit searches, default, and what it means."""

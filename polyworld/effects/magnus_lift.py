@@ -2,14 +2,14 @@
 
 import warp as wp
 
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, wrench
 
 
 @wp.func
 def force(
     p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
 ) -> wp.spatial_vectord:
-    return wp.spatial_vectord(p[0] * wp.cross(omega, v), wp.vec3d())
+    return wrench(p[0] * wp.cross(omega, v), wp.vec3d())
 
 
 LAW = EffectLaw(

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, wrench
 
 _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "acceleration along this world axis")
 
@@ -11,7 +11,7 @@ _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "acceleration alon
 def force(
     p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
 ) -> wp.spatial_vectord:
-    return wp.spatial_vectord(mass * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
+    return wrench(mass * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
 
 
 LAW = EffectLaw(
