@@ -1,0 +1,270 @@
+"""The command line: serve, or be a client of a server that it starts itself."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import anyio
+
+from atw_mcp.client import Reply, Session, ToolFailed, connected, save_pictures
+from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
+
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+PICTURES = Path("atw-pictures")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 done, 1 a tool refused or failed, 2 wrong usage."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if not given or (given[0].startswith("-") and given[0] not in ("-h", "--help", "--version")):
+        given = ["serve", *given]  # what an MCP client that knows only the command's name wants
+    options = _parser().parse_args(given)
+    try:
+        return int(options.command(options))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except ScriptError as error:
+        print(f"atw-mcp: {error}", file=sys.stderr)
+        return USAGE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="atw-mcp", description="Answer physical questions about a video by experimenting on a world built from it."
+    )
+    parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    serve = commands.add_parser("serve", help="be an MCP server (the default)")
+    serve.add_argument("--http", action="store_true", help="streamable HTTP at /mcp instead of stdio")
+    serve.add_argument("--host", default="127.0.0.1", help="address to listen on with --http (default: loopback)")
+    serve.add_argument("--port", type=int, default=8000, help="port to listen on with --http (default: 8000)")
+    serve.add_argument(
+        "--legacy-only", action="store_true", help="only protocol revisions up to 2025-11-25, for clients that mix eras"
+    )
+    _add_store(serve)
+    serve.set_defaults(command=_serve)
+
+    tools = commands.add_parser("tools", help="list the tools, or describe one")
+    tools.add_argument("tool", nargs="?", metavar="TOOL")
+    tools.set_defaults(command=_tools)
+
+    call = commands.add_parser("call", help="call one tool; prints its result as one line of JSON")
+    call.add_argument("tool", metavar="TOOL")
+    call.add_argument("pairs", nargs="*", metavar="key=value", help="JSON where the tool wants it; @path reads a file")
+    call.set_defaults(command=_call)
+
+    run = commands.add_parser("run", help="call the tools of a script, whose arguments may refer to earlier results")
+    run.add_argument("script", type=Path, metavar="SCRIPT")
+    run.add_argument("pairs", nargs="*", metavar="name=value", help="variables: $name in the script")
+    run.set_defaults(command=_run)
+
+    demo = commands.add_parser("demo", help="a video in, an answered what-if question out, checked against the truth")
+    demo.add_argument(
+        "--output", type=Path, default=Path("atw-demo"), help="folder for the pictures (default: %(default)s)"
+    )
+    _add_store(demo)
+    demo.set_defaults(command=_demo)
+
+    for command in (call, run):
+        _add_store(command)
+        command.add_argument("--indent", action="store_true", help="print indented JSON")
+        command.add_argument(
+            "--pictures",
+            type=Path,
+            default=PICTURES,
+            metavar="FOLDER",
+            help="where to write pictures (default: %(default)s)",
+        )
+
+    schema = commands.add_parser("schema", help="print the JSON schema of a world description")
+    schema.add_argument("what", choices=["world"])
+    schema.set_defaults(command=_schema)
+
+    warmup = commands.add_parser("warmup", help="compile every kernel now, so that no later call has to")
+    warmup.set_defaults(command=_warmup)
+    return parser
+
+
+def _add_store(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)"
+    )
+
+
+class _ShowVersion(argparse.Action):
+    """Finds the version out only when it is asked for: that imports the whole server."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from atw_mcp.server import server_version
+
+        print(f"atw-mcp {server_version()}")
+        parser.exit()
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from atw_mcp.server import build_server
+    from atw_mcp.serving import serve_http, serve_stdio
+    from evidence_store import StoreError
+
+    try:
+        server = build_server(options.store)
+    except StoreError as error:
+        print(f"atw-mcp: {error}", file=sys.stderr)
+        return FAILED
+    if options.http:
+        print(f"serving at http://{options.host}:{options.port}/mcp", file=sys.stderr)
+        serve_http(server, host=options.host, port=options.port, legacy_only=options.legacy_only)
+    else:
+        if sys.stdin.isatty():
+            print("waiting for an MCP client on stdin; atw-mcp --help lists the other commands", file=sys.stderr)
+        serve_stdio(server, legacy_only=options.legacy_only)
+    return OK
+
+
+def _tools(options: argparse.Namespace) -> int:
+    from atw_mcp.server import all_tools
+
+    tools = {tool.name: tool for tool in all_tools()}
+    if options.tool is None:
+        for tool in tools.values():
+            print(f"{tool.name:24}{(tool.description or '').splitlines()[0]}")
+        return OK
+    if options.tool not in tools:
+        raise ScriptError(f"there is no tool {options.tool!r}; tools: {', '.join(tools)}")
+    chosen = tools[options.tool]
+    print(f"{chosen.name} ({chosen.role})\n\n{chosen.description}\n\n{json.dumps(chosen.parameters, indent=2)}")
+    return OK
+
+
+def _call(options: argparse.Namespace) -> int:
+    pairs = split_pairs(options.pairs)
+
+    async def session(server: Session) -> None:
+        arguments = read_arguments(pairs, server.schemas, options.tool)
+        _print_reply(await server.call(options.tool, arguments), options)
+
+    return _with_server(options.store, session)
+
+
+def _run(options: argparse.Namespace) -> int:
+    steps = read_script(options.script)
+    variables = {"folder": str(options.script.absolute().parent), **split_pairs(options.pairs)}
+
+    def begin(step: Step, said: str | None) -> None:
+        if said:
+            print(said, file=sys.stderr)
+        print(f"{step.name + ': ' if step.name else ''}{step.tool}", file=sys.stderr)
+
+    async def session(server: Session) -> None:
+        async for _, reply in run_script(steps, server, variables, begin):
+            _print_reply(reply, options)
+
+    return _with_server(options.store, session)
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from atw_mcp.demo.narrate import demo
+
+    async def session(server: Session) -> None:
+        await demo(server, options.output, sys.stdout)
+
+    if options.store is not None:
+        return _with_server(options.store, session)
+    import tempfile
+
+    with tempfile.TemporaryDirectory(prefix="atw-demo-") as folder:
+        return _with_server(Path(folder) / "demo.db", session)
+
+
+def _schema(options: argparse.Namespace) -> int:
+    del options  # `world` is the only choice so far
+    from polyworld.world import World
+
+    print(json.dumps(World.model_json_schema(), indent=2))
+    return OK
+
+
+def _warmup(options: argparse.Namespace) -> int:
+    del options
+    from atw_mcp.warmup import warm_up
+
+    for name, seconds in warm_up():
+        print(f"{name}: {seconds:.1f} s", file=sys.stderr)
+    return OK
+
+
+def _with_server(store: Path | None, session: Callable[[Session], Any]) -> int:
+    progress = ProgressLine()
+
+    async def connect() -> int:
+        async with connected(store, progress.show) as server:
+            try:
+                await session(server)
+            except ToolFailed as error:
+                progress.clear()
+                print(f"atw-mcp: {error}", file=sys.stderr)
+                return FAILED
+            finally:
+                progress.clear()
+        return OK
+
+    try:
+        return anyio.run(connect)
+    except BaseExceptionGroup as group:  # the SDK's task groups wrap what a session raises
+        error = _innermost(group)
+        if isinstance(error, ScriptError):
+            raise error from group
+        raise
+
+
+def _innermost(error: BaseException) -> BaseException:
+    while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
+        error = error.exceptions[0]
+    return error
+
+
+def _print_reply(reply: Reply, options: argparse.Namespace) -> None:
+    body = dict(reply.body)
+    paths = save_pictures(reply, options.pictures)
+    if paths:
+        body["pictures"] = [str(path) for path in paths]
+    if options.indent:
+        print(json.dumps(body, indent=2, ensure_ascii=False))
+    else:
+        print(json.dumps(body, separators=(",", ":"), ensure_ascii=False), flush=True)
+
+
+class ProgressLine:
+    """Progress on stderr: one line that changes on a terminal, a new line every few seconds elsewhere."""
+
+    QUIET = 5.0  # [s] between lines where lines cannot be replaced
+
+    def __init__(self) -> None:
+        self._last = time.monotonic()
+        self._width = 0
+
+    def show(self, done: float, total: float | None, message: str) -> None:
+        """Show how far the work is."""
+        share = f"{100 * done / total:3.0f} % " if total else ""
+        line = f"  {share}{message}".rstrip()
+        if sys.stderr.isatty():
+            sys.stderr.write("\r" + line[:100].ljust(self._width))
+            sys.stderr.flush()
+            self._width = min(len(line), 100)
+        elif time.monotonic() - self._last >= self.QUIET:
+            print(line, file=sys.stderr, flush=True)
+            self._last = time.monotonic()
+
+    def clear(self) -> None:
+        """Remove the line."""
+        if self._width:
+            sys.stderr.write("\r" + " " * self._width + "\r")
+            sys.stderr.flush()
+            self._width = 0

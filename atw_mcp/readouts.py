@@ -1,0 +1,162 @@
+"""What an agent reads off a rollout: motion in a few numbers, events in order, trajectories thinned out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.intervals import Span
+from polyworld.geometry import quaternion_matrix
+from polyworld.trajectory import Event, Rollout
+from polyworld.world import Plane, World
+
+Array = NDArray[np.float64]
+
+SAME_BLOW_FRAMES = 2.0  # touches of one pair no further apart are one collision of the timeline
+STILL = 0.01  # [m/s]
+
+COLUMNS = ("time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v")
+
+
+def floors(world: World) -> set[str]:
+    """Statics that things stand on: planes facing up. Touching them is no event worth telling."""
+    return {
+        s.name
+        for s in world.statics
+        if isinstance(s.shape, Plane) and s.shape.normal[2] > 0.5 * _length(s.shape.normal)
+    }
+
+
+def event_row(event: Event, span: Span) -> dict[str, Any]:
+    """An event as an agent reads it: without what it does not have."""
+    row = {"kind": event.kind, "time": event.time, "frame": span.frame(event.time), "objects": list(event.participants)}
+    optional = {
+        "impulse_Ns": event.impulse,
+        "approach_speed": event.speed,
+        "position": None if event.position is None else list(event.position),
+    }
+    return {**row, **{key: value for key, value in optional.items() if value is not None}}
+
+
+def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]:
+    """Collisions, entries, exits and rests in order of time; the touches of one blow are one collision."""
+    skipped = floors(world)
+    rows: list[dict[str, Any]] = []
+    open_blows: dict[tuple[str, ...], dict[str, Any]] = {}
+    gap = SAME_BLOW_FRAMES * span.seconds_per_frame
+    for event in rollout.events:
+        if set(event.participants) & skipped:
+            continue
+        if event.kind == "contact_begin":
+            blow = open_blows.get(event.participants)
+            if blow is not None and event.time - blow["until"] <= gap:
+                blow["touches"] += 1
+                blow["until"] = max(blow["until"], event.time)
+                continue
+            blow = {
+                "what": "collision",
+                "objects": list(event.participants),
+                "time": event.time,
+                "frame": span.frame(event.time),
+                "until": event.time,
+                "touches": 1,
+                "impulse_Ns": 0.0,
+                "approach_speed": event.speed,
+            }
+            open_blows[event.participants] = blow
+            rows.append(blow)
+        elif event.kind == "contact_end":
+            blow = open_blows.get(event.participants)
+            if blow is not None:
+                blow["until"] = event.time
+                blow["impulse_Ns"] += event.impulse or 0.0
+        else:
+            what = {"entry": "enters the view", "exit": "leaves the view", "rest": "comes to rest"}[event.kind]
+            rows.append(
+                {"what": what, "objects": list(event.participants), "time": event.time, "frame": span.frame(event.time)}
+            )
+    # A collision that began before the span and lasts into it belongs to it.
+    return [row for row in rows if row["time"] <= span.end and row.get("until", row["time"]) >= span.start]
+
+
+def told(rows: Iterable[dict[str, Any]], most: int = 6) -> str:
+    """A timeline in words, for a summary."""
+    rows = list(rows)
+    texts = [
+        f"{' and '.join(row['objects'])} collide at {row['time']:.3g} s"
+        if row["what"] == "collision"
+        else f"{row['objects'][0]} {row['what']} at {row['time']:.3g} s"
+        for row in rows[:most]
+    ]
+    more = f"; and {len(rows) - most} more" if len(rows) > most else ""
+    return "; ".join(texts) + more if texts else "nothing collides, enters, leaves or comes to rest"
+
+
+def motion(rollout: Rollout, name: str, span: Span) -> dict[str, Any]:
+    """One object's motion over a span in a few numbers; None where it is not active in it."""
+    trajectory = rollout.trajectory
+    column = trajectory.index(name)
+    rows = _rows(rollout, column, span)
+    if not len(rows):
+        return {"object": name, "active": False}
+    positions = trajectory.positions[rows, column]
+    speeds = np.linalg.norm(trajectory.velocities[rows, column], axis=1)
+    return {
+        "object": name,
+        "start": positions[0].tolist(),
+        "end": positions[-1].tolist(),
+        "displacement": float(np.linalg.norm(positions[-1] - positions[0])),
+        "path_length": float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()),
+        "highest_speed": float(speeds.max()),
+        "final_speed": float(speeds[-1]),
+        "moving_at_end": bool(speeds[-1] > STILL),
+    }
+
+
+def series(world: World, rollout: Rollout, name: str, span: Span, columns: Iterable[str]) -> list[list[Any]]:
+    """Rows of one object's motion at the samples of a span, with some of `COLUMNS`.
+
+    yaw_deg is the heading of the body's x axis about the vertical; u, v is the pixel of its centre, None where
+    the world has no camera or the centre is behind it.
+    """
+    trajectory = rollout.trajectory
+    column = trajectory.index(name)
+    rows = _rows(rollout, column, span)
+    times = trajectory.times[rows]
+    p, v = trajectory.positions[rows, column], trajectory.velocities[rows, column]
+    axis = quaternion_matrix(trajectory.orientations[rows, column])[..., 0]
+    pixels = world.camera.project(p) if world.camera is not None else np.full((len(rows), 2), np.nan)
+    table: dict[str, Array] = {
+        "time": times,
+        "frame": np.round(times / span.seconds_per_frame, 2),
+        **{key: p[:, i] for i, key in enumerate("xyz")},
+        **{f"v{key}": v[:, i] for i, key in enumerate("xyz")},
+        "speed": np.linalg.norm(v, axis=1),
+        "yaw_deg": np.degrees(np.arctan2(axis[:, 1], axis[:, 0])),
+        "u": pixels[:, 0],
+        "v": pixels[:, 1],
+    }
+    values = np.stack([table[key] for key in columns], axis=1)
+    return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
+
+
+def thinned(rows: list[Any], limit: int) -> list[Any]:
+    """At most `limit` of the rows, evenly spaced, the first and the last among them."""
+    if len(rows) <= limit:
+        return rows
+    picked = np.unique(np.rint(np.linspace(0, len(rows) - 1, max(limit, 2))).astype(int))
+    return [rows[i] for i in picked]
+
+
+def _rows(rollout: Rollout, column: int, span: Span) -> NDArray[np.intp]:
+    trajectory = rollout.trajectory
+    slack = 1e-6 * span.seconds_per_frame
+    inside = (trajectory.times >= span.start - slack) & (trajectory.times <= span.end + slack)
+    return np.flatnonzero(inside & trajectory.active[:, column])
+
+
+def _length(vector: tuple[float, float, float]) -> float:
+    return float(np.linalg.norm(vector))

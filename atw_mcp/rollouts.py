@@ -1,0 +1,116 @@
+"""Rollouts in the store: computed once for a world and a horizon, found again by id."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from mcp.server.mcpserver.exceptions import ToolError
+
+from atw_mcp.app import App
+from evidence_store import Case, Content, UnknownRecord
+from polyworld.rollout import rollout
+from polyworld.trajectory import Event, Rollout, Trajectory
+from polyworld.world import World
+
+KIND = "rollout"
+ENGINE = 1  # raise when the engine's results change: stored rollouts then no longer answer for new ones
+MAX_SAMPLES = 20_000  # frames in one rollout
+
+_SERIES = ("times", "positions", "orientations", "velocities", "angular_velocities", "active")
+
+
+def checked_horizon(world: World, seconds: float | None) -> float:
+    """The horizon to roll out to [s]: as asked, else the observed stretch; raises ToolError when it cannot be."""
+    frame = world.time.seconds_per_frame
+    if seconds is None:
+        if world.time.frame_count < 2:
+            raise ToolError(
+                "this world has no observed frames, so horizon_seconds must be given: "
+                f"any value above 0 up to {MAX_SAMPLES * frame:g} s"
+            )
+        return (world.time.frame_count - 1) * frame
+    if not (math.isfinite(seconds) and 0 < seconds <= MAX_SAMPLES * frame):
+        raise ToolError(
+            f"horizon_seconds must be above 0 and at most {MAX_SAMPLES * frame:g} s "
+            f"({MAX_SAMPLES} frames of {frame:g} s), got {seconds:g}"
+        )
+    return seconds
+
+
+def find_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout] | None:
+    """The stored rollout of a world and its id, if it was computed before."""
+    found = app.store.rollouts.find(KIND, _inputs(world, horizon))
+    return None if found is None else (found.id, _from_content(found))
+
+
+def compute_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout]:
+    """Roll a world out, or find it rolled out before; returns its id too."""
+    content, _ = app.store.rollouts.get_or_compute(
+        KIND, _inputs(world, horizon), lambda: _to_content(rollout(world, horizon))
+    )
+    return content.id, _from_content(content)
+
+
+def stored_rollout(app: App, identifier: str) -> tuple[Case, World, Rollout]:
+    """A rollout by its id, with its world and the case it was made for; raises ToolError for an unknown id."""
+    try:
+        result = _from_content(app.store.rollouts.get(identifier))
+    except UnknownRecord as error:
+        made = sorted({e.rollout for c in app.store.cases.all() for e in app.store.evidence.of_case(c.id) if e.rollout})
+        known = f"rollouts: {made[-20:]}" if made else "there are none yet"
+        raise ToolError(f"{error}; {known}. Next: Rollout(case=CASE) makes one and returns its id") from error
+    cases = [c for c in app.store.cases.all() if result.world_id in dict(app.store.cases.worlds(c.id))]
+    if not cases:
+        raise ToolError(f"{identifier} belongs to no case of this store. Next: Rollout(case=CASE)")
+
+    def last_use(case: Case) -> int:
+        used = [int(e.id.removeprefix("ev-")) for e in app.store.evidence.of_case(case.id) if e.rollout == identifier]
+        return max(used, default=0)
+
+    # The same file opened under two names gives two cases with equal worlds: the one that asked last is meant.
+    case = max(cases, key=last_use)
+    return case, app.world(case, result.world_id), result
+
+
+def _inputs(world: World, horizon: float) -> dict[str, Any]:
+    return {"world": world.id, "horizon": horizon, "engine": ENGINE}
+
+
+def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+    document = {
+        "world": result.world_id,
+        "horizon": result.horizon,
+        "names": list(result.trajectory.names),
+        "events": [event.to_dict() for event in result.events],
+        "status": result.status,
+        "diverged_time": result.diverged_time,
+        "diverged_object": result.diverged_object,
+    }
+    return document, {name: getattr(result.trajectory, name) for name in _SERIES}
+
+
+def _from_content(content: Content) -> Rollout:
+    document = content.document
+    return Rollout(
+        world_id=document["world"],
+        horizon=document["horizon"],
+        trajectory=Trajectory(names=tuple(document["names"]), **{name: content.arrays[name] for name in _SERIES}),
+        events=tuple(_event(item) for item in document["events"]),
+        status=document["status"],
+        diverged_time=document["diverged_time"],
+        diverged_object=document["diverged_object"],
+    )
+
+
+def _event(item: dict[str, Any]) -> Event:
+    place = item["position"]
+    return Event(
+        kind=item["kind"],
+        time=item["time"],
+        participants=tuple(item["participants"]),
+        position=None if place is None else (place[0], place[1], place[2]),
+        impulse=item["impulse"],
+        speed=item["speed"],
+    )

@@ -1,0 +1,221 @@
+"""Scripts: tool calls written down, whose arguments may refer to earlier results.
+
+Text form, one call a line (a line ending in a backslash continues on the next):
+
+    # a comment
+    > said to the reader before the next call; may quote ${observe.summary}
+    open: OpenCase video=$folder/clip.mp4
+    observe: ObserveObjects case=$open.case
+    Rollout case=$open.case edits='[{"edit": "remove", "object": "red"}]'
+
+JSON form: a list of {"name": ..., "tool": ..., "arguments": {...}, "say": ...}; name and say may be left out.
+
+`$name.field` and `${name.field.0.field}` stand for part of the result called `name`: a field of the result, of
+its source, or of its data. A variable (`$folder`, the script's own folder, or one given on the command line) is
+written the same way. An argument that is nothing but a reference keeps the type of what it refers to. `$$` is a
+dollar sign.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from atw_mcp.client import Reply, ToolCaller
+
+NAME = r"[A-Za-z_][\w-]*"
+REFERENCE = re.compile(rf"\$(?:\$|\{{(?P<braced>{NAME}(?:\.[\w-]+)*)\}}|(?P<bare>{NAME}(?:\.[\w-]+)*))")
+
+
+class ScriptError(Exception):
+    """A script or an argument that cannot be understood."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One call of a script. arguments: values, or texts not yet read (from the text form or a command line)."""
+
+    tool: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+    name: str | None = None
+    say: str | None = None
+    as_text: bool = False
+
+
+def read_script(path: Path) -> list[Step]:
+    """The steps of a script file; raises ScriptError naming the line or item that is wrong."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScriptError(f"cannot read the script {path}: {error}") from error
+    steps = _from_json(text) if text.lstrip().startswith("[") else _from_text(text)
+    if not steps:
+        raise ScriptError(f"{path} has no calls")
+    return steps
+
+
+async def run_script(
+    steps: list[Step], caller: ToolCaller, variables: Mapping[str, Any], begin: Callable[[Step, str | None], None]
+) -> AsyncIterator[tuple[Step, Reply]]:
+    """Call step after step; yields each step with its reply.
+
+    begin: told of a step and what it says before it is called. Raises ScriptError for a reference to nothing
+    and ToolFailed, and stops there.
+    """
+    known: dict[str, Any] = dict(variables)
+    for step in steps:
+        begin(step, None if step.say is None else str(resolved(step.say, known)))
+        arguments = {key: resolved(value, known) for key, value in step.arguments.items()}
+        if step.as_text:
+            arguments = read_arguments(arguments, caller.schemas, step.tool)
+        reply = await caller.call(step.tool, arguments)
+        if step.name is not None:
+            known[step.name] = reply.body
+        yield step, reply
+
+
+def resolved(value: Any, known: Mapping[str, Any]) -> Any:
+    """The value with its references replaced; raises ScriptError naming what there is to refer to."""
+    if isinstance(value, dict):
+        return {key: resolved(item, known) for key, item in value.items()}
+    if isinstance(value, list):
+        return [resolved(item, known) for item in value]
+    if not isinstance(value, str):
+        return value
+    whole = REFERENCE.fullmatch(value)
+    if whole is not None and whole[0] != "$$":
+        return _looked_up(whole["braced"] or whole["bare"], known)
+
+    def text(found: re.Match[str]) -> str:
+        if found[0] == "$$":
+            return "$"
+        part = _looked_up(found["braced"] or found["bare"], known)
+        return part if isinstance(part, str) else json.dumps(part)
+
+    return REFERENCE.sub(text, value)
+
+
+def read_arguments(given: Mapping[str, Any], schemas: Mapping[str, Any], tool: str) -> dict[str, Any]:
+    """Arguments from text: JSON where the tool's schema wants more than a string, `@path` for a file's content.
+
+    A list may be written as comma-separated words. What the tool has no argument for is passed on: the tool's
+    refusal names its arguments.
+    """
+    if tool not in schemas:
+        raise ScriptError(f"there is no tool {tool!r}; tools: {', '.join(schemas)}")
+    properties = schemas[tool].get("properties", {})
+    return {key: _read_value(value, properties.get(key, {}), key) for key, value in given.items()}
+
+
+def split_pairs(words: list[str]) -> dict[str, str]:
+    """key=value words as a mapping; raises ScriptError for a word without a key."""
+    pairs: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not re.fullmatch(NAME, key):
+            raise ScriptError(f"{word!r} is not key=value")
+        if key in pairs:
+            raise ScriptError(f"{key!r} is given twice")
+        pairs[key] = value
+    return pairs
+
+
+def _read_value(value: Any, schema: Mapping[str, Any], key: str) -> Any:
+    if not isinstance(value, str):
+        return value
+    if value.startswith("@@"):
+        value = value[1:]
+    elif value.startswith("@"):
+        try:
+            value = Path(value[1:]).expanduser().read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScriptError(f"{key}: cannot read the file {value[1:]!r}: {error}") from error
+    kinds = {part.get("type") for part in [schema, *schema.get("anyOf", [])]}
+    if "string" in kinds and not kinds & {"object", "array", "number", "integer", "boolean"}:
+        return None if value == "null" and "null" in kinds else value
+    try:
+        return json.loads(value)
+    except json.JSONDecodeError:
+        looks_like_json = value.lstrip().startswith(("[", "{"))
+        return [word.strip() for word in value.split(",")] if "array" in kinds and not looks_like_json else value
+
+
+def _looked_up(reference: str, known: Mapping[str, Any]) -> Any:
+    name, *path = reference.split(".")
+    if name not in known:
+        raise ScriptError(f"${reference}: nothing is called {name!r}; known: {', '.join(known) or 'nothing yet'}")
+    value = known[name]
+    for depth, part in enumerate(path):
+        places = [value]
+        if depth == 0 and isinstance(value, dict):  # a result: its source and its data may be left out
+            places += [value.get("source"), value.get("data")]
+        for place in places:
+            if isinstance(place, dict) and part in place:
+                value = place[part]
+                break
+            if isinstance(place, list) and part.lstrip("-").isdecimal() and -len(place) <= int(part) < len(place):
+                value = place[int(part)]
+                break
+        else:
+            choices = [str(k) for place in places if isinstance(place, dict) for k in place]
+            if isinstance(value, list):
+                choices = [f"0..{len(value) - 1}"] if value else []
+            raise ScriptError(f"${reference}: no {part!r} there; there is: {', '.join(choices) or 'nothing'}")
+    return value
+
+
+def _from_text(text: str) -> list[Step]:
+    steps: list[Step] = []
+    said: list[str] = []
+    pending, first = "", 0
+    for number, line in enumerate(text.splitlines(), start=1):
+        first = first or number
+        if line.rstrip().endswith("\\"):
+            pending += line.rstrip()[:-1] + " "
+            continue
+        line, pending, at, first = pending + line, "", first, 0
+        if line.lstrip().startswith(">"):
+            said.append(line.lstrip()[1:].strip())
+            continue
+        try:
+            words = shlex.split(line, comments=True)
+            if not words:
+                continue
+            name = words.pop(0)[:-1] if words[0].endswith(":") else None
+            if name is not None and not re.fullmatch(NAME, name):
+                raise ScriptError(f"{name!r} cannot name a result")
+            if not words:
+                raise ScriptError("a tool name is missing")
+            arguments: dict[str, Any] = dict(split_pairs(words[1:]))
+        except (ScriptError, ValueError) as error:
+            raise ScriptError(f"line {at}: {error}") from error
+        steps.append(Step(words[0], arguments, name, "\n".join(said) or None, as_text=True))
+        said = []
+    if pending.strip():
+        raise ScriptError(f"line {first}: the last line ends in a backslash")
+    if said:
+        raise ScriptError(f"nothing is called after {said[-1]!r}: what is said belongs before a call")
+    return steps
+
+
+def _from_json(text: str) -> list[Step]:
+    try:
+        items = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ScriptError(f"not valid JSON: {error}") from error
+    steps = []
+    for number, item in enumerate(items, start=1):
+        if not isinstance(item, dict) or not isinstance(item.get("tool"), str):
+            raise ScriptError(f"item {number}: expected an object with a tool, got {json.dumps(item)[:80]}")
+        extra = sorted(set(item) - {"tool", "arguments", "name", "say"})
+        arguments = item.get("arguments", {})
+        if extra or not isinstance(arguments, dict):
+            wrong = f"unknown {extra}" if extra else "arguments must be an object"
+            raise ScriptError(f"item {number}: {wrong}; fields: name, tool, arguments, say")
+        steps.append(Step(item["tool"], arguments, item.get("name"), item.get("say")))
+    return steps

@@ -1,0 +1,415 @@
+"""World experimentation: run the committed world, or a changed copy of it, and read what happened."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field
+
+from atw_mcp import readouts
+from atw_mcp.app import App
+from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
+from atw_mcp.jobs import LongWork, Progress
+from atw_mcp.names import chosen_names, object_name, renamed
+from atw_mcp.results import Answer, explained
+from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
+from atw_mcp.toolbox import ToolGroup
+from evidence_store import Case
+from polyworld.compare import compare
+from polyworld.interventions import Intervention, branch
+from polyworld.predicates import Predicate, names_in
+from polyworld.query import Aggregation, query
+from polyworld.trajectory import Rollout
+from polyworld.world import World
+
+GROUP = ToolGroup("world experimentation")
+
+CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
+RolloutId = Annotated[str, Field(description="rollout id, as Rollout returned it", pattern=r"^rollout-[0-9a-f]+$")]
+Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
+PATIENCE = 40.0  # [s]
+
+
+@GROUP.tool("Rollout", title="Run a world forward", read_only=False)
+def roll_out(
+    app: App,
+    case: CaseId,
+    edits: Annotated[
+        list[Intervention] | None,
+        Field(
+            description="changes made before the start, in order; all that was fitted is kept. Default: none, which "
+            "continues the world as it was observed",
+            max_length=32,
+        ),
+    ] = None,
+    horizon_seconds: Annotated[
+        float | None, Field(description="how far to run, from time 0 [s]; default: to the last observed frame", gt=0)
+    ] = None,
+    horizon_frames: Annotated[int | None, Field(description="the same in frames, instead of seconds", gt=0)] = None,
+    world: Annotated[
+        str, Field(description="'committed', or the id of a branch that an earlier Rollout made, to edit further")
+    ] = "committed",
+) -> Answer | LongWork:
+    """Run the committed world forward from time 0 and return a rollout id for ReadEvents, ReadTrajectory, ReadTimeline,
+    QueryWorld, CompareWorlds and InspectRollout.
+
+    Without edits it replays the observed stretch and, with a horizon beyond it, predicts what comes next. With edits
+    it runs a branch in which they hold from the beginning. The same request is never computed twice.
+    """
+    found, committed = app.case_to_probe(case, "Rollout")
+    base = committed if world == "committed" else app.world(found, world)
+    with explained("InspectWorld(case=CASE) lists objects, statics and effects"):
+        branched = branch(base, [renamed(app, found, base, edit) for edit in edits or []])
+    if horizon_seconds is not None and horizon_frames is not None:
+        raise ToolError("give horizon_seconds or horizon_frames, not both")
+    if horizon_frames is not None:
+        horizon_seconds = horizon_frames * branched.time.seconds_per_frame
+    horizon = checked_horizon(branched, horizon_seconds)
+    edited = [edit.model_dump(mode="json", exclude_none=True) for edit in edits or []]
+    if branched.id != base.id:
+        app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": edited})
+    known = find_rollout(app, branched, horizon)
+    if known is not None:
+        return _rollout_answer(found, base, branched, edited, *known)
+
+    def work(progress: Progress) -> Answer:
+        progress.report(0, 1, f"running {len(branched.objects)} objects for {horizon:g} s")
+        with explained():
+            return _rollout_answer(found, base, branched, edited, *compute_rollout(app, branched, horizon))
+
+    draft = Answer(
+        summary=f"running {branched.id} for {horizon:g} s",
+        data={},
+        case=found.id,
+        world=branched.id,
+        objects=tuple(o.name for o in branched.objects),
+        interval=(0.0, horizon),
+    )
+    return LongWork(f"rollout {branched.id} {horizon!r}", work, draft, PATIENCE)
+
+
+def _rollout_answer(
+    case: Case, base: World, world: World, edits: list[dict[str, Any]], identifier: str, result: Rollout
+) -> Answer:
+    span = Span(0.0, _end(result), world.time.seconds_per_frame)
+    rows = readouts.timeline(world, result, span)
+    what = "the committed world" if not edits else f"a branch with {len(edits)} edit{'s' * (len(edits) > 1)}"
+    observed = (world.time.frame_count - 1) * world.time.seconds_per_frame
+    summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {readouts.told(rows)}"
+    if result.status == "diverged":
+        summary = (
+            f"{identifier} DIVERGED at {result.diverged_time:.4g} s ({result.diverged_object}): valid only before. "
+            + summary
+        )
+    return Answer(
+        summary=summary,
+        data={
+            "rollout": identifier,
+            "world": world.id,
+            "base_world": base.id,
+            "edits": edits,
+            "horizon": span.shown(),
+            "observed_until": {"seconds": observed, "frame": world.time.frame_count - 1} if observed > 0 else None,
+            "diverged": None
+            if result.status == "completed"
+            else {"time": result.diverged_time, "object": result.diverged_object},
+            "timeline": rows,
+            "objects": [readouts.motion(result, name, span) for name in result.trajectory.names],
+        },
+        case=case.id,
+        world=world.id,
+        rollout=identifier,
+        objects=result.trajectory.names,
+        interval=span.seconds,
+        status=result.status,
+    )
+
+
+@GROUP.tool("ReadEvents", title="Read a rollout's events")
+def read_events(
+    app: App,
+    rollout: RolloutId,
+    objects: Annotated[
+        list[str] | None, Field(description="objects or statics that take part; default: all", max_length=64)
+    ] = None,
+    together: Annotated[
+        bool, Field(description="only events that all the given objects take part in, such as their collisions")
+    ] = False,
+    kinds: Annotated[
+        list[Literal["contact_begin", "contact_end", "entry", "exit", "rest"]] | None,
+        Field(description="kinds of events; default: all", max_length=5),
+    ] = None,
+    interval: Seconds = None,
+    frames: FrameRange = None,
+    floor: Annotated[bool, Field(description="also touches of the floor that everything stands on")] = False,
+    limit: Annotated[int, Field(ge=1, le=500, description="how many events to return")] = 100,
+    cursor: Annotated[int, Field(ge=0, description="first event to return")] = 0,
+) -> Answer:
+    """Every contact beginning and ending (with impulse and approach speed), entry into and exit from the view, and
+    coming to rest, one by one, with times. ReadTimeline is the short form."""
+    case, world, result, span = _read(app, rollout, interval, frames)
+    statics = [s.name for s in world.statics]
+    chosen = chosen_names(app, case, objects, [*result.trajectory.names, *statics])
+    skipped = set() if floor else readouts.floors(world) - set(objects or [])
+    wanted = [
+        event
+        for event in result.events
+        if span.holds(event.time)
+        and (kinds is None or event.kind in kinds)
+        and not set(event.participants) & skipped
+        and (objects is None or _takes_part(set(event.participants), set(chosen), together))
+    ]
+    page = wanted[cursor : cursor + limit]
+    rest = cursor + limit if cursor + limit < len(wanted) else None
+    return Answer(
+        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s{_diverged(result)}",
+        data={
+            "events": [readouts.event_row(event, span) for event in page],
+            "of": len(wanted),
+            "next_cursor": rest,
+            "covers": span.shown(),
+            "floor_contacts_included": not skipped,
+        },
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=tuple(chosen),
+        interval=span.seconds,
+        status=result.status,
+    )
+
+
+@GROUP.tool("ReadTrajectory", title="Read an object's simulated motion")
+def read_trajectory(
+    app: App,
+    rollout: RolloutId,
+    object: Annotated[str, Field(description="name of the object")],
+    interval: Seconds = None,
+    frames: FrameRange = None,
+    limit: Annotated[int, Field(ge=2, le=500, description="rows shown, evenly spaced over the interval")] = 24,
+    fields: Annotated[
+        list[Literal["time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v"]] | None,
+        Field(
+            description="columns; x, y, z [m], vx, vy, vz, speed [m/s], yaw_deg: heading about the vertical, "
+            "u, v: pixel of the centre. Default: time, frame, x, y, z, speed",
+            max_length=12,
+        ),
+    ] = None,
+) -> Answer:
+    """Where one object is over time in a rollout, and how fast. Rows are thinned out to `limit`; the resource link
+    leads to all of them."""
+    case, world, result, span = _read(app, rollout, interval, frames)
+    name = object_name(app, case, object, list(result.trajectory.names))
+    columns = list(fields or ("time", "frame", "x", "y", "z", "speed"))
+    if world.camera is None and {"u", "v"} & set(columns):
+        raise ToolError(f"this world has no camera, so no pixels u, v; fields: {[*readouts.COLUMNS[:-2]]}")
+    rows = readouts.series(world, result, name, span, columns)
+    about = readouts.motion(result, name, span)
+    data = {"object": name, "columns": columns, "rows": rows, "motion": about, "covers": span.shown(), "of": len(rows)}
+    if rows:
+        summary = (
+            f"{name} goes {about['path_length']:.3g} m between {span.start:.4g} and {span.end:.4g} s, ending "
+            f"{about['displacement']:.3g} m from where it began, at {about['final_speed']:.3g} m/s{_diverged(result)}"
+        )
+    else:
+        summary = f"{name} is not in the simulation between {span.start:.4g} and {span.end:.4g} s"
+    return Answer(
+        summary=summary,
+        data=data,
+        shown={**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None,
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=(name,),
+        interval=span.seconds,
+        status=result.status,
+    )
+
+
+@GROUP.tool("ReadTimeline", title="Read what happens in order")
+def read_timeline(
+    app: App,
+    rollout: RolloutId,
+    objects: Annotated[
+        list[str] | None, Field(description="objects or statics that take part; default: all", max_length=64)
+    ] = None,
+    interval: Seconds = None,
+    frames: FrameRange = None,
+) -> Answer:
+    """What happens in a rollout, in order: collisions (touches of one pair in quick succession count as one),
+    entries into the view, exits, and objects coming to rest. Touches of the floor are left out."""
+    case, world, result, span = _read(app, rollout, interval, frames)
+    chosen = chosen_names(app, case, objects, [*result.trajectory.names, *(s.name for s in world.statics)])
+    rows = readouts.timeline(world, result, span)
+    if objects is not None:
+        rows = [row for row in rows if set(row["objects"]) & set(chosen)]
+    return Answer(
+        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{_diverged(result)}",
+        data={"timeline": rows, "covers": span.shown()},
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=tuple(chosen),
+        interval=span.seconds,
+        status=result.status,
+    )
+
+
+@GROUP.tool("QueryWorld", title="Ask whether something holds")
+def query_world(
+    app: App,
+    rollout: RolloutId,
+    predicate: Annotated[
+        Predicate, Field(description='what to decide, e.g. {"predicate": "collides", "a": "red", "b": "blue"}')
+    ],
+    aggregation: Annotated[
+        Aggregation,
+        Field(
+            description="any: ever; all: throughout; first, last: when; count: how often; fraction: share of the time"
+        ),
+    ] = "any",
+    interval: Annotated[
+        list[float] | None,
+        Field(description="[start, end] in seconds; default: the whole rollout", min_length=2, max_length=2),
+    ] = None,
+    frames: FrameRange = None,
+) -> Answer:
+    """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
+    reason. Unknown means that the rollout does not cover what is asked; it never means false."""
+    case, world, result = stored_rollout(app, rollout)
+    frame = world.time.seconds_per_frame
+    if interval is not None and frames is not None:
+        raise ToolError("give interval (seconds) or frames, not both")
+    asked = interval if interval is not None else None if frames is None else [frames[0] * frame, frames[1] * frame]
+    asked_of = renamed(app, case, world, predicate)
+    with explained():
+        answer = query(result, world, asked_of, None if asked is None else (asked[0], asked[1]), aggregation)
+    span = Span(*(answer.covered or (0.0, _end(result))), frame)
+    verdict = "unknown" if not answer.decided else "never" if answer.value is None else answer.value
+    if isinstance(verdict, bool):
+        verdict = "true" if verdict else "false"
+    shown_value = f"{verdict:.5g} s" if aggregation in ("first", "last") and isinstance(verdict, float) else verdict
+    why = f": {answer.reason}" if answer.reason else ""
+    spoken = " ".join([asked_of.predicate, *names_in(asked_of)])
+    return Answer(
+        summary=f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s): {shown_value}{why}"
+        + _diverged(result),
+        data={
+            "verdict": verdict,
+            **answer.to_dict(),
+            "predicate": asked_of.model_dump(mode="json", exclude_none=True),
+            "aggregation": aggregation,
+            "asked": asked or [0.0, result.horizon],
+            "covers": None if answer.covered is None else span.shown(),
+        },
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=tuple(names_in(asked_of)),
+        interval=answer.covered,
+        status=result.status,
+    )
+
+
+@GROUP.tool("CompareWorlds", title="Compare two rollouts")
+def compare_worlds(
+    app: App,
+    base: Annotated[RolloutId, Field(description="rollout id of the world as it was, or any other")],
+    edited: Annotated[RolloutId, Field(description="rollout id of the changed world")],
+    objects: Objects = None,
+    tolerance: Annotated[
+        float, Field(gt=0, description="distance from which an object counts as moving differently [m]")
+    ] = 0.01,
+) -> Answer:
+    """What a change altered: how far each object ends up from where it would have been and from when on, and which
+    events are new, gone or shifted. Both rollouts are compared over the time that both cover."""
+    base_case, base_world, first = stored_rollout(app, base)
+    case, world, second = stored_rollout(app, edited)
+    if base_case.content != case.content:
+        raise ToolError(
+            f"{base} belongs to case {base_case.id!r} and {edited} to {case.id!r}: they have nothing to share"
+        )
+    names = list(dict.fromkeys([*first.trajectory.names, *second.trajectory.names]))
+    chosen = chosen_names(app, case, objects, names)
+    with explained():
+        result = compare(first, second, chosen if objects is not None else None, tolerance=tolerance)
+    span = Span(0.0, result.horizon, world.time.seconds_per_frame)
+    moved = [d for d in result.objects if d.apart_from is not None]
+    rows = {
+        "gone": readouts.timeline(base_world, _with_events(first, result.events_only_in_base), span),
+        "new": readouts.timeline(world, _with_events(second, result.events_only_in_other), span),
+    }
+    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in rows.items() if found) or "same events"
+    changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved) or "no object"
+    data = {
+        "events": {
+            "gone": rows["gone"],
+            "new": rows["new"],
+            "kept": [
+                {"kind": m.base.kind, "objects": list(m.base.participants), "time": m.base.time, "shift": m.shift}
+                for m in result.events_in_both
+                if not set(m.base.participants) & (readouts.floors(world) | readouts.floors(base_world))
+            ],
+        },
+        "objects": [
+            {
+                "object": d.name,
+                "largest_distance": d.largest,
+                "at": d.largest_time,
+                "final_distance": d.final,
+                "apart_from": d.apart_from,
+                "moves_differently": d.apart_from is not None,
+            }
+            for d in result.objects
+        ],
+        "only_in_base": list(result.objects_only_in_base),
+        "only_in_edited": list(result.objects_only_in_other),
+        "base": {"rollout": base, "world": base_world.id, "horizon": first.horizon, "status": first.status},
+        "edited": {"rollout": edited, "world": world.id, "horizon": second.horizon, "status": second.status},
+        "covers": span.shown(),
+        "tolerance": tolerance,
+    }
+    return Answer(
+        summary=f"over {span.start:.4g} to {span.end:.4g} s {changed} moves differently. Events: {told}",
+        data=data,
+        case=case.id,
+        world=world.id,
+        rollout=edited,
+        objects=tuple(chosen),
+        interval=span.seconds,
+        status="diverged" if "diverged" in (first.status, second.status) else "completed",
+    )
+
+
+def _read(
+    app: App, rollout: str, interval: list[float] | None, frames: list[int] | None
+) -> tuple[Case, World, Rollout, Span]:
+    case, world, result = stored_rollout(app, rollout)
+    span = chosen_span(
+        interval,
+        frames,
+        covered=(0.0, _end(result)),
+        seconds_per_frame=world.time.seconds_per_frame,
+        further="Next: Rollout with a longer horizon_seconds covers more",
+    )
+    return case, world, result, span
+
+
+def _end(result: Rollout) -> float:
+    """The last time that was really simulated."""
+    return float(result.trajectory.times[-1]) if len(result.trajectory.times) else 0.0
+
+
+def _diverged(result: Rollout) -> str:
+    if result.status != "diverged":
+        return ""
+    return f" (the rollout diverged at {result.diverged_time:.4g} s: nothing after that is known)"
+
+
+def _takes_part(participants: set[str], chosen: set[str], together: bool) -> bool:
+    return chosen <= participants if together else bool(chosen & participants)
+
+
+def _with_events(result: Rollout, events: Any) -> Rollout:
+    return Rollout(result.world_id, result.horizon, result.trajectory, tuple(events), result.status)

@@ -1,0 +1,189 @@
+"""The experimentation tools on a world whose motion is known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import TypeAdapter
+
+from atw_mcp.app import App
+from atw_mcp.jobs import LongWork, Progress
+from atw_mcp.results import Answer
+from atw_mcp.tools import experimentation as tools
+from evidence_store import Binding
+from polyworld.interventions import Intervention
+from polyworld.predicates import Predicate
+from tests.server.probing import FRAME, GAP, MEETING, SPEED, case_with, two_discs
+
+END = 60 * FRAME
+EDITS: TypeAdapter[list[Intervention]] = TypeAdapter(list[Intervention])
+PREDICATE: TypeAdapter[Predicate] = TypeAdapter(Predicate)
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> App:
+    app = App(tmp_path / "atw.db")
+    case_with(app, two_discs(), committed=True)
+    return app
+
+
+def done(app: App, tool: str, outcome: Any) -> Answer:
+    """The answer of a tool, computed if it is long work, and recorded as the toolbox would."""
+    answer = outcome.work(Progress()) if isinstance(outcome, LongWork) else outcome
+    assert isinstance(answer, Answer)
+    app.store.evidence.add(answer.to_evidence(tool, {}))
+    return answer
+
+
+@pytest.fixture
+def roll(app: App) -> Callable[..., Answer]:
+    def run(edits: list[dict[str, Any]] | None = None, **arguments: Any) -> Answer:
+        given = None if edits is None else EDITS.validate_python(edits)
+        return done(app, "Rollout", tools.roll_out(app, "discs", edits=given, **arguments))
+
+    return run
+
+
+def ask(app: App, rollout: str, predicate: dict[str, Any], **arguments: Any) -> dict[str, Any]:
+    return tools.query_world(app, rollout, PREDICATE.validate_python(predicate), **arguments).data
+
+
+def test_rollout_tells_the_collision_and_covers_the_observed_stretch(roll: Callable[..., Answer]) -> None:
+    answer = roll()
+    assert answer.interval == pytest.approx((0.0, END))
+    collisions = [row for row in answer.data["timeline"] if row["what"] == "collision"]
+    assert [row["objects"] for row in collisions] == [["striker", "target"]]
+    assert collisions[0]["time"] == pytest.approx(MEETING, abs=0.004)  # two substeps
+    assert collisions[0]["frame"] == pytest.approx(MEETING / FRAME, abs=0.2)
+    assert collisions[0]["impulse_Ns"] == pytest.approx(SPEED, rel=0.01)  # equal masses of 1 kg swap velocities
+    ends = {row["object"]: row["end"][0] for row in answer.data["objects"]}
+    assert ends["striker"] == pytest.approx(GAP, abs=0.005)
+    assert ends["target"] == pytest.approx(GAP + 0.2 + SPEED * (END - MEETING), abs=0.005)
+
+
+def test_removed_object_lets_the_other_pass(app: App, roll: Callable[..., Answer]) -> None:
+    branch = roll([{"action": "remove", "object": "target"}])
+    assert branch.data["timeline"] == []
+    assert branch.data["objects"][0]["end"][0] == pytest.approx(SPEED * END, abs=1e-6)
+    assert app.store.worlds.parents(branch.world or "")[0].parent == branch.data["base_world"]
+
+
+def test_comparison_finds_the_lost_collision_and_the_displacement(app: App, roll: Callable[..., Answer]) -> None:
+    base, edited = roll().rollout or "", roll([{"action": "remove", "object": "target"}]).rollout or ""
+    data = tools.compare_worlds(app, base, edited).data
+    assert [row["objects"] for row in data["events"]["gone"] if row["what"] == "collision"] == [["striker", "target"]]
+    assert data["events"]["new"] == []
+    (striker,) = data["objects"]
+    assert striker["final_distance"] == pytest.approx(SPEED * (END - MEETING), abs=0.005)
+    assert striker["apart_from"] == pytest.approx(MEETING + 0.01 / SPEED, abs=0.005)
+    assert data["only_in_base"] == ["target"]
+
+
+def test_same_request_is_answered_from_the_store(app: App, roll: Callable[..., Answer]) -> None:
+    first = roll(horizon_seconds=0.5)
+    again = tools.roll_out(app, "discs", horizon_seconds=0.5)
+    assert isinstance(again, Answer)
+    assert again.rollout == first.rollout
+    assert again.data == first.data
+
+
+def test_branch_can_be_edited_further(roll: Callable[..., Answer]) -> None:
+    slow = roll([{"action": "set_velocity", "object": "striker", "velocity": [0.5, 0, 0]}])
+    alone = roll([{"action": "remove", "object": "target"}], world=slow.world)
+    assert alone.data["objects"][0]["end"][0] == pytest.approx(0.5 * END, abs=1e-6)
+
+
+def test_query_is_unknown_beyond_the_horizon_and_false_only_within(app: App, roll: Callable[..., Answer]) -> None:
+    short = roll(horizon_seconds=0.5).rollout or ""
+    collides = {"predicate": "collides", "a": "striker", "b": "target"}
+    assert ask(app, short, collides)["verdict"] == "false"
+    beyond = ask(app, short, collides, interval=[0.0, 1.0])
+    assert beyond["verdict"] == "unknown"
+    assert "0.5" in beyond["reason"]
+    long = roll(horizon_seconds=1.0).rollout or ""
+    assert ask(app, long, collides)["verdict"] == "true"
+    assert ask(app, long, collides, aggregation="first")["value"] == pytest.approx(MEETING, abs=0.004)
+    assert ask(app, long, {"predicate": "moving", "object": "ghost"})["verdict"] == "unknown"
+
+
+def test_trajectory_is_thinned_and_keeps_its_ends(app: App, roll: Callable[..., Answer]) -> None:
+    answer = tools.read_trajectory(app, roll().rollout or "", "striker", limit=5, fields=["frame", "x"])
+    assert len(answer.data["rows"]) == 61
+    assert answer.shown is not None
+    shown = answer.shown["rows"]
+    assert [row[0] for row in shown] == [0, 15, 30, 45, 60]
+    assert shown[1][1] == pytest.approx(15 * FRAME * SPEED, abs=1e-6)
+
+
+def test_frames_and_seconds_select_the_same_rows(app: App, roll: Callable[..., Answer]) -> None:
+    rollout = roll().rollout or ""
+    by_frames = tools.read_trajectory(app, rollout, "target", frames=[10, 20])
+    by_seconds = tools.read_trajectory(app, rollout, "target", interval=[10 * FRAME, 20 * FRAME])
+    assert by_frames.data == by_seconds.data
+    assert len(by_frames.data["rows"]) == 11
+    assert by_frames.data["covers"] == {"seconds": pytest.approx([0.2, 0.4]), "frames": [10.0, 20.0]}
+
+
+def test_events_can_be_chosen_by_participants_and_kind(app: App, roll: Callable[..., Answer]) -> None:
+    rollout = roll().rollout or ""
+    events = tools.read_events(app, rollout, ["striker", "target"], together=True, kinds=["contact_begin"]).data
+    assert events["of"] == 1
+    assert events["events"][0]["approach_speed"] == pytest.approx(SPEED, rel=0.01)
+    page = tools.read_events(app, rollout, limit=1).data
+    assert page["next_cursor"] == 1
+    assert page["of"] > 1
+
+
+def test_timeline_of_an_interval_leaves_out_the_rest(app: App, roll: Callable[..., Answer]) -> None:
+    rollout = roll().rollout or ""
+    assert tools.read_timeline(app, rollout, interval=[0.0, 0.5]).data["timeline"] == []
+    assert tools.read_timeline(app, rollout, interval=[0.7, 0.9]).data["timeline"] != []
+
+
+def test_bound_name_stands_for_its_object(app: App, roll: Callable[..., Answer]) -> None:
+    app.store.cases.bind("discs", Binding("the left puck", None, "striker", "it is on the left"))
+    rollout = roll().rollout or ""
+    assert tools.read_trajectory(app, rollout, "the left puck").objects == ("striker",)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda app, r: tools.read_events(app, r, ["strker"]), "did you mean 'striker'"),
+        (lambda app, r: tools.read_events(app, r, []), "objects is empty"),
+        (
+            lambda app, r: tools.read_timeline(app, r, interval=[0.5, 9.0]),
+            r"0 to 1.2 s \(frames 0 to 60\).*Next: Rollout",
+        ),
+        (lambda app, r: tools.read_timeline(app, r, interval=[0.5, 0.1]), "start <= end"),
+        (lambda app, r: tools.read_timeline(app, r, interval=[0, 1], frames=[0, 1]), "not both"),
+        (lambda app, _: tools.read_trajectory(app, "rollout-0000", "striker"), "Next: Rollout"),
+        (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1e9), "at most 400 s"),
+        (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1.0, horizon_frames=5), "not both"),
+        (lambda app, _: tools.roll_out(app, "discs", world="world-0"), "its worlds"),
+        (lambda app, _: tools.roll_out(app, "disks"), "no case 'disks'"),
+        (
+            lambda app, _: tools.roll_out(
+                app, "discs", edits=EDITS.validate_python([{"action": "remove", "object": "x"}])
+            ),
+            r"objects: \['striker', 'target'\]",
+        ),
+        (lambda app, r: tools.compare_worlds(app, r, r, ["ghost"]), "no object 'ghost'"),
+    ],
+)
+def test_refusals_name_the_valid_choices(
+    app: App, roll: Callable[..., Answer], call: Callable[[App, str], Any], complaint: str
+) -> None:
+    with pytest.raises(ToolError, match=complaint):
+        call(app, roll().rollout or "")
+
+
+def test_probing_is_refused_before_commit(tmp_path: Path) -> None:
+    app = App(tmp_path / "draft.db")
+    case_with(app, two_discs(), committed=False)
+    with pytest.raises(ToolError, match="Next: CommitWorld"):
+        tools.roll_out(app, "discs")
