@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from atw_mcp.perception.video import VideoInfo
 from evidence_store import Case, EvidenceStore
 
 
@@ -31,6 +32,14 @@ def existing_file(text: str) -> Path:
     if path.stat().st_size == 0:
         raise ValueError(f"{path} is empty (0 bytes)")
     return path
+
+
+def video_facts(info: VideoInfo) -> dict[str, Any]:
+    """What is kept of a video's probe: facts of the content, not of where the file lies."""
+    facts = info.to_dict()
+    for key in ("path", "sha256"):
+        facts.pop(key)
+    return facts
 
 
 def case_name(path: Path, content: str) -> str:

@@ -32,9 +32,13 @@ class Progress:
 
     def report(self, done: float, total: float | None = None, message: str = "") -> None:
         """Say how far the work is; raises Cancelled if it should stop."""
-        self.done, self.total, self.message = done, total, message
+        self.note(done, total, message)
         if self._cancel.is_set():
             raise Cancelled
+
+    def note(self, done: float, total: float | None = None, message: str = "") -> None:
+        """Say how far the work is, for work that asks `cancelled` itself."""
+        self.done, self.total, self.message = done, total, message
 
     def cancelled(self) -> bool:
         """Whether the work should stop."""

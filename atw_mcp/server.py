@@ -41,9 +41,15 @@ from atw_mcp import resources
 from atw_mcp.app import App
 from atw_mcp.prompting import PromptServer, add_prompts
 from atw_mcp.toolbox import ToolGroup, WorldTool
-from atw_mcp.tools import construction, control, inspection
+from atw_mcp.tools import construction, control, experimentation, inspection, observation
 
-GROUPS: tuple[ToolGroup, ...] = (construction.GROUP, inspection.GROUP, control.GROUP)
+GROUPS: tuple[ToolGroup, ...] = (
+    observation.GROUP,
+    construction.GROUP,
+    inspection.GROUP,
+    experimentation.GROUP,
+    control.GROUP,
+)
 
 INSTRUCTIONS = """\
 Answer physical questions about a video by building a small executable world that behaves like it, then \

@@ -1,0 +1,180 @@
+"""Fitting a world of a case to the tracks it models: what is asked, how it runs, what is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from atw_mcp.jobs import Progress
+from polyworld.identification import (
+    CemSettings,
+    FitParameter,
+    FitProgress,
+    FitResult,
+    FitSettings,
+    ObjectiveSettings,
+    RefineSettings,
+    default_parameters,
+    fit,
+    fit_by_random_search,
+    refine,
+)
+from polyworld.parameters import read_parameter, specification
+from polyworld.tracks import ObservedTracks
+from polyworld.world import World
+
+Method = Literal["cem", "random_search", "refine"]
+
+
+@dataclass(frozen=True)
+class Override:
+    """A parameter the agent searches in its own bounds, fixes, or adds; one value for all its paths.
+
+    fixed: leave the parameter as the world has it.
+    """
+
+    paths: tuple[str, ...]
+    lower: float | None = None
+    upper: float | None = None
+    prior: tuple[float, float] | None = None
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """Everything that determines the outcome of a fit, beside the world and the tracks."""
+
+    method: Method = "cem"
+    first_frame: int | None = None
+    last_frame: int | None = None
+    holdout_from: int | None = None
+    fit_seconds_per_frame: bool = False
+    fit_initial_states: bool = True
+    shared: tuple[str, ...] = ("linear_damping", "angular_damping")
+    each: tuple[str, ...] = ("friction", "restitution", "mass")
+    overrides: tuple[Override, ...] = ()
+    generations: int = 60
+    population: int = 64
+    restarts: int = 1
+    position_tolerance: float = 0.0
+    seed: int = 0
+
+
+def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest) -> list[FitParameter]:
+    """The unknowns of a fit: those the tracks can show, changed as the agent asked.
+
+    Raises KeyError for an unknown path, ValueError for bounds that do not suit it or when nothing is left.
+    """
+    parameters = default_parameters(
+        world,
+        tracks,
+        shared=request.shared,
+        each=request.each,
+        initial_conditions=request.fit_initial_states,
+        time_base=request.fit_seconds_per_frame,
+    )
+    for override in request.overrides:
+        for path in override.paths:
+            specification(world, path)
+        taken = set(override.paths)
+        before = next((p for p in parameters if taken & set(p.paths)), None)
+        # A tied parameter of which only some objects are taken out keeps the others.
+        parameters = [p for item in parameters if (p := _without(item, taken)) is not None]
+        if not override.fixed:
+            parameters.append(_searched(world, override, before))
+    if not parameters:
+        raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
+    return parameters
+
+
+def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
+    """The frames of the tracks that the request uses; raises ValueError naming the frames there are."""
+    if len(tracks.frames) == 0:
+        raise ValueError("the track record has no frames")
+    first, last = int(tracks.frames[0]), int(tracks.frames[-1])
+    begin = first if request.first_frame is None else request.first_frame
+    end = last if request.last_frame is None else request.last_frame
+    if not first <= begin < end <= last:
+        raise ValueError(f"frames {begin}..{end} are outside the tracks: they cover frames {first}..{last}")
+    return tracks.window(begin, end)
+
+
+def run_fit(
+    world: World, tracks: ObservedTracks, parameters: list[FitParameter], request: FitRequest, progress: Progress
+) -> FitResult:
+    """Search; a cancelled search returns the best found so far, with status `cancelled`."""
+    objective = ObjectiveSettings(position_tolerance=request.position_tolerance)
+    if request.method == "refine":
+        progress.report(0, None, "refining")
+        settings = RefineSettings(objective=objective, holdout_from=request.holdout_from)
+        return refine(
+            world, tracks, _at_present_values(world, parameters), settings=settings, cancelled=progress.cancelled
+        )
+
+    def tell(step: FitProgress) -> None:
+        progress.note(
+            step.done, step.total, f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
+        )
+
+    search = FitSettings(
+        generations=request.generations,
+        cem=CemSettings(population=request.population, elites=max(2, request.population // 8)),
+        restarts=request.restarts,
+        seed=request.seed,
+        objective=objective,
+        holdout_from=request.holdout_from,
+    )
+    method = fit if request.method == "cem" else fit_by_random_search
+    return method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled)
+
+
+def digest(result: FitResult) -> dict[str, Any]:
+    """A fit's outcome without wall time, so that equal fits give equal records."""
+    document = result.to_dict()
+    document.pop("seconds")
+    return document
+
+
+def _without(parameter: FitParameter, taken: set[str]) -> FitParameter | None:
+    paths = tuple(path for path in parameter.paths if path not in taken)
+    if not paths:
+        return None
+    return FitParameter(**{**vars(parameter), "paths": paths})
+
+
+def _searched(world: World, override: Override, before: FitParameter | None) -> FitParameter:
+    spec = specification(world, override.paths[0])
+    lower = override.lower if override.lower is not None else (before.lower if before else spec.search[0])
+    upper = override.upper if override.upper is not None else (before.upper if before else spec.search[1])
+    for path in override.paths:
+        allowed = specification(world, path)
+        if not (allowed.lower <= lower and upper <= allowed.upper):
+            raise ValueError(
+                f"{path}: bounds {lower:g}..{upper:g} leave what is possible, {allowed.lower:g}..{allowed.upper:g} "
+                f"{allowed.unit}"
+            )
+    if not lower < upper:
+        raise ValueError(f"{override.paths[0]}: lower {lower:g} must be below upper {upper:g}")
+    value = read_parameter(world, override.paths[0])
+    middle = 0.5 * (lower + upper) if value is None else min(max(value, lower), upper)
+    return FitParameter(
+        name=before.name if before is not None and before.paths == override.paths else "+".join(override.paths),
+        paths=override.paths,
+        lower=lower,
+        upper=upper,
+        mean=middle,
+        sd=0.25 * (upper - lower),
+        prior=override.prior,
+        enters=before.enters if before is not None else 0.0,
+    )
+
+
+def _at_present_values(world: World, parameters: list[FitParameter]) -> list[FitParameter]:
+    """The parameters with the world's own values as means: refining starts where the world is."""
+    moved = []
+    for parameter in parameters:
+        value = read_parameter(world, parameter.paths[0])
+        mean = parameter.mean if value is None else value
+        lower, upper = min(parameter.lower, mean), max(parameter.upper, mean)
+        moved.append(FitParameter(**{**vars(parameter), "mean": mean, "lower": lower, "upper": upper}))
+    return moved
