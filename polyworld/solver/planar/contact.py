@@ -8,18 +8,20 @@ from polyworld.solver.planar.separation import find_manifold
 
 wp.set_module_options({"enable_backward": False})
 
-ZERO = wp.constant(wp.float64(0.0))
-HALF = wp.constant(wp.float64(0.5))
-ONE = wp.constant(wp.float64(1.0))
-FAR = wp.constant(wp.float64(1.0e30))
-SLOW = wp.constant(wp.float64(1.0e-5))  # approach speeds below this do not bounce [m/s]
-IMPACT_ROUNDS = wp.constant(100)
-IMPACT_SWEEPS = wp.constant(300)
-FORCE_SWEEPS = wp.constant(60)
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
+FAR = wp.float64(1.0e30)
+SLOW = wp.float64(1.0e-5)  # approach speeds below this do not bounce [m/s]
+IMPACT_ROUNDS = 100
+IMPACT_SWEEPS = 300
+FORCE_SWEEPS = 60
 
 
 @wp.func
-def find_near(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, segment: wp.int32, reach: wp.float64):
+def find_near(
+    scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, segment: wp.int32, reach: wp.float64
+) -> wp.int32:
     """List the pairs whose bounding circles are nearer than `reach`; returns how many."""
     n = scene.bodies
     count = wp.int32(0)
@@ -80,7 +82,7 @@ def separation_speed(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> wp.
 @wp.func
 def apply_impulse(
     scene: Scene, bodies: Bodies, w: wp.int32, row: Row, along: wp.float64, across: wp.float64, roll: wp.float64
-):
+) -> None:
     """Add impulses (normal, tangent, moment) to the rates of b, and the opposite to those of a."""
     p = wp.vec2d(along * row.normal[0] - across * row.normal[1], along * row.normal[1] + across * row.normal[0])
     a = row.a
@@ -154,7 +156,7 @@ def find_rows(
     near_count: wp.int32,
     old_count: wp.int32,
     ratio: wp.float64,
-):
+) -> wp.int32:
     """Contact rows of all touching pairs, started from the last step's impulses times `ratio`; returns how many."""
     capacity = contacts.rows.shape[2]
     count = wp.int32(0)
@@ -239,7 +241,7 @@ def settle(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
 @wp.func
 def resolve_impacts(
     scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32, step: wp.float64
-):
+) -> None:
     """Newton's law of restitution at every touching row that approaches, in rounds of those that do.
 
     In each round the rows that approach are reflected together, those that do not are left alone: a row of
@@ -314,7 +316,7 @@ def resolve_impacts(
 @wp.func
 def hold_apart(
     scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32, h: wp.float64
-):
+) -> None:
     """Impulses over h at touching rows, with friction on the supporting plane: no approach at the end of the step."""
     pushed = ZERO
     for k in range(rows):
@@ -360,7 +362,7 @@ def hold_apart(
 @wp.func
 def part_overlaps(
     scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32, share: wp.float64
-):
+) -> None:
     """Move overlapping bodies apart by `share` of the overlap, without giving them speed."""
     for k in range(rows):
         row = contacts.rows[w, half, k]

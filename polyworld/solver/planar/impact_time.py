@@ -8,9 +8,9 @@ from polyworld.solver.planar.separation import find_manifold
 
 wp.set_module_options({"enable_backward": False})
 
-ZERO = wp.constant(wp.float64(0.0))
-HALF = wp.constant(wp.float64(0.5))
-ONE = wp.constant(wp.float64(1.0))
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
 
 
 @wp.func
@@ -150,7 +150,7 @@ def next_impact(
 @wp.func
 def lower_gaps(
     scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, near_count: wp.int32, time: wp.float64, h: wp.float64
-):
+) -> None:
     """Keep the near list's gaps lower bounds after moving `time` into the step."""
     for k in range(near_count):
         pair = contacts.near[w, k]

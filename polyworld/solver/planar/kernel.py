@@ -17,40 +17,46 @@ from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Samples, Scene
 
-ZERO = wp.constant(wp.float64(0.0))
-HALF = wp.constant(wp.float64(0.5))
-ONE = wp.constant(wp.float64(1.0))
-TWO = wp.constant(wp.float64(2.0))
-SPLITS = wp.constant(64)
-ABSURD = wp.constant(wp.float64(1.0e6))  # [m/s]; initial speeds are bounded by 1e5
-PARTING = wp.constant(wp.float64(0.1))  # share of an overlap undone in a step
+wp.set_module_options({"enable_backward": False})
 
-
-@wp.func
-def no_law(
-    kind: wp.int32,
-    p: Vec8,
-    mass: wp.float64,
-    radius: wp.float64,
-    x: wp.vec3d,
-    v: wp.vec3d,
-    omega: wp.vec3d,
-    t: wp.float64,
-) -> wp.spatial_vectord:
-    return wp.spatial_vectord()
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
+TWO = wp.float64(2.0)
+SPLITS = 64
+ABSURD = wp.float64(1.0e6)  # [m/s]; initial speeds are bounded by 1e5
+PARTING = wp.float64(0.1)  # share of an overlap undone in a step
 
 
 def law_chain() -> Any:
     """A Warp function that calls the law of a given kind: one link for each law of the catalogue."""
-    chain: Any = no_law
+    chain: Any = None
     for kind, law in CATALOGUE.items():
-        chain = _link(KIND_INDEX[kind], law.force, chain)
+        chain = _last(KIND_INDEX[kind], law.force) if chain is None else _link(KIND_INDEX[kind], law.force, chain)
     return chain
 
 
-def _link(index: int, force: Any, rest: Any) -> Any:
-    own = wp.constant(index)
+def _last(own: int, force: Any) -> Any:
+    @wp.func
+    def last(
+        kind: wp.int32,
+        p: Vec8,
+        mass: wp.float64,
+        radius: wp.float64,
+        x: wp.vec3d,
+        v: wp.vec3d,
+        omega: wp.vec3d,
+        t: wp.float64,
+    ) -> wp.spatial_vectord:
+        wrench = wp.spatial_vectord()
+        if kind == own:
+            wrench = force(p, mass, radius, x, v, omega, t)
+        return wrench
 
+    return last
+
+
+def _link(own: int, force: Any, rest: Any) -> Any:
     @wp.func
     def linked(
         kind: wp.int32,
@@ -69,186 +75,174 @@ def _link(index: int, force: Any, rest: Any) -> Any:
     return linked
 
 
+law_of_kind = law_chain()
+
+
 @wp.func
-def gravity_only(
+def effects_at(
     scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, pose: wp.vec3d, rate: wp.vec3d, t: wp.float64
 ) -> wp.vec3d:
+    """Acceleration of body i by the effects that act on it, in the plane."""
+    to_world = wp.transpose(scene.axes)
+    x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
+    v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
+    omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
+    force = wp.vec3d()
+    torque = wp.vec3d()
+    for e in range(scene.effects):
+        if scene.effect_acts[e, i] == 1:
+            p = Vec8()
+            for j in range(8):
+                p[j] = bodies.effect_parameters[w, e, j]
+            wrench = law_of_kind(scene.effect_kind[e], p, bodies.mass[w, i], scene.effect_radius[i], x, v, omega, t)
+            force += wp.spatial_top(wrench)
+            torque += wp.spatial_bottom(wrench)
+    f = scene.axes * force * bodies.inverse_mass[w, i]
+    m = scene.axes * torque * bodies.inverse_inertia[w, i]
+    return wp.vec3d(f[0], f[1], m[2])
+
+
+@wp.func
+def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
+    """Acceleration by gravity and effects; effects as they are at the middle of the step, as drag needs."""
     g = bodies.gravity[w]
-    return wp.vec3d(g[0], g[1], ZERO)
+    push = wp.vec3d(g[0], g[1], ZERO)
+    if scene.effects > 0:
+        pose = bodies.pose[w, i]
+        rate = bodies.rate[w, i]
+        half = HALF * h
+        first = push + effects_at(scene, bodies, w, i, pose, rate, time)
+        push = push + effects_at(scene, bodies, w, i, pose + rate * half, rate + first * half, time + half)
+    return push
 
 
-def with_effects() -> Any:
-    """A Warp function for the acceleration by gravity and the catalogue's effects, in the plane."""
-    law = law_chain()
-
-    @wp.func
-    def gravity_and_effects(
-        scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, pose: wp.vec3d, rate: wp.vec3d, t: wp.float64
-    ) -> wp.vec3d:
-        to_world = wp.transpose(scene.axes)
-        x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
-        v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
-        omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
-        force = wp.vec3d()
-        torque = wp.vec3d()
-        for e in range(scene.effects):
-            if scene.effect_acts[e, i] == 1:
-                p = Vec8()
-                for j in range(8):
-                    p[j] = bodies.effect_parameters[w, e, j]
-                wrench = law(scene.effect_kind[e], p, bodies.mass[w, i], scene.effect_radius[i], x, v, omega, t)
-                force += wp.spatial_top(wrench)
-                torque += wp.spatial_bottom(wrench)
-        f = scene.axes * force
-        m = scene.axes * torque
-        g = bodies.gravity[w]
-        return wp.vec3d(
-            g[0] + f[0] * bodies.inverse_mass[w, i],
-            g[1] + f[1] * bodies.inverse_mass[w, i],
-            m[2] * bodies.inverse_inertia[w, i],
-        )
-
-    return gravity_and_effects
-
-
-def rollout_kernel(acceleration: Any, refine: bool) -> Any:
-    """The kernel for one acceleration law; `refine` evaluates it at the middle of the step, as drag needs."""
-    passes = wp.constant(2 if refine else 1)
-
-    @wp.kernel(enable_backward=False, module="unique")
-    def rollout(
-        scene: Scene,
-        bodies: Bodies,
-        contacts: Contacts,
-        log: Log,
-        samples: Samples,
-        offset: wp.int32,
-        segments: wp.int32,
-    ):
-        w = offset + wp.tid()
-        n = scene.bodies
-        near_count = wp.int32(0)
-        row_count = wp.int32(0)
-        half = wp.int32(0)
-        room = -ONE  # motion for which the near list still holds
-        old_h = ONE
-        scale = bodies.time_scale[w]
-        start = ZERO
-        dead = wp.int32(0)
-        time = ZERO
-        for segment in range(segments):
-            end = scene.segment_end[segment] * scale
-            steps = scene.segment_steps[segment]
-            for i in range(n):
-                if scene.joins[i] == segment:
-                    room = -ONE
-            step = ZERO
-            if steps > 0:
-                step = (end - start) / wp.float64(steps)
-            for number in range(steps):
+@wp.kernel(enable_backward=False)
+def rollout(
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    log: Log,
+    samples: Samples,
+    offset: wp.int32,
+    segments: wp.int32,
+) -> None:
+    w = offset + wp.tid()
+    n = scene.bodies
+    near_count = wp.int32(0)
+    row_count = wp.int32(0)
+    half = wp.int32(0)
+    room = -ONE  # motion for which the near list still holds
+    old_h = ONE
+    scale = bodies.time_scale[w]
+    start = ZERO
+    dead = wp.int32(0)
+    time = ZERO
+    for segment in range(segments):
+        end = scene.segment_end[segment] * scale
+        steps = scene.segment_steps[segment]
+        for i in range(n):
+            if scene.joins[i] == segment:
+                room = -ONE
+        step = ZERO
+        if steps > 0:
+            step = (end - start) / wp.float64(steps)
+        for number in range(steps):
+            if dead == 1:
+                break
+            left = step
+            splits = wp.int32(0)
+            while left > wp.float64(1.0e-12) * step and dead == 0:
+                h = left
+                time = start + wp.float64(number + 1) * step - left
+                # What pushes each body, and how fast the fastest is.
+                fastest = ZERO
+                for i in range(n):
+                    if scene.joins[i] <= segment:
+                        v = bodies.rate[w, i]
+                        push = find_push(scene, bodies, w, i, time, h)
+                        bodies.push[w, i] = push
+                        bodies.next_rate[w, i] = v
+                        bodies.coupled[w, i] = 0
+                        speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
+                        if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
+                            dead = wp.int32(1)
+                            samples.diverged_object[w] = i
+                            samples.diverged_time[w] = time
+                        fastest = wp.max(fastest, speed + wp.length(push) * h)
                 if dead == 1:
                     break
-                left = step
-                splits = wp.int32(0)
-                while left > wp.float64(1.0e-12) * step and dead == 0:
-                    h = left
-                    time = start + wp.float64(number + 1) * step - left
-                    # What pushes each body, and how fast the fastest is.
-                    fastest = ZERO
-                    for i in range(n):
-                        if scene.joins[i] <= segment:
-                            v = bodies.rate[w, i]
-                            push = acceleration(scene, bodies, w, i, bodies.pose[w, i], v, time)
-                            if passes == 2:
-                                middle = v + push * (HALF * h)
-                                push = acceleration(
-                                    scene, bodies, w, i, bodies.pose[w, i] + v * (HALF * h), middle, time + HALF * h
-                                )
-                            bodies.push[w, i] = push
-                            bodies.next_rate[w, i] = v
-                            bodies.coupled[w, i] = 0
-                            speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
-                            if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
-                                dead = wp.int32(1)
-                                samples.diverged_object[w] = i
-                                samples.diverged_time[w] = time
-                            fastest = wp.max(fastest, speed + wp.length(push) * h)
-                    if dead == 1:
-                        break
-                    if room < TWO * fastest * h:
-                        reach = scene.skin + wp.float64(8.0) * fastest * h
-                        near_count = find_near(scene, bodies, contacts, w, segment, reach)
-                        room = reach
-                    half = 1 - half
-                    rows = find_rows(scene, bodies, contacts, samples, w, half, near_count, row_count, h / old_h)
-                    row_count = rows
-                    old_h = h
-                    if rows > 0:
-                        resolve_impacts(scene, bodies, contacts, w, half, rows, step)
-                        for k in range(rows):
-                            row = contacts.rows[w, half, k]
-                            bodies.rate[w, row.a] = bodies.next_rate[w, row.a]
-                            bodies.coupled[w, row.a] = 1
-                            if row.b < n:
-                                bodies.rate[w, row.b] = bodies.next_rate[w, row.b]
-                                bodies.coupled[w, row.b] = 1
-                    set_step(scene, bodies, w, h)
-                    for i in range(n):
-                        if scene.joins[i] <= segment:
-                            if bodies.coupled[w, i] == 1:
-                                bodies.next_rate[w, i] = unheld_rate(bodies, w, i, h)
-                                bodies.drag[w, i] = wp.vec3d()
-                            else:
-                                bodies.next_rate[w, i] = free_rate(bodies, w, i, h)
-                    if rows > 0:
-                        hold_apart(scene, bodies, contacts, w, half, rows, h)
-                    for i in range(n):
-                        if scene.joins[i] <= segment:
-                            find_shift(bodies, w, i, h)
-                    if rows > 0:
-                        part_overlaps(scene, bodies, contacts, w, half, rows, PARTING * h / step)
-                    part = h
-                    if splits < SPLITS:
-                        part = next_impact(scene, bodies, contacts, w, half, rows, near_count, h)
-                    lower_gaps(scene, bodies, contacts, w, near_count, part, h)
-                    if log.record == 1:
-                        for k in range(rows):
-                            row = contacts.rows[w, half, k]
-                            if row.touching == 1:
-                                pose = bodies.pose[w, row.a]
-                                touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, row.impulse * part / h)
-                    share = part / h
-                    moved = ZERO
-                    for i in range(n):
-                        if scene.joins[i] <= segment:
-                            was = bodies.pose[w, i]
-                            if part == h:
-                                bodies.pose[w, i] = was + bodies.shift[w, i]
-                                bodies.rate[w, i] = bodies.next_rate[w, i]
-                            else:
-                                bodies.pose[w, i] = pose_at(scene, bodies, w, i, part, h)
-                                bodies.rate[w, i] = bodies.rate[w, i] * (ONE - share) + bodies.next_rate[w, i] * share
-                            now = bodies.pose[w, i]
-                            moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
-                    room -= TWO * moved
-                    left -= part
-                    splits += 1
-            start = end
-            time = end
-            sample = scene.segment_sample[segment]
-            if sample >= 0 and dead == 0:
+                if room < TWO * fastest * h:
+                    reach = scene.skin + wp.float64(8.0) * fastest * h
+                    near_count = find_near(scene, bodies, contacts, w, segment, reach)
+                    room = reach
+                half = 1 - half
+                rows = find_rows(scene, bodies, contacts, samples, w, half, near_count, row_count, h / old_h)
+                row_count = rows
+                old_h = h
+                if rows > 0:
+                    resolve_impacts(scene, bodies, contacts, w, half, rows, step)
+                    for k in range(rows):
+                        row = contacts.rows[w, half, k]
+                        bodies.rate[w, row.a] = bodies.next_rate[w, row.a]
+                        bodies.coupled[w, row.a] = 1
+                        if row.b < n:
+                            bodies.rate[w, row.b] = bodies.next_rate[w, row.b]
+                            bodies.coupled[w, row.b] = 1
+                set_step(scene, bodies, w, h)
                 for i in range(n):
-                    samples.pose[w, sample, i] = bodies.pose[w, i]
-                    samples.rate[w, sample, i] = bodies.rate[w, i]
-        if log.record == 1 and dead == 0 and n > 0:
-            half = 1 - half
+                    if scene.joins[i] <= segment:
+                        if bodies.coupled[w, i] == 1:
+                            bodies.next_rate[w, i] = unheld_rate(bodies, w, i, h)
+                            bodies.drag[w, i] = wp.vec3d()
+                        else:
+                            bodies.next_rate[w, i] = free_rate(bodies, w, i, h)
+                if rows > 0:
+                    hold_apart(scene, bodies, contacts, w, half, rows, h)
+                for i in range(n):
+                    if scene.joins[i] <= segment:
+                        find_shift(bodies, w, i, h)
+                if rows > 0:
+                    part_overlaps(scene, bodies, contacts, w, half, rows, PARTING * h / step)
+                part = h
+                if splits < SPLITS:
+                    part = next_impact(scene, bodies, contacts, w, half, rows, near_count, h)
+                lower_gaps(scene, bodies, contacts, w, near_count, part, h)
+                if log.record == 1:
+                    for k in range(rows):
+                        row = contacts.rows[w, half, k]
+                        if row.touching == 1:
+                            pose = bodies.pose[w, row.a]
+                            touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, row.impulse * part / h)
+                share = part / h
+                moved = ZERO
+                for i in range(n):
+                    if scene.joins[i] <= segment:
+                        was = bodies.pose[w, i]
+                        if part == h:
+                            bodies.pose[w, i] = was + bodies.shift[w, i]
+                            bodies.rate[w, i] = bodies.next_rate[w, i]
+                        else:
+                            bodies.pose[w, i] = pose_at(scene, bodies, w, i, part, h)
+                            bodies.rate[w, i] = bodies.rate[w, i] * (ONE - share) + bodies.next_rate[w, i] * share
+                        now = bodies.pose[w, i]
+                        moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
+                room -= TWO * moved
+                left -= part
+                splits += 1
+        start = end
+        time = end
+        sample = scene.segment_sample[segment]
+        if sample >= 0 and dead == 0:
             for i in range(n):
-                bodies.next_rate[w, i] = bodies.rate[w, i]
-            rows = find_rows(scene, bodies, contacts, samples, w, half, near_count, 0, ZERO)
-            for k in range(rows):
-                row = contacts.rows[w, half, k]
-                if row.touching == 1:
-                    pose = bodies.pose[w, row.a]
-                    touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, ZERO)
-
-    return rollout
+                samples.pose[w, sample, i] = bodies.pose[w, i]
+                samples.rate[w, sample, i] = bodies.rate[w, i]
+    if log.record == 1 and dead == 0 and n > 0:
+        half = 1 - half
+        for i in range(n):
+            bodies.next_rate[w, i] = bodies.rate[w, i]
+        rows = find_rows(scene, bodies, contacts, samples, w, half, near_count, 0, ZERO)
+        for k in range(rows):
+            row = contacts.rows[w, half, k]
+            if row.touching == 1:
+                pose = bodies.pose[w, row.a]
+                touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, ZERO)

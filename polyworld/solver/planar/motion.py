@@ -10,9 +10,9 @@ from polyworld.solver.planar.records import Bodies, Scene
 
 wp.set_module_options({"enable_backward": False})
 
-ZERO = wp.constant(wp.float64(0.0))
-HALF = wp.constant(wp.float64(0.5))
-ONE = wp.constant(wp.float64(1.0))
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
 
 
 @wp.func
@@ -65,7 +65,7 @@ def decay(damping: wp.float64, h: wp.float64) -> wp.vec3d:
 
 
 @wp.func
-def set_step(scene: Scene, bodies: Bodies, w: wp.int32, h: wp.float64):
+def set_step(scene: Scene, bodies: Bodies, w: wp.int32, h: wp.float64) -> None:
     """Damping factors of a step of length h; kept while h stays the same to rounding."""
     if wp.abs(h - bodies.decay_step[w]) > wp.float64(1.0e-12) * h:
         bodies.decay_step[w] = h
@@ -118,7 +118,7 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
 
 
 @wp.func
-def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64):
+def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
     """Change of pose over h: exact for constant acceleration with damping; a stop within h is respected."""
     v = bodies.rate[w, i]
     u = bodies.next_rate[w, i]

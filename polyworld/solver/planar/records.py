@@ -12,55 +12,55 @@ class Scene:
     bodies: wp.int32
     statics: wp.int32
     effects: wp.int32
-    vertices: wp.array(dtype=wp.vec2d)  # outlines, counter-clockwise, about each centre [m]
-    normals: wp.array(dtype=wp.vec2d)  # outward normal of the edge that starts at the vertex
-    first: wp.array(dtype=wp.int32)  # (n + s + 1,) first vertex of each outline
-    sweep: wp.array(dtype=wp.float64)  # (n + s,) radius of the disc swept along the outline [m]
-    bound: wp.array(dtype=wp.float64)  # (n + s,) radius of the bounding circle [m]
-    depth: wp.array(dtype=wp.float64)  # (n + s,) a relative motion shorter than this cannot pass through [m]
-    static_pose: wp.array(dtype=wp.vec3d)  # (s,) x, y, angle; of a half plane its outward normal and offset
-    collides: wp.array2d(dtype=wp.int32)  # (n, n + s)
+    vertices: wp.array[wp.vec2d]  # outlines, counter-clockwise, about each centre [m]
+    normals: wp.array[wp.vec2d]  # outward normal of the edge that starts at the vertex
+    first: wp.array[wp.int32]  # (n + s + 1,) first vertex of each outline
+    sweep: wp.array[wp.float64]  # (n + s,) radius of the disc swept along the outline [m]
+    bound: wp.array[wp.float64]  # (n + s,) radius of the bounding circle [m]
+    depth: wp.array[wp.float64]  # (n + s,) a relative motion shorter than this cannot pass through [m]
+    static_pose: wp.array[wp.vec3d]  # (s,) x, y, angle; of a half plane its outward normal and offset
+    collides: wp.array2d[wp.int32]  # (n, n + s)
     touch: wp.float64  # a gap below this is contact [m]
     skin: wp.float64  # pairs nearer than this are kept in the near list [m]
     axes: wp.mat33d  # rows: the plane's x, y and normal in world axes
-    segment_end: wp.array(dtype=wp.float64)  # (K,) sample and start times in order [s]
-    segment_steps: wp.array(dtype=wp.int32)  # (K,) substeps of the segment that ends there
-    segment_sample: wp.array(dtype=wp.int32)  # (K,) sample taken there, -1 for none
-    joins: wp.array(dtype=wp.int32)  # (n,) first segment in which a body moves
-    effect_kind: wp.array(dtype=wp.int32)  # (e,)
-    effect_acts: wp.array2d(dtype=wp.int32)  # (e, n)
-    effect_radius: wp.array(dtype=wp.float64)  # (n,) radius of the ball of equal volume [m]
+    segment_end: wp.array[wp.float64]  # (K,) sample and start times in order [s]
+    segment_steps: wp.array[wp.int32]  # (K,) substeps of the segment that ends there
+    segment_sample: wp.array[wp.int32]  # (K,) sample taken there, -1 for none
+    joins: wp.array[wp.int32]  # (n,) first segment in which a body moves
+    effect_kind: wp.array[wp.int32]  # (e,)
+    effect_acts: wp.array2d[wp.int32]  # (e, n)
+    effect_radius: wp.array[wp.float64]  # (n,) radius of the ball of equal volume [m]
 
 
 @wp.struct
 class Bodies:
     """State and parameters of the bodies of every world; friction and restitution also of the statics."""
 
-    pose: wp.array2d(dtype=wp.vec3d)  # x, y, angle [m, m, rad]
-    rate: wp.array2d(dtype=wp.vec3d)  # velocity and angular velocity
-    next_rate: wp.array2d(dtype=wp.vec3d)  # rate at the end of the step being solved
-    shift: wp.array2d(dtype=wp.vec3d)  # change of pose over the step being solved
-    push: wp.array2d(dtype=wp.vec3d)  # acceleration by gravity and effects
-    drag: wp.array2d(dtype=wp.vec3d)  # change of rate by friction on the supporting plane
-    coupled: wp.array2d(dtype=wp.int32)  # whether a contact row acts on the body in this step
-    linear_decay: wp.array2d(dtype=wp.vec3d)  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
-    angular_decay: wp.array2d(dtype=wp.vec3d)
-    decay_step: wp.array(dtype=wp.float64)  # (W,) the h they were computed for
-    mass: wp.array2d(dtype=wp.float64)
-    inverse_mass: wp.array2d(dtype=wp.float64)
-    inverse_inertia: wp.array2d(dtype=wp.float64)
-    hold: wp.array2d(dtype=wp.float64)  # mu |g_n|: largest deceleration by the supporting plane [m/s^2]
-    patch: wp.array2d(dtype=wp.float64)  # radius of the spinning-friction patch [m]
-    linear_damping: wp.array2d(dtype=wp.float64)
-    angular_damping: wp.array2d(dtype=wp.float64)
-    friction: wp.array2d(dtype=wp.float64)  # (W, n + s), negative: the other's own
-    restitution: wp.array2d(dtype=wp.float64)  # (W, n + s), negative: the other's own
-    rolling: wp.array2d(dtype=wp.float64)
-    height: wp.array2d(dtype=wp.float64)  # coordinate along the plane's normal [m]
-    gravity: wp.array(dtype=wp.vec2d)  # (W,) its part in the plane
-    time_scale: wp.array(dtype=wp.float64)  # (W,)
-    effect_parameters: wp.array3d(dtype=wp.float64)  # (W, e, 8)
-    corners: wp.array2d(dtype=wp.vec2d)  # (W, 2 k) scratch: outlines of the pair under test
+    pose: wp.array2d[wp.vec3d]  # x, y, angle [m, m, rad]
+    rate: wp.array2d[wp.vec3d]  # velocity and angular velocity
+    next_rate: wp.array2d[wp.vec3d]  # rate at the end of the step being solved
+    shift: wp.array2d[wp.vec3d]  # change of pose over the step being solved
+    push: wp.array2d[wp.vec3d]  # acceleration by gravity and effects
+    drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane
+    coupled: wp.array2d[wp.int32]  # whether a contact row acts on the body in this step
+    linear_decay: wp.array2d[wp.vec3d]  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
+    angular_decay: wp.array2d[wp.vec3d]
+    decay_step: wp.array[wp.float64]  # (W,) the h they were computed for
+    mass: wp.array2d[wp.float64]
+    inverse_mass: wp.array2d[wp.float64]
+    inverse_inertia: wp.array2d[wp.float64]
+    hold: wp.array2d[wp.float64]  # mu |g_n|: largest deceleration by the supporting plane [m/s^2]
+    patch: wp.array2d[wp.float64]  # radius of the spinning-friction patch [m]
+    linear_damping: wp.array2d[wp.float64]
+    angular_damping: wp.array2d[wp.float64]
+    friction: wp.array2d[wp.float64]  # (W, n + s), negative: the other's own
+    restitution: wp.array2d[wp.float64]  # (W, n + s), negative: the other's own
+    rolling: wp.array2d[wp.float64]
+    height: wp.array2d[wp.float64]  # coordinate along the plane's normal [m]
+    gravity: wp.array[wp.vec2d]  # (W,) its part in the plane
+    time_scale: wp.array[wp.float64]  # (W,)
+    effect_parameters: wp.array3d[wp.float64]  # (W, e, 8)
+    corners: wp.array2d[wp.vec2d]  # (W, 2 k) scratch: outlines of the pair under test
 
 
 @wp.struct
@@ -96,9 +96,9 @@ class Row:
 class Contacts:
     """Pairs that may meet soon, and the contact rows of this step and the last."""
 
-    near: wp.array2d(dtype=wp.vec2i)
-    near_gap: wp.array2d(dtype=wp.float64)  # a lower bound of the pair's gap [m]
-    rows: wp.array3d(dtype=Row)  # (W, 2, C): one half is this step's, the other the last step's
+    near: wp.array2d[wp.vec2i]
+    near_gap: wp.array2d[wp.float64]  # a lower bound of the pair's gap [m]
+    rows: wp.array3d[Row]  # (W, 2, C): one half is this step's, the other the last step's
 
 
 @wp.struct
@@ -107,23 +107,23 @@ class Log:
 
     record: wp.int32
     merge: wp.float64
-    open: wp.array3d(dtype=wp.int32)  # (W, n, n + s) episode of a pair, -1 for none
-    count: wp.array(dtype=wp.int32)  # (W,) may exceed the capacity: the rest was not stored
-    pair: wp.array2d(dtype=wp.vec2i)
-    begin: wp.array2d(dtype=wp.float64)
-    last: wp.array2d(dtype=wp.float64)
-    first_impulse: wp.array2d(dtype=wp.float64)
-    impulse: wp.array2d(dtype=wp.float64)
-    speed: wp.array2d(dtype=wp.float64)
-    point: wp.array2d(dtype=wp.vec2d)
+    open: wp.array3d[wp.int32]  # (W, n, n + s) episode of a pair, -1 for none
+    count: wp.array[wp.int32]  # (W,) may exceed the capacity: the rest was not stored
+    pair: wp.array2d[wp.vec2i]
+    begin: wp.array2d[wp.float64]
+    last: wp.array2d[wp.float64]
+    first_impulse: wp.array2d[wp.float64]
+    impulse: wp.array2d[wp.float64]
+    speed: wp.array2d[wp.float64]
+    point: wp.array2d[wp.vec2d]
 
 
 @wp.struct
 class Samples:
     """What a run returns, in plane coordinates, and how it ended."""
 
-    pose: wp.array3d(dtype=wp.vec3d)  # (W, T, n)
-    rate: wp.array3d(dtype=wp.vec3d)
-    diverged_object: wp.array(dtype=wp.int32)  # (W,) -1 where the world did not diverge
-    diverged_time: wp.array(dtype=wp.float64)
-    crowded: wp.array(dtype=wp.int32)  # (W,) contact points for which there was no room
+    pose: wp.array3d[wp.vec3d]  # (W, T, n)
+    rate: wp.array3d[wp.vec3d]
+    diverged_object: wp.array[wp.int32]  # (W,) -1 where the world did not diverge
+    diverged_time: wp.array[wp.float64]
+    crowded: wp.array[wp.int32]  # (W,) contact points for which there was no room

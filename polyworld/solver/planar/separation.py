@@ -11,10 +11,10 @@ from polyworld.solver.planar.records import Bodies, Scene
 
 wp.set_module_options({"enable_backward": False})
 
-ZERO = wp.constant(wp.float64(0.0))
-HALF = wp.constant(wp.float64(0.5))
-ONE = wp.constant(wp.float64(1.0))
-FAR = wp.constant(wp.float64(1.0e30))
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
+FAR = wp.float64(1.0e30)
 
 
 @wp.struct

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
-from polyworld.solver.planar.kernel import gravity_only, rollout_kernel, with_effects
+from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
 from polyworld.solver.planar.scene import build_scene, time_table
 from polyworld.trajectory import BatchTrajectory, Event
@@ -47,11 +46,6 @@ BODY_FIELDS = {
 }
 
 
-@lru_cache(maxsize=2)
-def _kernel(effects: bool) -> Any:
-    return rollout_kernel(with_effects(), refine=True) if effects else rollout_kernel(gravity_only, refine=False)
-
-
 class PlanarSimulator:
     """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run."""
 
@@ -64,7 +58,6 @@ class PlanarSimulator:
         record_events: bool = False,
         threads: int | None = None,
     ) -> None:
-        wp.init()
         self.world = world
         self.names = tuple(o.name for o in world.objects)
         self.n_worlds = n_worlds
@@ -83,7 +76,6 @@ class PlanarSimulator:
                 for r, s in zip(rotations, solids, strict=True)
             ]
         )
-        self._kernel = _kernel(self._scene.effects > 0)
         self._allocate()
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
@@ -102,8 +94,8 @@ class PlanarSimulator:
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
-        pairs = int(self._scene.collides.numpy().sum())
-        corners = np.diff(self._scene.first.numpy())
+        pairs = int(_view(self._scene.collides).sum())
+        corners = np.diff(_view(self._scene.first))
         bodies = Bodies()
         for name, dtype in BODY_FIELDS.items():
             setattr(bodies, name, _zeros((w, n), dtype))
@@ -142,42 +134,42 @@ class PlanarSimulator:
         b, axes = self._bodies, self._axes
         flat, normal = axes[:2], axes[2]
         angle = self._turn(arrays.orientation)
-        pose, rate = b.pose.numpy(), b.rate.numpy()
+        pose, rate = _view(b.pose), _view(b.rate)
         pose[..., :2] = arrays.position @ flat.T
         pose[..., 2] = angle
         rate[..., :2] = arrays.velocity @ flat.T
         rate[..., 2] = arrays.angular_velocity @ normal
-        b.height.numpy()[:] = arrays.position @ normal
-        b.mass.numpy()[:] = arrays.mass
-        b.inverse_mass.numpy()[:] = 1.0 / arrays.mass
-        b.inverse_inertia.numpy()[:] = 1.0 / (arrays.mass * self._gyration)
+        _view(b.height)[:] = arrays.position @ normal
+        _view(b.mass)[:] = arrays.mass
+        _view(b.inverse_mass)[:] = 1.0 / arrays.mass
+        _view(b.inverse_inertia)[:] = 1.0 / (arrays.mass * self._gyration)
         plane = self.world.environment.motion_plane
         load = np.maximum(0.0, -(arrays.gravity @ normal))[:, None] if plane.supports else np.zeros((1, 1))
         own = arrays.plane_friction < 0
-        b.hold.numpy()[:] = load * np.where(
+        _view(b.hold)[:] = load * np.where(
             own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction)
         )
-        b.patch.numpy()[:] = arrays.torsional_radius
-        b.linear_damping.numpy()[:] = arrays.linear_damping
-        b.angular_damping.numpy()[:] = arrays.angular_damping
-        b.rolling.numpy()[:] = arrays.rolling_resistance
+        _view(b.patch)[:] = arrays.torsional_radius
+        _view(b.linear_damping)[:] = arrays.linear_damping
+        _view(b.angular_damping)[:] = arrays.angular_damping
+        _view(b.rolling)[:] = arrays.rolling_resistance
         n = self._scene.bodies
-        b.friction.numpy()[:, :n] = arrays.friction
-        b.friction.numpy()[:, n:] = arrays.static_friction
-        b.restitution.numpy()[:, :n] = arrays.restitution
-        b.restitution.numpy()[:, n:] = arrays.static_restitution
-        b.gravity.numpy()[:] = arrays.gravity @ flat.T
-        b.time_scale.numpy()[:] = arrays.time_scale[:, 0]
-        b.effect_parameters.numpy()[:] = arrays.effect_parameters
-        b.decay_step.numpy()[:] = -1.0
-        self._log.open.numpy()[:] = -1
-        self._log.count.numpy()[:] = 0
+        _view(b.friction)[:, :n] = arrays.friction
+        _view(b.friction)[:, n:] = arrays.static_friction
+        _view(b.restitution)[:, :n] = arrays.restitution
+        _view(b.restitution)[:, n:] = arrays.static_restitution
+        _view(b.gravity)[:] = arrays.gravity @ flat.T
+        _view(b.time_scale)[:] = arrays.time_scale[:, 0]
+        _view(b.effect_parameters)[:] = arrays.effect_parameters
+        _view(b.decay_step)[:] = -1.0
+        _view(self._log.open)[:] = -1
+        _view(self._log.count)[:] = 0
         out = self._samples
-        out.pose.numpy()[:] = np.nan
-        out.rate.numpy()[:] = np.nan
-        out.diverged_object.numpy()[:] = -1
-        out.diverged_time.numpy()[:] = np.nan
-        out.crowded.numpy()[:] = 0
+        _view(out.pose)[:] = np.nan
+        _view(out.rate)[:] = np.nan
+        _view(out.diverged_object)[:] = -1
+        _view(out.diverged_time)[:] = np.nan
+        _view(out.crowded)[:] = 0
 
     def _turn(self, orientation: Array) -> Array:
         """Angle (R, n) about the plane's normal from the world's own orientations to those given."""
@@ -201,13 +193,13 @@ class PlanarSimulator:
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
             wp.launch(
-                self._kernel,
+                rollout,
                 dim=last - first,
                 inputs=[self._scene, self._bodies, self._contacts, self._log, self._samples, first, segments],
                 device="cpu",
             )
 
-        self._kernel.module.load("cpu", block_dim=1)  # before the threads ask for it
+        rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
         if pieces == 1:
             piece(0)
             return
@@ -216,21 +208,21 @@ class PlanarSimulator:
 
     def _read(self, count: int) -> BatchTrajectory:
         out, axes = self._samples, self._axes
-        crowded = out.crowded.numpy()
+        crowded = _view(out.crowded)
         if crowded.any():
             raise RuntimeError(
                 f"{int(crowded.max())} contact points found no room: the objects overlap too much at the start"
             )
-        pose, rate = out.pose.numpy()[:, :count], out.rate.numpy()[:, :count]
-        height = self._bodies.height.numpy()[:, None, :, None]
+        pose, rate = _view(out.pose)[:, :count], _view(out.rate)[:, :count]
+        height = _view(self._bodies.height)[:, None, :, None]
         turn = np.zeros((*pose.shape[:3], 4))
         turn[..., 0] = np.cos(pose[..., 2] / 2)
         turn[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
         # The angle counts from the world's own orientation, an override's turn included.
         base = np.array([o.orientation for o in self.world.objects]).reshape(1, 1, -1, 4)
         starts = np.array([o.start_time for o in self.world.objects])
-        diverged = out.diverged_object.numpy() >= 0
-        times = self.sample_times[None, :count] * self._bodies.time_scale.numpy()[:, None]
+        diverged = _view(out.diverged_object) >= 0
+        times = self.sample_times[None, :count] * _view(self._bodies.time_scale)[:, None]
         return BatchTrajectory(
             names=self.names,
             times=times,
@@ -240,8 +232,8 @@ class PlanarSimulator:
             angular_velocities=rate[..., 2:] * axes[2],
             active=self.sample_times[:count, None] >= starts[None, :],
             diverged=diverged,
-            diverged_time=out.diverged_time.numpy().copy(),
-            diverged_object=out.diverged_object.numpy().astype(np.int64),
+            diverged_time=_view(out.diverged_time).copy(),
+            diverged_object=_view(out.diverged_object).astype(np.int64),
             events=tuple(self._events(w, float(times[w, -1])) for w in range(self.n_worlds)),
         )
 
@@ -250,17 +242,17 @@ class PlanarSimulator:
         log = self._log
         if not self.record_events:
             return ()
-        count = int(log.count.numpy()[w])
+        count = int(_view(log.count)[w])
         if count > EPISODES:
             raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
-        pairs, points = log.pair.numpy()[w], log.point.numpy()[w]
-        begin, last = log.begin.numpy()[w], log.last.numpy()[w]
-        first, total, speed = (getattr(log, k).numpy()[w] for k in ("first_impulse", "impulse", "speed"))
+        pairs, points = _view(log.pair)[w], _view(log.point)[w]
+        begin, last = _view(log.begin)[w], _view(log.last)[w]
+        first, total, speed = (_view(getattr(log, k))[w] for k in ("first_impulse", "impulse", "speed"))
         events = []
         for k in range(count):
             a, b = int(pairs[k][0]), int(pairs[k][1])
             names = tuple(sorted((self._all_names[a], self._all_names[b])))
-            spot = points[k] @ self._axes[:2] + self._bodies.height.numpy()[w, a] * self._axes[2]
+            spot = points[k] @ self._axes[:2] + _view(self._bodies.height)[w, a] * self._axes[2]
             position = (float(spot[0]), float(spot[1]), float(spot[2]))
             events.append(Event("contact_begin", float(begin[k]), names, position, float(first[k]), float(speed[k])))
             if last[k] < end:
@@ -270,3 +262,8 @@ class PlanarSimulator:
 
 def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
     return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def _view(array: Any) -> Any:
+    """The memory of a Warp array on the CPU as a NumPy array."""
+    return array.numpy()
