@@ -1,0 +1,46 @@
+"""Perception from plain video: masks and identities, cameras, motion in the world, corrections, importers.
+
+info = probe("clip.mp4")
+observation = observe("clip.mp4")                     # masks and names, in pixels
+camera = calibrate_from_points(points, pixels, (w, h)).camera
+solids = estimate_sizes(observation, camera)
+tracks = world_tracks(observation, camera, {n: s.solid for n, s in solids.items()}, seconds_per_frame=0.04)
+"""
+
+from atw_mcp.perception.calibration import (
+    Calibration,
+    CalibrationError,
+    calibrate_from_homography,
+    calibrate_from_known_length,
+    calibrate_from_points,
+    calibrate_given,
+)
+from atw_mcp.perception.masks import MaskError, RunLengthMask
+from atw_mcp.perception.observation import Cue, ImageObservation, ObservationError, ObservedObject
+from atw_mcp.perception.observe import observe
+from atw_mcp.perception.tracks import SolidEstimate, estimate_sizes, world_tracks
+from atw_mcp.perception.video import PerceptionCancelled, VideoError, VideoInfo, probe, read_frames
+
+__all__ = [
+    "Calibration",
+    "CalibrationError",
+    "Cue",
+    "ImageObservation",
+    "MaskError",
+    "ObservationError",
+    "ObservedObject",
+    "PerceptionCancelled",
+    "RunLengthMask",
+    "SolidEstimate",
+    "VideoError",
+    "VideoInfo",
+    "calibrate_from_homography",
+    "calibrate_from_known_length",
+    "calibrate_from_points",
+    "calibrate_given",
+    "estimate_sizes",
+    "observe",
+    "probe",
+    "read_frames",
+    "world_tracks",
+]

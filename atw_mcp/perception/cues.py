@@ -1,0 +1,207 @@
+"""What an object looks like: a colour's name, metal or rubber, and the solid its silhouette fits."""
+
+from __future__ import annotations
+
+import colorsys
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.perception.background import Mask
+from atw_mcp.perception.observation import Cue
+from atw_mcp.perception.video import Frames
+
+Floats = NDArray[np.float64]
+
+# Hue in degrees at which one name passes into the next, going round from red.
+HUES = ((14, "red"), (46, "brown"), (70, "yellow"), (158, "green"), (203, "cyan"), (258, "blue"), (335, "purple"))
+UNKNOWN = Cue("unknown", 0.0, {})
+
+
+def colour_cue(samples: list[tuple[Frames, Mask]], white: float) -> Cue:
+    """Name of the typical colour under masks; `white` is the luminance of the bright background [0..255].
+
+    Highlights and the darkest parts, where hue is mostly noise or reflection, are left out.
+    """
+    pixels = np.concatenate([image[mask] for image, mask in samples]).astype(float)[:, ::-1]
+    if len(pixels) < 5:
+        return UNKNOWN
+    luminance = pixels @ np.array([0.299, 0.587, 0.114])
+    low, high = np.percentile(luminance, [25, 90])
+    middle = pixels[(luminance >= low) & (luminance <= high)]
+    r, g, b = np.median(middle, axis=0)
+    hue, saturation, _ = colorsys.rgb_to_hsv(r / 255, g / 255, b / 255)
+    degrees = 360 * hue
+    level = float(0.299 * r + 0.587 * g + 0.114 * b) / max(white, 40.0)
+    measured = {"r": float(r), "g": float(g), "b": float(b), "hue": degrees, "saturation": saturation, "level": level}
+    spread = max(r, g, b) - min(r, g, b)
+    if saturation < 0.16 or spread < 12:
+        name = "black" if level < 0.22 else "white" if level > 1.15 else "gray"
+        margin = min(abs(saturation - 0.16) / 0.1, 1.0)
+        return Cue(name, 0.5 + 0.5 * margin, measured)
+    edges = [edge for edge, _ in HUES]
+    index = int(np.searchsorted(edges, degrees))
+    name = HUES[index % len(HUES)][1]
+    if name == "brown" and level > 0.85 and saturation > 0.5:
+        name = "orange"
+    nearest = min(min(abs(degrees - e), 360 - abs(degrees - e)) for e in edges)
+    return Cue(name, float(min(1.0, 0.5 + 0.5 * nearest / 15, 0.4 + saturation * 2)), measured)
+
+
+def material_cue(samples: list[tuple[Frames, Mask]]) -> Cue:
+    """Metal, if the object mirrors lights and surroundings; rubber, if it shades smoothly.
+
+    measured: highlight, the brightest of the object over its median; contrast, the range of its luminance
+    over its median; texture, the median local change of luminance over the median.
+    """
+    highlights, contrasts, textures = [], [], []
+    for image, mask in samples:
+        luminance = image.astype(float) @ np.array([0.114, 0.587, 0.299])
+        values = luminance[mask]
+        if len(values) < 30:
+            continue
+        middle = max(float(np.median(values)), 4.0)
+        highlights.append(float(np.percentile(values, 99.5)) / middle)
+        p10, p90 = np.percentile(values, [8, 92])
+        contrasts.append(float(p90 - p10) / middle)
+        step = np.abs(np.diff(luminance, axis=0))[mask[1:] & mask[:-1]]
+        textures.append(float(np.percentile(step, 90)) / middle if len(step) else 0.0)
+    if not highlights:
+        return UNKNOWN
+    measured = {
+        "highlight": float(np.median(highlights)),
+        "contrast": float(np.median(contrasts)),
+        "texture": float(np.median(textures)),
+    }
+    # Logistic scores about the levels where diffuse shading under soft light ends.
+    score = (
+        50.0 * (measured["texture"] - 0.075) + 2.0 * (measured["highlight"] - 1.3) + 8.0 * (measured["contrast"] - 0.28)
+    )
+    metal = 1 / (1 + np.exp(-score))
+    return Cue("metal" if metal > 0.5 else "rubber", float(max(metal, 1 - metal)), measured)
+
+
+ANGLES = np.arange(36) * np.pi / 36
+
+
+def silhouette_widths(mask: Mask) -> Floats:
+    """Widths (36,) of a mask between parallel tangents whose normals are 0, 5, ... 175 degrees [px]."""
+    y, x = np.nonzero(mask)
+    normals = np.stack([np.cos(ANGLES), np.sin(ANGLES)])
+    along = np.stack([x, y], axis=1) @ normals
+    # A pixel has an extent of its own: that of a unit square along the normal.
+    pixel = np.abs(normals).sum(axis=0)
+    widths: Floats = along.max(axis=0) - along.min(axis=0) + 0.85 * pixel
+    return widths
+
+
+def shape_cue(masks: list[Mask]) -> Cue:
+    """The solid whose outline, seen from afar, fits the silhouettes: sphere, cylinder, cube or box; else other.
+
+    Each silhouette's widths in 36 directions are compared with those of a ball, of an upright cylinder and of
+    an upright box in any view; measured holds each one's residual as a
+    share of the size, and solidity (area over that of the convex hull).
+    """
+    residuals: dict[str, list[float]] = {"sphere": [], "cylinder": [], "box": []}
+    solidity, evenness = [], []
+    for mask in masks:
+        widths = silhouette_widths(mask)
+        solidity.append(_solidity(mask))
+        for kind, (error, even) in fit_solids(widths).items():
+            residuals[kind].append(error)
+            if kind == "box":
+                evenness.append(even)
+    if not solidity:
+        return UNKNOWN
+    measured = {k: float(np.median(v)) for k, v in residuals.items()}
+    measured["solidity"] = float(np.median(solidity))
+    measured["evenness"] = float(np.median(evenness))
+    if measured["solidity"] < 0.88:
+        return Cue("other", min(1.0, 0.5 + 3 * (0.88 - measured["solidity"])), measured)
+    # A solid with more freedom must fit clearly better to be believed.
+    penalised = {
+        "sphere": measured["sphere"],
+        "cylinder": measured["cylinder"] + 0.012,
+        "box": measured["box"] + 0.006,
+    }
+    order = sorted(penalised, key=lambda k: penalised[k])
+    best, second = order[0], order[1]
+    if penalised[best] > 0.09:
+        return Cue("other", 0.5, measured)
+    confidence = 1 / (1 + np.exp(-(penalised[second] - penalised[best]) / 0.006))
+    name = best if best != "box" else ("cube" if measured["evenness"] > 0.72 else "box")
+    return Cue(name, float(confidence), measured)
+
+
+def fit_solids(widths: Floats) -> dict[str, tuple[float, float]]:
+    """Relative RMS residual of each solid's best fit to silhouette widths, and the ratio of a box's extents."""
+    scale = float(widths.mean())
+    # Off the optical axis a ball's outline is an ellipse, stretched by up to 1 / cos of the angle to the axis.
+    stretch = np.stack([np.ones(36), np.cos(2 * ANGLES), np.sin(2 * ANGLES)], axis=1)
+    coefficients, *_ = np.linalg.lstsq(stretch, widths, rcond=None)
+    size, allowed = np.hypot(coefficients[1], coefficients[2]), 0.05 * coefficients[0]
+    if size > allowed:
+        coefficients[1:] *= allowed / size
+    sphere = float(np.sqrt(np.mean((stretch @ coefficients - widths) ** 2)) / scale)
+    cylinders, boxes = _designs()
+    cylinder, _, _ = _best_lengths(cylinders, widths)
+    box, chosen, lengths = _best_lengths(boxes, widths)
+    directions = _BOX_DIRECTIONS[chosen] * (np.pi / 36)
+    edges = np.stack([np.cos(directions), np.sin(directions)], axis=1) * lengths[:, None]
+    return {"sphere": (sphere, 1.0), "cylinder": (cylinder / scale, 1.0), "box": (box / scale, _evenness(edges))}
+
+
+_UPRIGHT = (15, 16, 17, 18, 19, 20, 21)  # in steps of 5 degrees: edges that stand, leaning with the perspective
+_BOX_DIRECTIONS = np.array([(u, i, j) for u in _UPRIGHT for i in range(36) for j in range(i) if u not in (i, j)])
+
+
+@lru_cache(maxsize=1)
+def _designs() -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Widths per unit length, (k, 36, m), and their pseudo-inverses, (k, m, 36), of cylinders and boxes.
+
+    Seen from afar under any skew, a box's outline is the sum of three segments and an upright cylinder's that
+    of a segment and a flattened ellipse; widths of a sum of figures add.
+    """
+    segment = np.abs(np.cos(ANGLES[:, None] - ANGLES[None, :]))  # (normal, direction of a unit segment)
+    boxes = np.moveaxis(segment[:, _BOX_DIRECTIONS], 0, 1)
+    cylinders = []
+    for flatness in np.linspace(0.05, 0.9, 12):
+        for lean in np.deg2rad(np.arange(-15, 16, 5.0)):
+            ellipse = np.hypot(np.cos(ANGLES - lean), flatness * np.sin(ANGLES - lean))
+            cylinders += [np.stack([ellipse, segment[:, u]], axis=1) for u in _UPRIGHT]
+    tall = np.stack(cylinders)
+    return (tall, np.linalg.pinv(tall)), (boxes, np.linalg.pinv(boxes))
+
+
+def _best_lengths(designs: tuple[Floats, Floats], widths: Floats) -> tuple[float, int, Floats]:
+    """RMS residual [px], index and lengths [px] of the design that fits best with lengths >= 0, none tiny."""
+    forward, inverse = designs
+    lengths = inverse @ widths
+    error = np.sqrt(np.mean(((forward @ lengths[..., None])[..., 0] - widths) ** 2, axis=1))
+    # A cylinder without height or a box without depth would be any flat figure.
+    error[lengths.min(axis=1) < 0.05 * widths.mean()] = np.inf
+    best = int(np.argmin(error))
+    return float(error[best]), best, lengths[best]
+
+
+def _evenness(edges: Floats) -> float:
+    """Ratio (<= 1) of height to width of a box with square base, from its edges' images (3, 2), upright first.
+
+    With unit base edges turned by any angle, the sum of squares of the images' x is 1 and of their y the
+    squared sine of the view's tilt, by whose cosine the upright edge is shortened.
+    """
+    base = float(np.hypot(edges[1, 0], edges[2, 0]))
+    if base < 1e-6:
+        return 0.0
+    sine = min(float(np.hypot(edges[1, 1], edges[2, 1])) / base, 0.98)
+    height = float(np.hypot(*edges[0])) / np.sqrt(1 - sine**2)
+    return float(min(height / base, base / max(height, 1e-6)))
+
+
+def _solidity(mask: Mask) -> float:
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(contours, key=cv2.contourArea)
+    hull = cv2.contourArea(cv2.convexHull(largest))
+    return float(cv2.contourArea(largest) / hull) if hull > 0 else 1.0

@@ -1,0 +1,98 @@
+"""Names for observed objects, from how they look or from what the caller expects to find."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+from scipy.optimize import linear_sum_assignment
+
+from atw_mcp.perception.observation import Cue, ImageObservation, ObservedObject
+
+CLEAR = 0.6  # confidence from which a cue goes into a name
+SYNONYMS = {
+    "grey": "gray",
+    "ball": "sphere",
+    "disc": "sphere",
+    "disk": "sphere",
+    "circle": "sphere",
+    "block": "cube",
+    "box": "cube",
+    "square": "cube",
+    "can": "cylinder",
+    "metallic": "metal",
+    "shiny": "metal",
+    "matte": "rubber",
+    "violet": "purple",
+    "magenta": "purple",
+    "turquoise": "cyan",
+}
+
+
+def names_for(cues: list[tuple[Cue, Cue, Cue]]) -> list[str]:
+    """A unique name for each (colour, material, shape), such as blue_rubber_sphere, from its clear cues."""
+    plain = []
+    for colour, material, shape in cues:
+        words = [c.name for c in (colour, material, shape) if c.confidence >= CLEAR and c.name != "unknown"]
+        if shape.confidence < CLEAR or shape.name in ("other", "unknown"):
+            words = [w for w in words if w != shape.name] + ["object"]
+        plain.append("_".join(words))
+    return unique(plain)
+
+
+def unique(names: list[str]) -> list[str]:
+    """The names, with _2, _3, ... behind repeated ones."""
+    taken: set[str] = set()
+    counts: Counter[str] = Counter()
+    result = []
+    for name in names:
+        counts[name] += 1
+        candidate = name if counts[name] == 1 else f"{name}_{counts[name]}"
+        while candidate in taken:
+            counts[name] += 1
+            candidate = f"{name}_{counts[name]}"
+        taken.add(candidate)
+        result.append(candidate)
+    return result
+
+
+def slug(text: str) -> str:
+    """A description as a name: letters, digits and underscores."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:64] or "object"
+
+
+def matched_to_expected(
+    observation: ImageObservation, expected: tuple[str, ...]
+) -> tuple[ImageObservation, tuple[str, ...]]:
+    """The observation with objects renamed to the descriptions they fit best, and the descriptions left over."""
+    if not observation.objects:
+        return observation, expected
+    cost = [[_mismatch(o, e) for e in expected] for o in observation.objects]
+    names = list(observation.names)
+    found = set()
+    for i, j in zip(*linear_sum_assignment(cost), strict=True):
+        if cost[i][j] < 0.5:
+            names[i] = slug(expected[j])
+            found.add(int(j))
+    objects = tuple(replace(o, name=n) for o, n in zip(observation.objects, unique(names), strict=True))
+    return replace(observation, objects=objects), tuple(e for j, e in enumerate(expected) if j not in found)
+
+
+def _mismatch(candidate: ObservedObject, description: str) -> float:
+    """0 where every word of the description that names a look fits the object; 1 where none does."""
+    words = [SYNONYMS.get(w, w) for w in re.findall(r"[a-z]+", description.lower())]
+    cues = (candidate.colour, candidate.material, candidate.shape)
+    vocabulary = (
+        {"red", "brown", "orange", "yellow", "green", "cyan", "blue", "purple", "gray", "black", "white"},
+        {"metal", "rubber"},
+        {"sphere", "cylinder", "cube"},
+    )
+    total, wrong = 0.0, 0.0
+    for cue, known, weight in zip(cues, vocabulary, (1.0, 0.5, 0.7), strict=True):
+        name = "cube" if cue.name == "box" else cue.name
+        for word in words:
+            if word in known:
+                total += weight
+                wrong += weight * (cue.confidence if word != name else 0.0)
+    return wrong / total if total else 0.4
