@@ -1,0 +1,349 @@
+"""Contact forces: non-penetration, exact Coulomb friction, rolling and spinning resistance; impacts; overlaps.
+
+Projected Gauss-Seidel over contacts (Moreau 1988; Jourdan, Alart & Jean 1998, Comput. Methods Appl. Mech. Eng.
+155, 31), warm started and stopped when it has converged. Friction projects on the disc, not on a pyramid, and its
+fixed point opposes the sliding velocity exactly.
+"""
+
+import warp as wp
+
+from polyworld.solver.spatial.layout import Body, Row, State
+
+ITERATIONS = 60
+IMPACT_ITERATIONS = 100
+CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts as none [m/s]
+OVERLAP_SWEEPS = 3
+OVERLAP_SHARE = wp.float64(0.2)  # of an overlap, removed in a sweep
+OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
+ROWS = 6  # normal, two tangents, spin, two of rolling
+
+
+@wp.func
+def world_inverse_inertia(b: Body) -> wp.mat33d:
+    """Inverse inertia about the centre of mass, world axes [1/(kg m^2)]."""
+    if b.isotropic == 1:
+        return b.inverse_inertia * b.inverse_mass
+    return b.rotation * b.inverse_inertia * wp.transpose(b.rotation) * b.inverse_mass
+
+
+@wp.func
+def make_row(d: wp.vec3d, ja: wp.vec3d, jb: wp.vec3d, ia: wp.mat33d, ib: wp.mat33d, masses: wp.float64) -> Row:
+    row = Row()
+    row.d = d
+    row.ja = ja
+    row.jb = jb
+    row.wa = ia * ja
+    row.wb = ib * jb
+    row.k = masses * wp.dot(d, d) + wp.dot(ja, row.wa) + wp.dot(jb, row.wb)
+    return row
+
+
+@wp.func
+def velocity_along(state: State, w: int, a: int, b: int, r: int) -> wp.float64:
+    """Relative velocity along row r, positive where a moves away from b."""
+    return (
+        wp.dot(state.rows[w, r].d, state.bodies[w, a].v - state.bodies[w, b].v)
+        + wp.dot(state.rows[w, r].ja, state.bodies[w, a].w)
+        - wp.dot(state.rows[w, r].jb, state.bodies[w, b].w)
+    )
+
+
+@wp.func
+def push(state: State, w: int, a: int, b: int, r: int, impulse: wp.float64) -> None:
+    """Apply an impulse along row r and add it to the row's sum."""
+    d = state.rows[w, r].d
+    state.bodies[w, a].v += d * (impulse * state.bodies[w, a].inverse_mass)
+    state.bodies[w, a].w += state.rows[w, r].wa * impulse
+    state.bodies[w, b].v -= d * (impulse * state.bodies[w, b].inverse_mass)
+    state.bodies[w, b].w -= state.rows[w, r].wb * impulse
+    state.rows[w, r].impulse += impulse
+
+
+@wp.func(inline=False)
+def build_rows(state: State, w: int, half: int) -> None:
+    """Write the rows of all contacts in this half. Friction acts at the anchors, normal forces at the points."""
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    for i in range(base, base + state.manifold_count[w, half]):
+        m = state.manifolds[w, i]
+        a = state.bodies[w, m.a]
+        b = state.bodies[w, m.b]
+        ia = world_inverse_inertia(a)
+        ib = world_inverse_inertia(b)
+        masses = a.inverse_mass + b.inverse_mass
+        centre = wp.vec3d()
+        touching = wp.int32(0)
+        for c in range(m.first, m.first + m.count):
+            if state.contacts[w, c].gap <= m.close:
+                centre += state.contacts[w, c].point
+                touching += 1
+        if touching > 0:
+            centre = centre / wp.float64(touching)
+        for c in range(m.first, m.first + m.count):
+            r = ROWS * (c - offset)
+            p = state.contacts[w, c].point
+            state.rows[w, r] = make_row(
+                m.normal, wp.cross(p - a.x, m.normal), wp.cross(p - b.x, m.normal), ia, ib, masses
+            )
+            if touching > 1:
+                p = centre + (p - centre) * m.anchor
+            pa = p - a.x
+            pb = p - b.x
+            state.rows[w, r + 1] = make_row(m.t1, wp.cross(pa, m.t1), wp.cross(pb, m.t1), ia, ib, masses)
+            state.rows[w, r + 2] = make_row(m.t2, wp.cross(pa, m.t2), wp.cross(pb, m.t2), ia, ib, masses)
+            state.contacts[w, c].speed = velocity_along(state, w, m.a, m.b, r)
+            state.contacts[w, c].coupling = wp.dot(state.rows[w, r + 1].ja, state.rows[w, r + 2].wa) + wp.dot(
+                state.rows[w, r + 1].jb, state.rows[w, r + 2].wb
+            )
+            if m.torsion > wp.float64(0.0):
+                state.rows[w, r + 3] = make_row(wp.vec3d(), m.normal, m.normal, ia, ib, masses)
+            if m.rolling > wp.float64(0.0):
+                state.rows[w, r + 4] = make_row(wp.vec3d(), m.t1, m.t1, ia, ib, masses)
+                state.rows[w, r + 5] = make_row(wp.vec3d(), m.t2, m.t2, ia, ib, masses)
+                state.contacts[w, c].coupling_rolling = wp.dot(m.t1, state.rows[w, r + 5].wa) + wp.dot(
+                    m.t1, state.rows[w, r + 5].wb
+                )
+
+
+@wp.func(inline=False)
+def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64) -> wp.float64:
+    """Bring the two-dimensional velocity of rows r, r + 1 towards zero with an impulse of at most `bound`.
+
+    Sticks if it can. Else steps along the velocity by the same factor in both directions and projects on the
+    disc: at the fixed point the impulse then opposes the velocity. Returns the velocity changed.
+    """
+    x = state.rows[w, r].impulse
+    y = state.rows[w, r + 1].impulse
+    if bound <= wp.float64(0.0) and x == wp.float64(0.0) and y == wp.float64(0.0):
+        return wp.float64(0.0)
+    vx = velocity_along(state, w, a, b, r)
+    vy = velocity_along(state, w, a, b, r + 1)
+    kx = state.rows[w, r].k
+    ky = state.rows[w, r + 1].k
+    det = kx * ky - coupling * coupling
+    sx = x - (ky * vx - coupling * vy) / det
+    sy = y - (kx * vy - coupling * vx) / det
+    if sx * sx + sy * sy > bound * bound:
+        mean = wp.float64(0.5) * (kx + ky)
+        half = wp.float64(0.5) * (kx - ky)
+        largest = mean + wp.sqrt(half * half + coupling * coupling)
+        sx = x - vx / largest
+        sy = y - vy / largest
+        size = wp.sqrt(sx * sx + sy * sy)
+        if size > bound:
+            sx = sx * bound / size
+            sy = sy * bound / size
+    push(state, w, a, b, r, sx - x)
+    push(state, w, a, b, r + 1, sy - y)
+    return wp.max(wp.abs(sx - x) * kx, wp.abs(sy - y) * ky)
+
+
+@wp.func(inline=False)
+def solve_manifolds(state: State, w: int, first: int, last: int, offset: int, iterations: int) -> None:
+    """Sweep over the manifolds [first, last) until no velocity changes any more. Normal velocities aim at targets."""
+    for _iteration in range(iterations):
+        worst = wp.float64(0.0)
+        for i in range(first, last):
+            a = state.manifolds[w, i].a
+            b = state.manifolds[w, i].b
+            friction = state.manifolds[w, i].friction
+            torsion = state.manifolds[w, i].torsion
+            rolling = state.manifolds[w, i].rolling
+            start = state.manifolds[w, i].first
+            for c in range(start, start + state.manifolds[w, i].count):
+                r = ROWS * (c - offset)
+                k = state.rows[w, r].k
+                before = state.rows[w, r].impulse
+                lack = state.contacts[w, c].target - velocity_along(state, w, a, b, r)
+                normal = wp.max(before + lack / k, wp.float64(0.0))
+                if normal != before:
+                    push(state, w, a, b, r, normal - before)
+                    worst = wp.max(worst, wp.abs(normal - before) * k)
+                if friction > wp.float64(0.0):
+                    coupling = state.contacts[w, c].coupling
+                    worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, friction * normal))
+                if torsion > wp.float64(0.0):
+                    bound = friction * normal * torsion
+                    spin = state.rows[w, r + 3].impulse
+                    rate = velocity_along(state, w, a, b, r + 3)
+                    wanted = wp.clamp(spin - rate / state.rows[w, r + 3].k, -bound, bound)
+                    push(state, w, a, b, r + 3, wanted - spin)
+                    worst = wp.max(worst, wp.abs(wanted - spin) * state.rows[w, r + 3].k * torsion)
+                if rolling > wp.float64(0.0):
+                    coupling = state.contacts[w, c].coupling_rolling
+                    changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
+                    worst = wp.max(worst, changed * rolling)
+        if worst < CONVERGED:
+            break
+
+
+@wp.func
+def clear_impulses(state: State, w: int, r: int) -> None:
+    for k in range(ROWS):
+        state.rows[w, r + k].impulse = wp.float64(0.0)
+
+
+@wp.func(inline=False)
+def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> int:
+    """Newton's impact law for all touching pairs that approach faster than the threshold; returns how many there were.
+
+    Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
+    of one pair are resolved together, each rebounding with the pair's restitution times its own approach speed.
+    """
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    count = state.manifold_count[w, half]
+    resolved = wp.int32(0)
+    sweep = wp.int32(0)
+    active = wp.int32(0)
+    for i in range(base, base + count):
+        start = state.manifolds[w, i].first
+        for c in range(start, start + state.manifolds[w, i].count):
+            if state.contacts[w, c].gap <= state.manifolds[w, i].close:
+                fast = -state.contacts[w, c].speed
+                state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fast)
+                if fast > threshold:
+                    active = 1
+    while active == 1 and sweep < 8 + 4 * count:
+        active = wp.int32(0)
+        sweep += 1
+        for i in range(base, base + count):
+            a = state.manifolds[w, i].a
+            b = state.manifolds[w, i].b
+            close = state.manifolds[w, i].close
+            start = state.manifolds[w, i].first
+            fastest = wp.float64(0.0)
+            for c in range(start, start + state.manifolds[w, i].count):
+                if state.contacts[w, c].gap <= close:
+                    fastest = wp.max(fastest, -velocity_along(state, w, a, b, ROWS * (c - offset)))
+            if fastest <= threshold:
+                continue
+            state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
+            active = wp.int32(1)
+            resolved += 1
+            for c in range(start, start + state.manifolds[w, i].count):
+                r = ROWS * (c - offset)
+                clear_impulses(state, w, r)
+                speed = velocity_along(state, w, a, b, r)
+                state.contacts[w, c].target = wp.float64(0.0)
+                if speed < -threshold:
+                    state.contacts[w, c].target = -state.manifolds[w, i].restitution * speed
+                if state.contacts[w, c].gap > close:
+                    state.contacts[w, c].target = wp.float64(-1.0e30)
+            solve_manifolds(state, w, i, i + 1, offset, IMPACT_ITERATIONS)
+            for c in range(start, start + state.manifolds[w, i].count):
+                state.manifolds[w, i].impact += state.rows[w, ROWS * (c - offset)].impulse
+    return resolved
+
+
+@wp.func(inline=False)
+def solve_velocities(state: State, w: int, half: int, h: wp.float64) -> None:
+    """Change the bodies' free velocities at the end of a step of length h into admissible ones."""
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    last = base + state.manifold_count[w, half]
+    for i in range(base, last):
+        m = state.manifolds[w, i]
+        for c in range(m.first, m.first + m.count):
+            r = ROWS * (c - offset)
+            # The gap closes by the mean of the velocities before and after; what approaches at no gap just stops.
+            needed = -wp.max(state.contacts[w, c].gap, wp.float64(0.0)) / h
+            state.contacts[w, c].target = wp.min(needed, wp.float64(2.0) * needed - state.contacts[w, c].speed)
+            clear_impulses(state, w, r)
+            normal = state.contacts[w, c].force_n * h
+            if normal > wp.float64(0.0):
+                push(state, w, m.a, m.b, r, normal)
+                f = state.contacts[w, c].force_t * h
+                push(state, w, m.a, m.b, r + 1, wp.dot(f, m.t1))
+                push(state, w, m.a, m.b, r + 2, wp.dot(f, m.t2))
+                if m.torsion > wp.float64(0.0):
+                    push(state, w, m.a, m.b, r + 3, state.contacts[w, c].force_spin * h)
+                if m.rolling > wp.float64(0.0):
+                    g = state.contacts[w, c].force_roll * h
+                    push(state, w, m.a, m.b, r + 4, wp.dot(g, m.t1))
+                    push(state, w, m.a, m.b, r + 5, wp.dot(g, m.t2))
+    solve_manifolds(state, w, base, last, offset, ITERATIONS)
+    rate = wp.float64(1.0) / h
+    for i in range(base, last):
+        m = state.manifolds[w, i]
+        for c in range(m.first, m.first + m.count):
+            r = ROWS * (c - offset)
+            state.contacts[w, c].force_n = state.rows[w, r].impulse * rate
+            state.contacts[w, c].force_t = (
+                m.t1 * state.rows[w, r + 1].impulse + m.t2 * state.rows[w, r + 2].impulse
+            ) * rate
+            state.contacts[w, c].force_spin = state.rows[w, r + 3].impulse * rate
+            state.contacts[w, c].force_roll = (
+                m.t1 * state.rows[w, r + 4].impulse + m.t2 * state.rows[w, r + 5].impulse
+            ) * rate
+
+
+@wp.func(inline=False)
+def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
+    """Move overlapping bodies apart by a fraction of the overlap, without giving them velocity.
+
+    Contacts keep what is within the touching distance, so bodies at rest are not moved at all.
+    """
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    last = base + state.manifold_count[w, half]
+    deepest = wp.float64(0.0)
+    for i in range(base, last):
+        close = state.manifolds[w, i].close
+        start = state.manifolds[w, i].first
+        for c in range(start, start + state.manifolds[w, i].count):
+            deepest = wp.max(deepest, -close - state.contacts[w, c].gap)
+    if deepest <= wp.float64(0.0):
+        return
+    for _sweep in range(OVERLAP_SWEEPS):
+        for i in range(base, last):
+            m = state.manifolds[w, i]
+            for c in range(m.first, m.first + m.count):
+                r = ROWS * (c - offset)
+                gap = (
+                    state.contacts[w, c].gap
+                    + wp.dot(m.normal, state.bodies[w, m.a].shift - state.bodies[w, m.b].shift)
+                    + wp.dot(state.rows[w, r].ja, state.bodies[w, m.a].turn)
+                    - wp.dot(state.rows[w, r].jb, state.bodies[w, m.b].turn)
+                )
+                depth = -m.close - gap
+                if depth > wp.float64(0.0):
+                    move = wp.min(depth * OVERLAP_SHARE, OVERLAP_SPEED * h) / state.rows[w, r].k
+                    state.bodies[w, m.a].shift += m.normal * (move * state.bodies[w, m.a].inverse_mass)
+                    state.bodies[w, m.a].turn += state.rows[w, r].wa * move
+                    state.bodies[w, m.b].shift -= m.normal * (move * state.bodies[w, m.b].inverse_mass)
+                    state.bodies[w, m.b].turn -= state.rows[w, r].wb * move
+
+
+@wp.func(inline=False)
+def time_to_impact(
+    state: State, w: int, half: int, h: wp.float64, threshold: wp.float64, gravity: wp.vec3d
+) -> wp.float64:
+    """Time until the first open contact closes faster than the threshold, at most h.
+
+    Two convex bodies cannot meet before they meet along a direction that separates them now, so no impact is
+    passed over; where the first guess falls short the next part of the step brings the rest.
+    """
+    zero = wp.float64(0.0)
+    base = half * state.max_manifolds
+    earliest = h
+    for i in range(base, base + state.manifold_count[w, half]):
+        b = state.manifolds[w, i].b
+        close = state.manifolds[w, i].close
+        pull = zero
+        if b >= state.objects:
+            pull = wp.dot(gravity, state.manifolds[w, i].normal)
+        start = state.manifolds[w, i].first
+        for c in range(start, start + state.manifolds[w, i].count):
+            gap = state.contacts[w, c].gap
+            if gap > close:
+                speed = state.contacts[w, c].speed
+                distance = gap - wp.float64(0.5) * close
+                # distance + speed t + pull t^2 / 2 = 0, in the form that does not cancel
+                root = speed * speed - wp.float64(2.0) * pull * distance
+                if root > threshold * threshold:
+                    root = wp.sqrt(root)
+                    if root > speed:
+                        t = wp.float64(2.0) * distance / (root - speed)
+                        earliest = wp.min(earliest, t)
+    return earliest

@@ -1,0 +1,233 @@
+"""The contact search: every pair that may touch within the step, its manifold, and what it remembers."""
+
+import warp as wp
+
+from polyworld.solver.spatial.layout import (
+    BOX,
+    CONTACTS_OVERFLOWED,
+    MAX_MANIFOLD_POINTS,
+    MESH,
+    PLANE,
+    TRIANGLE,
+    Body,
+    Geometry,
+    Manifold,
+    Shape,
+    State,
+)
+from polyworld.solver.spatial.manifold import friction_anchor, tangent, touching_points
+from polyworld.solver.spatial.separation import separating_direction, separation
+from polyworld.solver.spatial.shapes import extent
+
+# Contacts are closed below this gap, as a fraction of the smaller body's bounding radius.
+TOUCHING = wp.float64(1.0e-4)
+SAME_POINT = wp.float64(0.05)  # how far a point may wander and still be the same, per radius
+
+
+@wp.func
+def paired(a: wp.float64, b: wp.float64) -> wp.float64:
+    """Geometric mean of two coefficients; a's own where b leaves it to a (negative)."""
+    if b < wp.float64(0.0):
+        return a
+    return wp.sqrt(a * b)
+
+
+@wp.func(inline=False)
+def near(sa: Shape, xa: wp.vec3d, sb: Shape, b: Body, reach: wp.float64) -> bool:
+    """Whether a's bounding sphere comes within reach of b."""
+    c = xa - b.x
+    if sb.kind == PLANE:
+        return wp.dot(sb.size, xa) - sb.bound - sa.bound <= reach
+    if sb.kind == MESH:
+        return True
+    if sb.kind == BOX:
+        p = wp.transpose(b.rotation) * c
+        total = wp.float64(0.0)
+        for k in range(3):
+            beyond = wp.max(wp.abs(p[k]) - sb.size[k], wp.float64(0.0))
+            total += beyond * beyond
+        far = sa.bound + reach
+        return total <= far * far
+    far = sa.bound + sb.bound + reach
+    return wp.dot(c, c) <= far * far
+
+
+@wp.func(inline=False)
+def remember(state: State, w: int, new: int, first: int, count: int, reach: wp.float64) -> None:
+    """Give a contact the forces of the last step's closest contact among [first, first + count), if close."""
+    best = wp.int32(-1)
+    nearest = reach * reach
+    here = state.contacts[w, new].local
+    for k in range(first, first + count):
+        square = wp.length_sq(state.contacts[w, k].local - here)
+        if square < nearest:
+            nearest = square
+            best = k
+    if best >= 0:
+        state.contacts[w, new].force_n = state.contacts[w, best].force_n
+        state.contacts[w, new].force_t = state.contacts[w, best].force_t
+        state.contacts[w, new].force_spin = state.contacts[w, best].force_spin
+        state.contacts[w, new].force_roll = state.contacts[w, best].force_roll
+    else:
+        state.contacts[w, new].force_n = wp.float64(0.0)
+        state.contacts[w, new].force_t = wp.vec3d()
+        state.contacts[w, new].force_spin = wp.float64(0.0)
+        state.contacts[w, new].force_roll = wp.vec3d()
+
+
+@wp.func
+def inactive_edge(geometry: Geometry, face: int, n: wp.vec3d) -> bool:
+    """Whether n (body axes) leans over an edge of the triangle behind which the surface goes on."""
+    normal = geometry.face_normals[face]
+    lean = n - normal * wp.dot(n, normal)
+    steepest = wp.float64(0.0)
+    edge = wp.int32(-1)
+    start = geometry.face_starts[face]
+    for k in range(3):
+        p = geometry.vertices[geometry.face_corners[start + k]]
+        along = wp.normalize(geometry.vertices[geometry.face_corners[start + (k + 1) % 3]] - p)
+        slope = wp.dot(wp.cross(along, normal), lean)
+        if slope > steepest:
+            steepest = slope
+            edge = k
+    if edge < 0:
+        return False
+    return (geometry.edge_active[face] >> edge) & 1 == 0
+
+
+@wp.func(inline=False)
+def touch(
+    geometry: Geometry,
+    state: State,
+    w: int,
+    half: int,
+    i: int,
+    j: int,
+    sb: Shape,
+    reach: wp.float64,
+    old: int,
+    remembered: int,
+) -> None:
+    """Add the manifold of bodies i and j, where j has the shape sb, if they come within reach of each other.
+
+    old is the pair's first manifold of the last step, -1 for none; `remembered` contacts belong to it.
+    """
+    sa = geometry.shapes[i]
+    xa = state.bodies[w, i].x
+    ra = state.bodies[w, i].rotation
+    xb = state.bodies[w, j].x
+    rb = state.bodies[w, j].rotation
+    c = xa - xb
+    n = sb.size
+    gap = wp.float64(0.0)
+    if sb.kind == PLANE:
+        gap = wp.dot(n, xa) - sb.bound - extent(geometry.vertices, sa, wp.transpose(ra) * (-n))
+    else:
+        n = separating_direction(geometry, sa, ra, sb, rb, c)
+        if sb.kind == TRIANGLE:
+            face = rb * geometry.face_normals[sb.first_face]
+            if wp.dot(face, n) < wp.float64(0.999999) and inactive_edge(geometry, sb.first_face, wp.transpose(rb) * n):
+                if wp.dot(face, n) < wp.float64(0.0):
+                    return
+                n = face
+        gap = separation(geometry.vertices, sa, ra, sb, rb, c, n)
+    if gap > reach:
+        return
+    index = state.manifold_count[w, half]
+    first = state.contact_count[w, half]
+    if index >= state.max_manifolds or first + MAX_MANIFOLD_POINTS > state.max_contacts:
+        state.status[w] = state.status[w] | CONTACTS_OVERFLOWED
+        return
+    t1 = tangent(n)
+    t2 = wp.cross(n, t1)
+    frame = wp.mat33d(t1[0], t1[1], t1[2], t2[0], t2[1], t2[2], n[0], n[1], n[2])
+    scratch = state.scratch[w]
+    count = touching_points(geometry, sa, ra, sb, rb, c, frame, gap, reach, scratch)
+    base = half * state.max_contacts
+    for k in range(count):
+        p = scratch[k]
+        arm = t1 * p[0] + t2 * p[1] + n * p[2]
+        state.contacts[w, base + first + k].point = xa + arm
+        state.contacts[w, base + first + k].local = wp.transpose(ra) * arm
+        state.contacts[w, base + first + k].gap = scratch[MAX_MANIFOLD_POINTS + k][0]
+        before = wp.int32(0)
+        if old >= 0:
+            before = state.manifolds[w, old].first
+        remember(state, w, base + first + k, before, remembered, SAME_POINT * sa.bound)
+    m = Manifold()
+    m.a = i
+    m.b = j
+    m.first = base + first
+    m.count = count
+    m.normal = n
+    m.t1 = t1
+    m.t2 = t2
+    m.anchor = friction_anchor(sa, sb, n, ra, rb, count)
+    m.friction = paired(state.bodies[w, i].friction, state.bodies[w, j].friction)
+    m.restitution = paired(state.bodies[w, i].restitution, state.bodies[w, j].restitution)
+    m.rolling = wp.max(state.bodies[w, i].rolling, state.bodies[w, j].rolling)
+    m.close = TOUCHING * sa.bound
+    if j < state.objects:
+        m.close = TOUCHING * wp.min(sa.bound, sb.bound)
+    m.torsion = wp.max(state.bodies[w, i].torsion, state.bodies[w, j].torsion)
+    if old >= 0:  # impacts of this step, until they have been reported
+        m.approach = state.manifolds[w, old].approach
+        m.impact = state.manifolds[w, old].impact
+    state.manifolds[w, half * state.max_manifolds + index] = m
+    state.manifold_count[w, half] = index + 1
+    state.contact_count[w, half] = first + count
+
+
+@wp.func(inline=False)
+def find_contacts(geometry: Geometry, state: State, w: int, half: int) -> None:
+    """Fill the given half of manifolds and contacts with all pairs that may touch before the step ends.
+
+    Pairs come in ascending order, so the last step's list is walked once beside this one's.
+    """
+    state.manifold_count[w, half] = 0
+    state.contact_count[w, half] = 0
+    previous = (1 - half) * state.max_manifolds
+    previous_end = previous + state.manifold_count[w, 1 - half]
+    for i in range(state.objects):
+        if state.bodies[w, i].active == 0:
+            continue
+        sa = geometry.shapes[i]
+        xa = state.bodies[w, i].x
+        swept = state.bodies[w, i].swept + TOUCHING * wp.float64(2.0) * sa.bound
+        for j in range(i + 1, state.objects + state.statics):
+            if state.bodies[w, j].active == 0:
+                continue
+            sb = geometry.shapes[j]
+            reach = swept + state.bodies[w, j].swept
+            if not near(sa, xa, sb, state.bodies[w, j], reach):
+                continue
+            while previous < previous_end and (
+                state.manifolds[w, previous].a < i
+                or (state.manifolds[w, previous].a == i and state.manifolds[w, previous].b < j)
+            ):
+                previous += 1
+            old = wp.int32(-1)
+            remembered = wp.int32(0)
+            k = previous
+            while k < previous_end and state.manifolds[w, k].a == i and state.manifolds[w, k].b == j:
+                old = previous  # a mesh's triangles have a manifold each, their contacts in one run
+                remembered += state.manifolds[w, k].count
+                k += 1
+            if sb.kind == MESH:
+                x = wp.transpose(state.bodies[w, j].rotation) * (xa - state.bodies[w, j].x)
+                far = wp.float32(sa.bound + reach)
+                centre = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+                box = wp.vec3(far, far, far) * wp.float32(1.00001)
+                query = wp.bvh_query_aabb(geometry.tree[j], centre - box, centre + box)
+                triangle = wp.int32(0)
+                piece = Shape()
+                piece.kind = TRIANGLE
+                piece.vertices = 3
+                piece.faces = 1
+                while wp.bvh_query_next(query, triangle):
+                    piece.first_face = sb.first_face + triangle
+                    piece.first_vertex = sb.first_vertex + 3 * triangle
+                    piece.bound = sa.bound
+                    touch(geometry, state, w, half, i, j, piece, reach, old, remembered)
+            else:
+                touch(geometry, state, w, half, i, j, sb, reach, old, remembered)

@@ -1,0 +1,55 @@
+"""Contact episodes, written as they happen."""
+
+import warp as wp
+
+from polyworld.solver.spatial.constraints import ROWS
+from polyworld.solver.spatial.layout import Episode, Log, State
+
+
+@wp.func(inline=False)
+def record_contacts(log: Log, state: State, w: int, half: int, time: wp.float64, h: wp.float64) -> None:
+    """Note every pair that carried a normal impulse in the step of length h that begins at `time`."""
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    for i in range(base, base + state.manifold_count[w, half]):
+        m = state.manifolds[w, i]
+        impulse = wp.float64(0.0)
+        centre = wp.vec3d()
+        touching = wp.float64(0.0)
+        for c in range(m.first, m.first + m.count):
+            impulse += state.rows[w, ROWS * (c - offset)].impulse
+            if state.contacts[w, c].gap <= m.close:
+                centre += state.contacts[w, c].point
+                touching += wp.float64(1.0)
+        last = time
+        if impulse > wp.float64(0.0):
+            last = time + h
+        impulse += m.impact
+        state.manifolds[w, i].impact = wp.float64(0.0)
+        state.manifolds[w, i].approach = wp.float64(0.0)
+        if impulse <= wp.float64(0.0):
+            continue
+        episode = log.open[w, m.a, m.b]
+        if episode >= 0 and time - log.episodes[w, episode].last <= log.merge:
+            if time == log.episodes[w, episode].begin:  # another triangle of one mesh
+                log.episodes[w, episode].first_impulse += impulse
+            log.episodes[w, episode].impulse += impulse
+            log.episodes[w, episode].last = last
+            continue
+        slot = log.count[w]
+        log.count[w] = slot + 1
+        if slot < log.episodes.shape[1]:
+            e = Episode()
+            e.a = m.a
+            e.b = m.b
+            e.begin = time
+            e.last = last
+            e.first_impulse = impulse
+            e.impulse = impulse
+            e.speed = m.approach
+            if touching > wp.float64(0.0):
+                e.position = centre / touching
+            else:
+                e.position = state.contacts[w, m.first].point
+            log.episodes[w, slot] = e
+            log.open[w, m.a, m.b] = slot

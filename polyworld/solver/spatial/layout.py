@@ -1,0 +1,251 @@
+"""The records the kernels work on: bodies, shapes, contacts. SI units, world axes unless said otherwise.
+
+Objects come first in every body array, statics after them; a static is a body of zero inverse mass.
+"""
+
+import warp as wp
+
+# Small code is quick to compile, and a first rollout is a user's first impression: no unrolling, and LLVM's
+# own inlining threshold in place of Warp's, which is twenty times higher.
+OPTIONS: dict[str, object] = {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": "-march=native"}
+
+SPHERE = 0
+BOX = 1
+CYLINDER = 2
+CAPSULE = 3
+CONVEX = 4
+TRIANGLE = 5
+PLANE = 6
+MESH = 7
+
+MAX_FACE_POINTS = 16  # corners of one supporting face that are looked at
+MAX_CLIPPED_POINTS = 48  # a convex polygon of 16 corners clipped by another has at most 32
+MAX_MANIFOLD_POINTS = 8  # contact points kept of one pair
+
+# Reasons for which a world stops being trusted, as bits of `status`.
+DIVERGED = 1
+CONTACTS_OVERFLOWED = 2
+
+
+@wp.struct
+class Shape:
+    """Geometry in body axes, the same in all worlds.
+
+    size: box half extents; (radius, radius, half height) of cylinder and capsule; radius of a sphere; normal of
+    a plane, whose offset is `bound`. bound: radius of the bounding sphere about the body's origin [m]. inset:
+    how far the core lies inside the surface [m]. first_vertex, vertices, first_face, faces: rows of
+    Geometry.vertices and of Geometry.face_normals; for a MESH faces counts triangles.
+    """
+
+    kind: int
+    first_vertex: int
+    vertices: int
+    first_face: int
+    faces: int
+    inset: wp.float64
+    bound: wp.float64
+    size: wp.vec3d
+
+
+@wp.struct
+class Geometry:
+    """Shapes (n + s,) and the vertices and faces they refer to; face f has corners
+    face_corners[face_starts[f]:face_starts[f + 1]], rows of `vertices`. tree: id of the bounding-volume
+    hierarchy of every body's triangles, 0 for none. edge_active: bit k set where edge k of a triangle may be
+    touched from the side: it is a border or convex.
+    """
+
+    shapes: wp.array[Shape]
+    vertices: wp.array[wp.vec3d]
+    face_normals: wp.array[wp.vec3d]
+    face_starts: wp.array[wp.int32]
+    face_corners: wp.array[wp.int32]
+    edge_active: wp.array[wp.int32]
+    tree: wp.array[wp.uint64]
+    fixed_position: wp.array[wp.vec3d]  # of the statics (s,)
+    fixed_orientation: wp.array[wp.quatd]
+    inertia: wp.array[wp.mat33d]  # (n,) for unit mass, body axes, and its inverse
+    inverse_inertia: wp.array[wp.mat33d]
+    radius: wp.array[wp.float64]  # (n,) of the ball of equal volume
+
+
+@wp.struct
+class Body:
+    """State and parameters of one body in one world.
+
+    x, q, v, w: position, orientation, velocity, angular velocity. rotation: matrix of q. v_free, w_free, dx,
+    q_free: where the step ends without contact forces. inertia_body and its inverse are for unit mass, about
+    the centre of mass. isotropic: 1 where the inertia is the same about all axes. swept: how far a point of the
+    body may move in one step [m].
+    """
+
+    x: wp.vec3d
+    q: wp.quatd
+    v: wp.vec3d
+    w: wp.vec3d
+    rotation: wp.mat33d
+    inverse_mass: wp.float64
+    inertia: wp.mat33d
+    inverse_inertia: wp.mat33d
+    v_free: wp.vec3d
+    w_free: wp.vec3d
+    dx: wp.vec3d
+    q_free: wp.quatd
+    angular_momentum: wp.vec3d
+    shift: wp.vec3d
+    turn: wp.vec3d
+    radius: wp.float64
+    mass: wp.float64
+    friction: wp.float64
+    restitution: wp.float64
+    rolling: wp.float64
+    torsion: wp.float64
+    linear_damping: wp.float64
+    angular_damping: wp.float64
+    start: wp.float64
+    swept: wp.float64
+    active: int
+    isotropic: int
+
+
+@wp.struct
+class Row:
+    """One direction in which a contact acts: Jacobian (d, ja) on a, -(d, jb) on b, and its inverse effective mass."""
+
+    d: wp.vec3d
+    ja: wp.vec3d
+    jb: wp.vec3d
+    wa: wp.vec3d  # inverse inertia of a times ja
+    wb: wp.vec3d
+    k: wp.float64  # velocity per impulse
+    impulse: wp.float64
+
+
+@wp.struct
+class Contact:
+    """One point of a manifold; normal points from b to a. force holds the last step's impulses over its length."""
+
+    point: wp.vec3d
+    local: wp.vec3d  # the point in a's axes, by which it is recognised in the next step
+    gap: wp.float64
+    speed: wp.float64  # relative normal velocity at the start of the step, negative where the pair approaches
+    target: wp.float64  # normal velocity that the solver aims at
+    coupling: wp.float64  # off-diagonal of the tangential effective mass
+    coupling_rolling: wp.float64
+    force_n: wp.float64
+    force_t: wp.vec3d
+    force_spin: wp.float64
+    force_roll: wp.vec3d
+
+
+@wp.struct
+class Manifold:
+    """The contacts [first, first + count) of bodies a and b, and how the pair touches."""
+
+    a: int
+    b: int
+    first: int
+    count: int
+    normal: wp.vec3d
+    t1: wp.vec3d
+    t2: wp.vec3d
+    anchor: wp.float64  # friction acts at this fraction of the way from the patch's centre to its corners
+    friction: wp.float64
+    restitution: wp.float64
+    torsion: wp.float64
+    rolling: wp.float64
+    close: wp.float64  # gap up to which the pair counts as touching [m]
+    approach: wp.float64  # highest approach speed in this step's impacts [m/s]
+    impact: wp.float64  # normal impulse of this step's impacts [N s]
+
+
+@wp.struct
+class State:
+    """All that changes while W worlds run, and room to work in.
+
+    Contacts and manifolds are kept twice, in two halves of their arrays: those of this step and of the one before.
+    """
+
+    bodies: wp.array2d[Body]  # (W, n + s)
+    manifolds: wp.array2d[Manifold]  # (W, 2 M)
+    contacts: wp.array2d[Contact]  # (W, 2 C)
+    rows: wp.array2d[Row]  # (W, 6 C)
+    scratch: wp.array2d[wp.vec3d]  # (W, corners of the two faces being clipped)
+    manifold_count: wp.array2d[wp.int32]  # (W, 2)
+    contact_count: wp.array2d[wp.int32]  # (W, 2)
+    status: wp.array[wp.int32]  # (W,) bits DIVERGED, ...
+    objects: int
+    statics: int
+    max_manifolds: int
+    max_contacts: int
+
+
+@wp.struct
+class Parameters:
+    """What may differ between worlds: fields of (1 or W, ...), as in `polyworld.solver.arrays.RigidArrays`."""
+
+    mass: wp.array2d[wp.float64]
+    friction: wp.array2d[wp.float64]
+    restitution: wp.array2d[wp.float64]
+    rolling_resistance: wp.array2d[wp.float64]
+    torsional_radius: wp.array2d[wp.float64]
+    linear_damping: wp.array2d[wp.float64]
+    angular_damping: wp.array2d[wp.float64]
+    position: wp.array2d[wp.vec3d]
+    orientation: wp.array2d[wp.quatd]  # x, y, z, w
+    velocity: wp.array2d[wp.vec3d]
+    angular_velocity: wp.array2d[wp.vec3d]
+    static_friction: wp.array2d[wp.float64]
+    static_restitution: wp.array2d[wp.float64]
+    gravity: wp.array[wp.vec3d]
+    time_scale: wp.array[wp.float64]
+    effect_parameters: wp.array3d[wp.float64]
+    effect_kind: wp.array[wp.int32]
+    effect_acts: wp.array2d[wp.int32]
+
+
+@wp.struct
+class Schedule:
+    """Segments between sample and start times: end (K,) [s], steps (K,), sample (K,) or -1, joins (n,)."""
+
+    end: wp.array[wp.float64]
+    steps: wp.array[wp.int32]
+    sample: wp.array[wp.int32]
+    joins: wp.array[wp.int32]
+
+
+@wp.struct
+class Samples:
+    """States at the sample times (W, T, n), and where a world diverged (W,)."""
+
+    position: wp.array3d[wp.vec3d]
+    orientation: wp.array3d[wp.quatd]
+    velocity: wp.array3d[wp.vec3d]
+    angular_velocity: wp.array3d[wp.vec3d]
+    diverged_object: wp.array[wp.int32]
+    diverged_time: wp.array[wp.float64]
+
+
+@wp.struct
+class Episode:
+    """A contact from its first touch to its last [s], impulses [N s], approach speed [m/s]."""
+
+    a: int
+    b: int
+    begin: wp.float64
+    last: wp.float64
+    first_impulse: wp.float64
+    impulse: wp.float64
+    speed: wp.float64
+    position: wp.vec3d
+
+
+@wp.struct
+class Log:
+    """Contact episodes (W, E), how many began (W,), and which one is open for a pair (W, n, n + s), -1 for none."""
+
+    episodes: wp.array2d[Episode]
+    count: wp.array[wp.int32]
+    open: wp.array3d[wp.int32]
+    merge: wp.float64  # a contact that opens for less than this goes on [s]
+    record: int

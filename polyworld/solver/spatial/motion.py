@@ -1,0 +1,119 @@
+"""Motion between contacts: gravity, effects, damping and the torque-free top, then positions from velocities."""
+
+import warp as wp
+
+from polyworld.solver.spatial.layout import Body
+
+FASTEST = wp.float64(1.0e6)  # a body beyond this speed [m/s] or distance [m] has diverged
+FARTHEST = wp.float64(1.0e9)
+
+
+@wp.func
+def turned(q: wp.quatd, rotation: wp.vec3d) -> wp.quatd:
+    """q followed by a rotation vector in world axes [rad]."""
+    angle = wp.length(rotation)
+    half = wp.float64(0.5)
+    scale = half  # sin(angle / 2) / angle at 0
+    if angle > wp.float64(1.0e-8):
+        scale = wp.sin(half * angle) / angle
+    step = wp.quatd(rotation[0] * scale, rotation[1] * scale, rotation[2] * scale, wp.cos(half * angle))
+    return wp.normalize(step * q)
+
+
+@wp.func
+def angular_velocity(b: Body, q: wp.quatd, momentum: wp.vec3d) -> wp.vec3d:
+    """Angular velocity, world axes, of a body in orientation q with the given angular momentum."""
+    r = wp.quat_to_matrix(q)
+    return r * (b.inverse_inertia * (wp.transpose(r) * momentum)) * b.inverse_mass
+
+
+@wp.func(inline=False)
+def spun(b: Body, momentum: wp.vec3d, h: wp.float64) -> wp.quatd:
+    """Orientation after time h of torque-free rotation: classical Runge-Kutta of dq/dt = omega(q) q / 2.
+
+    The angular momentum is a constant of the motion, and stays one to the last bit.
+    """
+    half = wp.float64(0.5)
+    total = wp.quatd()
+    slope = wp.quatd()
+    for stage in range(4):
+        reach = half * h
+        weight = wp.float64(2.0)
+        if stage == 0:
+            reach = wp.float64(0.0)
+        if stage == 3:
+            reach = h
+        if stage == 0 or stage == 3:
+            weight = wp.float64(1.0)
+        q = b.q + slope * reach
+        w = angular_velocity(b, wp.normalize(q), momentum)
+        slope = wp.quatd(w[0], w[1], w[2], wp.float64(0.0)) * q * half
+        total = total + slope * weight
+    return wp.normalize(b.q + total * (h / wp.float64(6.0)))
+
+
+@wp.func
+def remaining(rate: wp.float64, h: wp.float64) -> wp.vec3d:
+    """Of exponential damping over time h: exp(-c h), its mean over the step, and 2/h^2 times its double integral."""
+    z = rate * h
+    one = wp.float64(1.0)
+    if z < wp.float64(1.0e-4):  # series, where the differences below would cancel
+        return wp.vec3d(wp.exp(-z), one - z * wp.float64(0.5), one - z / wp.float64(3.0))
+    left = wp.exp(-z)
+    mean = (one - left) / z
+    return wp.vec3d(left, mean, wp.float64(2.0) * (one - mean) / z)
+
+
+@wp.func
+def move_freely(b: Body, force: wp.vec3d, torque: wp.vec3d, gravity: wp.vec3d, h: wp.float64) -> Body:
+    """Where the body would be after time h without contacts, exact for constant force and damping."""
+    a = gravity + force * b.inverse_mass
+    damped = remaining(b.linear_damping, h)
+    b.dx = b.v * (h * damped[1]) + a * (wp.float64(0.5) * h * h * damped[2])
+    b.v = b.v * damped[0] + a * (h * damped[1])
+    b.v_free = b.v
+    left = wp.exp(-b.angular_damping * h)
+    mean = remaining(b.angular_damping, h)[1]
+    if b.isotropic == 1:
+        turning = torque * (b.inverse_inertia[0, 0] * b.inverse_mass * h)
+        b.q_free = turned(b.q, (b.w * mean + turning * wp.float64(0.5)) * h)
+        b.w = b.w * left + turning
+    else:
+        start = b.rotation * (b.inertia * (wp.transpose(b.rotation) * b.w)) * b.mass
+        b.q_free = spun(b, start * mean + torque * (wp.float64(0.5) * h), h)
+        b.angular_momentum = start * left + torque * h
+        b.w = angular_velocity(b, b.q_free, b.angular_momentum)
+    b.w_free = b.w
+    return b
+
+
+@wp.func
+def place(b: Body, h: wp.float64) -> Body:
+    """Position and orientation at the end of the step. Contact forces count as constant over it, so the velocity
+    they add acts half the time; the angular impulse is kept exactly as the body turns.
+    """
+    half = wp.float64(0.5)
+    dw = b.w - b.w_free
+    b.x += b.dx + (b.v - b.v_free) * (half * h) + b.shift
+    if b.isotropic == 0:
+        b.angular_momentum += b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
+    q = b.q_free
+    rotation = dw * (half * h) + b.turn
+    if wp.dot(rotation, rotation) > wp.float64(0.0):
+        q = turned(q, rotation)
+    b.q = q
+    b.rotation = wp.quat_to_matrix(q)
+    if b.isotropic == 0:
+        b.w = angular_velocity(b, q, b.angular_momentum)
+    b.shift = wp.vec3d()
+    b.turn = wp.vec3d()
+    return b
+
+
+@wp.func
+def out_of_bounds(b: Body) -> bool:
+    """Whether the body's state cannot be trusted: not finite, too fast, too far."""
+    speed = wp.max(wp.abs(b.v[0]), wp.max(wp.abs(b.v[1]), wp.abs(b.v[2])))
+    distance = wp.max(wp.abs(b.x[0]), wp.max(wp.abs(b.x[1]), wp.abs(b.x[2])))
+    spin = wp.dot(b.w, b.w)
+    return not (speed < FASTEST and distance < FARTHEST and wp.isfinite(spin) and wp.isfinite(b.q[3]))

@@ -1,0 +1,191 @@
+"""The kernel: one thread a world, the time loop inside, each stage a function of its own module."""
+
+import warp as wp
+
+from polyworld.solver.effect_forces import effect_forces
+from polyworld.solver.spatial.constraints import (
+    build_rows,
+    resolve_impacts,
+    separate_overlaps,
+    solve_velocities,
+    time_to_impact,
+)
+from polyworld.solver.spatial.contacts import find_contacts
+from polyworld.solver.spatial.episodes import record_contacts
+from polyworld.solver.spatial.layout import (
+    DIVERGED,
+    OPTIONS,
+    Body,
+    Geometry,
+    Log,
+    Parameters,
+    Samples,
+    Schedule,
+    State,
+)
+from polyworld.solver.spatial.motion import move_freely, out_of_bounds, place
+
+wp.set_module_options(OPTIONS)
+
+MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
+# Approaches slower than one step's fall do not rebound: a body at rest would else never come to rest.
+SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
+
+
+@wp.func(inline=False)
+def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int) -> None:
+    """Bodies of world w in their initial state; objects start inactive."""
+    one = wp.float64(1.0)
+    for i in range(state.objects):
+        b = Body()
+        b.x = parameters.position[w % parameters.position.shape[0], i]
+        b.q = wp.normalize(parameters.orientation[w % parameters.orientation.shape[0], i])
+        b.v = parameters.velocity[w % parameters.velocity.shape[0], i]
+        b.w = parameters.angular_velocity[w % parameters.angular_velocity.shape[0], i]
+        b.rotation = wp.quat_to_matrix(b.q)
+        b.mass = parameters.mass[w % parameters.mass.shape[0], i]
+        b.inverse_mass = one / b.mass
+        b.inertia = geometry.inertia[i]
+        b.inverse_inertia = geometry.inverse_inertia[i]
+        b.radius = geometry.radius[i]
+        spread = wp.max(
+            wp.abs(b.inertia[0, 0] - b.inertia[1, 1]) + wp.abs(b.inertia[0, 0] - b.inertia[2, 2]),
+            wp.abs(b.inertia[0, 1]) + wp.abs(b.inertia[0, 2]) + wp.abs(b.inertia[1, 2]),
+        )
+        if spread < wp.float64(1.0e-12) * b.inertia[0, 0]:
+            b.isotropic = 1
+        b.friction = parameters.friction[w % parameters.friction.shape[0], i]
+        b.restitution = parameters.restitution[w % parameters.restitution.shape[0], i]
+        b.rolling = parameters.rolling_resistance[w % parameters.rolling_resistance.shape[0], i]
+        b.torsion = parameters.torsional_radius[w % parameters.torsional_radius.shape[0], i]
+        b.linear_damping = parameters.linear_damping[w % parameters.linear_damping.shape[0], i]
+        b.angular_damping = parameters.angular_damping[w % parameters.angular_damping.shape[0], i]
+        state.bodies[w, i] = b
+    for s in range(state.statics):
+        b = Body()
+        b.x = geometry.fixed_position[s]
+        b.q = geometry.fixed_orientation[s]
+        b.rotation = wp.quat_to_matrix(b.q)
+        b.friction = parameters.static_friction[w % parameters.static_friction.shape[0], s]
+        b.restitution = parameters.static_restitution[w % parameters.static_restitution.shape[0], s]
+        b.isotropic = 1
+        b.active = 1
+        state.bodies[w, state.objects + s] = b
+    state.manifold_count[w, 0] = 0
+    state.manifold_count[w, 1] = 0
+    state.contact_count[w, 0] = 0
+    state.contact_count[w, 1] = 0
+
+
+@wp.func(inline=False)
+def sweep_bodies(geometry: Geometry, state: State, w: int, fall: wp.float64, h: wp.float64) -> None:
+    """How far any point of each body may move within h."""
+    for i in range(state.objects):
+        state.bodies[w, i].swept = h * (
+            wp.length(state.bodies[w, i].v) + wp.length(state.bodies[w, i].w) * geometry.shapes[i].bound + fall
+        )
+
+
+@wp.func(inline=False)
+def predict(parameters: Parameters, state: State, w: int, gravity: wp.vec3d, time: wp.float64, h: wp.float64) -> None:
+    """Free motion of all bodies over h; effects act with their values at the middle of the step."""
+    half = wp.float64(0.5) * h
+    for i in range(state.objects):
+        b = state.bodies[w, i]
+        if b.active == 0:
+            continue
+        force = wp.vec3d()
+        torque = wp.vec3d()
+        if parameters.effect_kind.shape[0] > 0:
+            for _pass in range(2):
+                v = b.v + (gravity + force * b.inverse_mass) * half
+                x = b.x + (b.v + v) * (wp.float64(0.5) * half)
+                if _pass == 0:
+                    v = b.v
+                    x = b.x
+                wrench = effect_forces(
+                    parameters.effect_kind,
+                    parameters.effect_acts,
+                    parameters.effect_parameters,
+                    w,
+                    i,
+                    b.mass,
+                    b.radius,
+                    x,
+                    v,
+                    b.w,
+                    time + half,
+                )
+                force = wp.spatial_top(wrench)
+                torque = wp.spatial_bottom(wrench)
+        state.bodies[w, i] = move_freely(b, force, torque, gravity, h)
+
+
+@wp.kernel
+def roll_out(
+    geometry: Geometry,
+    parameters: Parameters,
+    schedule: Schedule,
+    state: State,
+    samples: Samples,
+    log: Log,
+    first: int,
+    segments: int,
+) -> None:
+    """Roll world first + tid out through the given number of segments of the schedule."""
+    w = first + wp.tid()
+    scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
+    gravity = parameters.gravity[w % parameters.gravity.shape[0]]
+    load_bodies(geometry, parameters, state, w)
+    time = wp.float64(0.0)
+    half = wp.int32(0)
+    for segment in range(segments):
+        for i in range(state.objects):
+            if schedule.joins[i] == segment:
+                state.bodies[w, i].active = 1
+        end = schedule.end[segment] * scale
+        steps = schedule.steps[segment]
+        for step in range(steps):
+            h = (end - time) / wp.float64(steps - step)
+            fall = wp.length(gravity) * h
+            threshold = fall + SLOWEST_IMPACT
+            impacts = wp.int32(0)
+            left = h
+            while left > wp.float64(0.0):
+                sweep_bodies(geometry, state, w, fall, left)
+                half = 1 - half
+                find_contacts(geometry, state, w, half)
+                build_rows(state, w, half)
+                part = left
+                if impacts < MAX_IMPACTS:
+                    if resolve_impacts(state, w, half, threshold) > 0:
+                        impacts += 1
+                        continue  # the bodies now move elsewhere: look again what they may hit
+                    part = time_to_impact(state, w, half, left, threshold, gravity)
+                    if part < left:
+                        impacts += 1
+                predict(parameters, state, w, gravity, time, part)
+                solve_velocities(state, w, half, part)
+                separate_overlaps(state, w, half, part)
+                if log.record == 1:
+                    record_contacts(log, state, w, half, time, part)
+                for i in range(state.objects):
+                    if state.bodies[w, i].active == 1:
+                        state.bodies[w, i] = place(state.bodies[w, i], part)
+                left -= part
+                time += part
+            if step == steps - 1:
+                time = end
+            for i in range(state.objects):
+                if out_of_bounds(state.bodies[w, i]):
+                    state.status[w] = state.status[w] | DIVERGED
+                    samples.diverged_object[w] = i
+                    samples.diverged_time[w] = time
+                    return
+        sample = schedule.sample[segment]
+        if sample >= 0:
+            for i in range(state.objects):
+                samples.position[w, sample, i] = state.bodies[w, i].x
+                samples.orientation[w, sample, i] = state.bodies[w, i].q
+                samples.velocity[w, sample, i] = state.bodies[w, i].v
+                samples.angular_velocity[w, sample, i] = state.bodies[w, i].w
