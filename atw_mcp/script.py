@@ -6,7 +6,7 @@ Text form, one call a line (a line ending in a backslash continues on the next):
     > said to the reader before the next call; may quote ${observe.summary}
     open: OpenCase video=$folder/clip.mp4
     observe: ObserveObjects case=$open.case
-    Rollout case=$open.case edits='[{"edit": "remove", "object": "red"}]'
+    Rollout case=$open.case edits='[{"action": "remove", "object": "red"}]'
 
 JSON form: a list of {"name": ..., "tool": ..., "arguments": {...}, "say": ...}; name and say may be left out.
 

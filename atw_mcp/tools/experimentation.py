@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
+from atw_mcp.flat_unions import flat_schema
 from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name, renamed
@@ -28,6 +29,9 @@ GROUP = ToolGroup("world experimentation")
 CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
 RolloutId = Annotated[str, Field(description="rollout id, as Rollout returned it", pattern=r"^rollout-[0-9a-f]+$")]
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
+Edit = Annotated[Intervention, WithJsonSchema(flat_schema(Intervention, "action"))]
+STATEMENTS = flat_schema(Predicate, "predicate")
+Statement = Annotated[Predicate, WithJsonSchema(STATEMENTS)]
 PATIENCE = 40.0  # [s]
 
 
@@ -36,7 +40,7 @@ def roll_out(
     app: App,
     case: CaseId,
     edits: Annotated[
-        list[Intervention] | None,
+        list[Edit] | None,
         Field(
             description="changes made before the start, in order; all that was fitted is kept. Default: none, which "
             "continues the world as it was observed",
@@ -261,7 +265,11 @@ def query_world(
     app: App,
     rollout: RolloutId,
     predicate: Annotated[
-        Predicate, Field(description='what to decide, e.g. {"predicate": "collides", "a": "red", "b": "blue"}')
+        Statement,
+        Field(
+            description='what to decide, e.g. {"predicate": "collides", "a": "red", "b": "blue"}. '
+            + STATEMENTS["description"]
+        ),
     ],
     aggregation: Annotated[
         Aggregation,
