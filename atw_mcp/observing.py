@@ -1,12 +1,87 @@
-"""Observations of a case as the tools need them: the camera, and the tracks a world is to model."""
+"""Observations of a case as the tools need them: the video, the camera, and the tracks a world is to model."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
 from atw_mcp.app import App
-from atw_mcp.track_records import TrackRecord, read_record
-from evidence_store import Case
+from atw_mcp.building import ObservedObject
+from atw_mcp.cases import content_hash, existing_file
+from atw_mcp.jobs import Progress
+from atw_mcp.perception.calibration import Calibration
+from atw_mcp.perception.observation import ImageObservation
+from atw_mcp.perception.tracks import estimate_sizes, world_tracks
+from atw_mcp.track_records import TrackRecord, read_record, to_document
+from evidence_store import Case, Content
 from polyworld.camera import Camera
-from polyworld.world import World
+from polyworld.world import Box, Cylinder, MotionPlane, Sphere, World
+
+SIDE_VIEW = MotionPlane(point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), supports=False)
+UNKNOWN_RATE = 0.04  # [s] between frames of a file that states no rate; BuildWorld says so
+
+
+def video_file(case: Case) -> Path:
+    """The case's video; raises ValueError where there is none, or the file is no longer what was opened."""
+    if case.kind != "video":
+        raise ValueError(f"case {case.id!r} is measured data and has no video")
+    path = existing_file(case.path)
+    facts = path.stat()
+    if _known_hash(path, facts.st_size, facts.st_mtime_ns) != case.content:
+        raise ValueError(
+            f"{path} changed since case {case.id!r} was opened: OpenCase(video=PATH) with the original file, wherever "
+            "it is now, continues the case"
+        )
+    return path
+
+
+@lru_cache(maxsize=64)
+def _known_hash(path: Path, size: int, modified: int) -> str:
+    del size, modified  # only there so that a changed file is read again
+    return content_hash(path)
+
+
+# --- what was seen, in pixels ---
+
+
+def keep_image_observation(
+    app: App, case: Case, observation: ImageObservation, kind_of_work: str, inputs: dict[str, Any]
+) -> Content:
+    """Store what was seen and make it the case's latest."""
+    document = {"names": list(observation.names), "observation": observation.to_dict()}
+    with app.store.transaction():
+        content = app.store.observations.put(kind_of_work, inputs, document)
+        app.store.cases.add_observation(case.id, "objects", content.id)
+    return content
+
+
+def latest_image_observation(app: App, case: Case) -> tuple[str, ImageObservation] | None:
+    """The latest observation of the video with its id, or None."""
+    found = app.store.cases.observations(case.id, "objects")
+    if not found:
+        return None
+    return found[0][1], image_observation(app.store.observations.get(found[0][1]))
+
+
+def image_observation(content: Content) -> ImageObservation:
+    """The observation in a stored record."""
+    return ImageObservation.from_dict(content.document["observation"])
+
+
+# --- the camera ---
+
+
+def keep_calibration(
+    app: App, case: Case, calibration: Calibration, inputs: dict[str, Any], *, side_view: bool
+) -> Content:
+    """Store a camera and make it the case's latest. side_view: motion is in the plane y = 0, not on the floor."""
+    with app.store.transaction():
+        content = app.store.observations.put("camera", inputs, {**calibration.to_dict(), "side_view": side_view})
+        app.store.cases.add_observation(case.id, "camera", content.id)
+    return content
 
 
 def latest_camera(app: App, case: Case) -> Camera | None:
@@ -17,14 +92,111 @@ def latest_camera(app: App, case: Case) -> Camera | None:
     return Camera.model_validate(app.store.observations.get(found[0][1]).document["camera"])
 
 
-def tracks_to_model(app: App, case: Case, identifier: str | None) -> TrackRecord:
-    """The track record asked for, else the latest of the case; raises ValueError saying what to do first."""
+# --- tracks in world coordinates ---
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """How world tracks follow from what was seen: observation, camera, plane of motion, and sizes that are known."""
+
+    observation: str
+    camera: str
+    plane: MotionPlane
+    solids: dict[str, Sphere | Box | Cylinder]
+    seconds_per_frame: float
+
+    def inputs(self) -> dict[str, Any]:
+        """What determines the tracks."""
+        return {
+            "objects": self.observation,
+            "camera": self.camera,
+            "plane": self.plane.model_dump(mode="json"),
+            "solids": {name: solid.model_dump(mode="json") for name, solid in sorted(self.solids.items())},
+            "seconds_per_frame": self.seconds_per_frame,
+        }
+
+
+def derivation(
+    app: App, case: Case, solids: dict[str, Sphere | Box | Cylinder], plane: MotionPlane | None
+) -> Derivation | None:
+    """How the case's latest observation of its video becomes tracks; None where imported tracks are newer.
+
+    plane: where objects move (default: the floor z = 0, or y = 0 for a camera calibrated as a side view). Raises
+    ValueError saying what is missing: an observation, or a camera.
+    """
+    for kind, identifier in app.store.cases.observations(case.id):
+        if kind == "tracks" and app.store.observations.get(identifier).document["source"]["kind"] == "imported":
+            return None
+        if kind == "objects":
+            break
+    else:
+        step = f"ObserveObjects(case={case.id!r}) or " if case.kind == "video" else ""
+        raise ValueError(f"case {case.id!r} has no tracks yet. Next: {step}ImportObservation(case={case.id!r})")
+    cameras = app.store.cases.observations(case.id, "camera")
+    if not cameras:
+        raise ValueError(
+            f"case {case.id!r} has objects in pixels but no camera: CalibrateCamera(case={case.id!r}) tells where "
+            "they are in the world"
+        )
+    camera = app.store.observations.get(cameras[0][1])
+    if plane is None:
+        plane = SIDE_VIEW if camera.document["side_view"] else MotionPlane()
+    rate = float(case.facts.get("frames_per_second") or 0.0)
+    seen = app.store.observations.get(identifier).document["names"]
+    known = {name: solid for name, solid in solids.items() if name in seen}
+    return Derivation(identifier, camera.id, plane, known, 1.0 / rate if rate > 0 else UNKNOWN_RATE)
+
+
+def derived_tracks(app: App, case: Case, how: Derivation, progress: Progress | None) -> TrackRecord | None:
+    """The tracks of a derivation, made the case's latest; without `progress` only where they are stored already."""
+    found = app.store.observations.find("world_tracks", how.inputs())
+    if found is None:
+        if progress is None:
+            return None
+        found = app.store.observations.put("world_tracks", how.inputs(), _derive(app, how, progress))
+    app.store.cases.add_observation(case.id, "tracks", found.id)
+    return TrackRecord.of(found)
+
+
+def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
+    seen = image_observation(app.store.observations.get(how.observation))
+    camera = Camera.model_validate(app.store.observations.get(how.camera).document["camera"])
+
+    def tell(begin: float) -> Callable[[float, str], None]:
+        return lambda share, what: progress.report(begin + 0.5 * share, 1.0, what)
+
+    estimates = estimate_sizes(seen, camera, how.plane, progress=tell(0.0), cancelled=progress.cancelled)
+    solids = {**{name: found.solid for name, found in estimates.items()}, **how.solids}
+    tracks = world_tracks(
+        seen,
+        camera,
+        solids,
+        how.plane,
+        seconds_per_frame=how.seconds_per_frame,
+        progress=tell(0.5),
+        cancelled=progress.cancelled,
+    )
+    objects = [
+        ObservedObject(item.name, solids.get(item.name), _named(item.colour.name), _named(item.material.name))
+        for item in seen.objects
+    ]
+    sizes = {name: found.to_dict() for name, found in estimates.items()}
+    source = {"kind": "derived", "objects": how.observation, "camera": how.camera, "sizes": sizes}
+    return to_document(tracks, objects, heights_assumed=True, source=source, plane=how.plane)
+
+
+def _named(cue: str) -> str | None:
+    return None if cue == "unknown" else cue
+
+
+def imported_tracks(app: App, case: Case, identifier: str | None) -> TrackRecord:
+    """The track record asked for, else the latest of the case; raises ValueError naming the records there are."""
     record = read_record(app.store, case, identifier)
     if record is None:
-        raise ValueError(f"case {case.id!r} has no tracks in world coordinates yet")
+        raise ValueError(f"case {case.id!r} has no tracks yet. Next: ImportObservation(case={case.id!r})")
     return record
 
 
 def modelled_tracks(app: App, case: Case, world: World) -> TrackRecord:
     """The track record that a world of the case models, else the case's latest."""
-    return tracks_to_model(app, case, app.store.cases.modelled_observation(case.id, world.id))
+    return imported_tracks(app, case, app.store.cases.modelled_observation(case.id, world.id))

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from atw_mcp.building import ObservedObject
 from evidence_store import Case, Content, EvidenceStore
 from polyworld.tracks import ObservedTracks
-from polyworld.world import BodyShape
+from polyworld.world import BodyShape, MotionPlane
 
 KIND = "tracks"
 _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
@@ -19,13 +19,18 @@ _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
 @dataclass(frozen=True)
 class TrackRecord:
-    """Observed tracks as stored. heights_assumed: positions were got by assuming objects stay on the floor."""
+    """Observed tracks as stored.
+
+    heights_assumed: positions were got by assuming that objects move in `plane`. source["kind"] is `derived` from
+    the video or `imported`.
+    """
 
     id: str
     tracks: ObservedTracks
     objects: tuple[ObservedObject, ...]
     heights_assumed: bool
     source: dict[str, Any]
+    plane: MotionPlane | None
 
     @classmethod
     def of(cls, content: Content) -> Self:
@@ -37,11 +42,17 @@ class TrackRecord:
             objects=tuple(_object(item) for item in document["objects"]),
             heights_assumed=bool(document["heights_assumed"]),
             source=document["source"],
+            plane=None if document["plane"] is None else MotionPlane.model_validate(document["plane"]),
         )
 
 
 def to_document(
-    tracks: ObservedTracks, objects: Sequence[ObservedObject], *, heights_assumed: bool, source: dict[str, Any]
+    tracks: ObservedTracks,
+    objects: Sequence[ObservedObject],
+    *,
+    heights_assumed: bool,
+    source: dict[str, Any],
+    plane: MotionPlane | None = None,
 ) -> dict[str, Any]:
     """What is stored of a track record; `TrackRecord.of` reads it back."""
     return {
@@ -58,6 +69,7 @@ def to_document(
         ],
         "heights_assumed": heights_assumed,
         "source": source,
+        "plane": None if plane is None else plane.model_dump(mode="json"),
     }
 
 

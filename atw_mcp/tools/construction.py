@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
-from atw_mcp.building import Built, ObservedObject, Scene, build_world
+from atw_mcp.building import Built, Given, ObservedObject, Scene, build_world
 from atw_mcp.fitting import FitRequest, Override, chosen_parameters, digest, run_fit, window
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import latest_camera, modelled_tracks, tracks_to_model
+from atw_mcp.observing import derivation, derived_tracks, imported_tracks, latest_camera, modelled_tracks
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import (
@@ -27,11 +27,12 @@ from atw_mcp.tools.world_arguments import (
     ShapeArgument,
     WallArgument,
 )
+from atw_mcp.track_records import TrackRecord
 from evidence_store import Case, StoreError
 from polyworld.identification import FitResult
 from polyworld.parameters import STATE_PARAMETERS
 from polyworld.tracks import ObservedTracks
-from polyworld.world import MotionPlane, TimeBase, World
+from polyworld.world import Box, Cylinder, Effect, MotionPlane, Sphere, StaticObject, TimeBase, World
 
 GROUP = ToolGroup("world construction")
 STATES = {path.rpartition(".")[0] for path in STATE_PARAMETERS}
@@ -67,9 +68,10 @@ def build_world_tool(
     default_shape: Annotated[
         ShapeArgument | None, Field(description="shape of every object whose shape is neither observed nor given")
     ] = None,
-    floor_height: Annotated[
-        float | None, Field(ge=-1e4, le=1e4, description="z of the floor [m]; null: nothing supports the objects")
-    ] = 0.0,
+    floor: Annotated[
+        float | Literal["none"] | None,
+        Field(description="z of the floor [m], or 'none'; default 0, none for motion seen from the side"),
+    ] = None,
     gravity: Annotated[
         Point | None, Field(description="gravitational acceleration [m/s^2]; default 0, 0, -9.81")
     ] = None,
@@ -92,51 +94,114 @@ def build_world_tool(
             "DescribeTool(tool='BuildWorld', argument='world') or the resource atw://schema/world"
         ),
     ] = None,
-) -> Answer:
+    patience_seconds: Patience = 40.0,
+) -> Answer | LongWork:
     """Build a draft world from what was observed: every tracked object with its shape and size, placed and set in
     motion as its track begins, on a floor. Friction, restitution and masses are defaults until FitWorld fits them.
     A changed world is a new world; build as many drafts as needed. Next: FitWorld, or InspectRollout to look."""
     found = app.case_to_model(case, "BuildWorld")
     if world is not None:
         return _from_document(app, found, world)
-    with explained(f"ReadEvidence(case={found.id!r}) lists what was observed"):
-        record = tracks_to_model(app, found, tracks)
-    rate, rate_note = _seconds_per_frame(found, record.tracks, seconds_per_frame)
-    scene_plane = None
-    if motion_plane is not None:
-        scene_plane = MotionPlane(
-            point=_triple(motion_plane.point), normal=_triple(motion_plane.normal), supports=motion_plane.supports
-        )
     with explained():
         given = {item.name: item.to_given() for item in objects or []}
-        observed = record.objects
-        if default_shape is not None:
-            observed = tuple(_with_shape(item, default_shape.to_shape()) for item in observed)
-        observed_tracks = record.tracks
-        if first_frame is not None:
-            observed_tracks = window(observed_tracks, FitRequest(first_frame=first_frame))
-        built = build_world(
-            observed_tracks,
-            observed,
-            given=given,
-            chosen=only,
-            scene=Scene(
-                gravity=(0.0, 0.0, -9.81) if gravity is None else _triple(gravity),
-                floor_height=floor_height,
-                motion_plane=scene_plane,
-                statics=(
-                    *(wall.to_static(floor_height or 0.0) for wall in walls or []),
-                    *(item.to_static() for item in obstacles or []),
-                ),
-                effects=tuple(item.to_effect() for item in effects or []),
-            ),
+        request = _BuildRequest(
             representation=representation,
-            heights_assumed=record.heights_assumed,
-            time=TimeBase(seconds_per_frame=rate, frame_count=_frame_count(found, record.tracks)),
-            camera=latest_camera(app, found),
+            given=given,
+            only=only,
+            default_shape=None if default_shape is None else default_shape.to_shape(),
+            gravity=(0.0, 0.0, -9.81) if gravity is None else _triple(gravity),
+            floor=floor,
+            motion_plane=None if motion_plane is None else motion_plane.to_plane(),
+            statics=(
+                *(wall.to_static(floor if isinstance(floor, float) else 0.0) for wall in walls or []),
+                *(item.to_static() for item in obstacles or []),
+            ),
+            effects=tuple(item.to_effect() for item in effects or []),
+            first_frame=first_frame,
+            seconds_per_frame=seconds_per_frame,
         )
-    app.keep_world(found, built.world, how="built", observation=record.id)
-    return _built_answer(found, built, record.id, rate_note)
+        how = None
+        if tracks is None:
+            solids = {
+                name: item.shape for name, item in given.items() if isinstance(item.shape, Sphere | Box | Cylinder)
+            }
+            how = derivation(app, found, solids, request.plane_seen())
+        if how is None:
+            return _build(app, found, request, imported_tracks(app, found, tracks))
+        record = derived_tracks(app, found, how, None)
+        if record is not None:
+            return _build(app, found, request, record)
+
+    def work(progress: Progress) -> Answer:
+        with explained():
+            made = derived_tracks(app, found, how, progress)
+            assert made is not None
+            return _build(app, found, request, made)
+
+    return LongWork(
+        key=app.store.observations.key("world_tracks", how.inputs()) + repr(request),
+        work=work,
+        draft=Answer(summary="measuring positions in the world", data={}, case=found.id),
+        patience=patience_seconds,
+    )
+
+
+@dataclass(frozen=True)
+class _BuildRequest:
+    """What BuildWorld was asked, in the engine's words."""
+
+    representation: Literal["auto", "planar", "spatial"]
+    given: dict[str, Given]
+    only: list[str] | None
+    default_shape: Any
+    gravity: tuple[float, float, float]
+    floor: float | Literal["none"] | None
+    motion_plane: MotionPlane | None
+    statics: tuple[StaticObject, ...]
+    effects: tuple[Effect, ...]
+    first_frame: int | None
+    seconds_per_frame: float | None
+
+    def plane_seen(self) -> MotionPlane | None:
+        """The plane in which the video shows objects, where the agent says it; None leaves it to the camera."""
+        if self.motion_plane is not None:
+            return self.motion_plane
+        return MotionPlane(point=(0.0, 0.0, self.floor)) if isinstance(self.floor, float) and self.floor else None
+
+
+def _build(app: App, case: Case, request: _BuildRequest, record: TrackRecord) -> Answer:
+    rate, rate_note = _seconds_per_frame(case, record, request.seconds_per_frame)
+    observed = record.objects
+    if request.default_shape is not None:
+        observed = tuple(_with_shape(item, request.default_shape) for item in observed)
+    tracks = record.tracks
+    if request.first_frame is not None:
+        tracks = window(tracks, FitRequest(first_frame=request.first_frame))
+    plane = request.motion_plane
+    if plane is None and record.plane is not None and abs(record.plane.normal[2]) < 0.5:
+        plane = record.plane
+    floor = request.floor
+    if floor is None:
+        floor = 0.0 if plane is None or plane.supports else "none"
+    built = build_world(
+        tracks,
+        observed,
+        given=request.given,
+        chosen=request.only,
+        scene=Scene(
+            gravity=request.gravity,
+            floor_height=None if floor == "none" else floor,
+            motion_plane=plane,
+            statics=request.statics,
+            effects=request.effects,
+        ),
+        representation=request.representation,
+        heights_assumed=record.heights_assumed,
+        time=TimeBase(seconds_per_frame=rate, frame_count=_frame_count(case, tracks)),
+        camera=latest_camera(app, case),
+    )
+    app.keep_world(case, built.world, how="built", observation=record.id)
+    return _built_answer(case, built, record.id, rate_note)
 
 
 def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
@@ -423,14 +488,15 @@ def _override(item: ParameterArgument) -> Override:
     return Override(tuple(item.paths), item.lower, item.upper, prior, item.fixed)
 
 
-def _seconds_per_frame(case: Case, tracks: ObservedTracks, given: float | None) -> tuple[float, str | None]:
+def _seconds_per_frame(case: Case, record: TrackRecord, given: float | None) -> tuple[float, str | None]:
     if given is not None:
         return given, None
-    if case.kind == "data":
-        return tracks.seconds_per_frame, None
-    return tracks.seconds_per_frame, (
-        f"{tracks.seconds_per_frame:.6g} s per frame, from the file's frame rate: give seconds_per_frame, or fit it "
-        "with FitWorld(fit_seconds_per_frame=true)"
+    rate = record.tracks.seconds_per_frame
+    if record.source["kind"] == "imported":
+        return rate, f"{rate:.6g} s per frame, from the imported tracks"
+    source = "from the file's frame rate" if case.facts.get("frames_per_second") else "although the file states no rate"
+    return rate, (
+        f"{rate:.6g} s per frame, {source}: give seconds_per_frame, or fit it with FitWorld(fit_seconds_per_frame=true)"
     )
 
 

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp import cases
 from atw_mcp.app import App
+from atw_mcp.jobs import LongWork, Progress
+from atw_mcp.observing import image_observation, keep_calibration, keep_image_observation, video_file
+from atw_mcp.perception.calibration import (
+    calibrate_from_homography,
+    calibrate_from_known_length,
+    calibrate_from_points,
+    calibrate_given,
+)
+from atw_mcp.perception.observation import ImageObservation
+from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import probe
-from atw_mcp.results import Answer, explained
+from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Point
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
+Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
+Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
 
 
 @GROUP.tool("OpenCase", title="Open a case", read_only=False)
@@ -67,6 +80,175 @@ def open_case(
             questions=questions or [],
         )
     return _case_answer(app, found)
+
+
+@GROUP.tool("ObserveObjects", title="Find and follow objects", read_only=False)
+def observe_objects(
+    app: App,
+    case: CaseId,
+    expected: Annotated[
+        list[Annotated[str, Field(min_length=1, max_length=100)]] | None,
+        Field(
+            max_length=64,
+            description="descriptions of objects to look for, e.g. 'blue metal sphere': those that fit get it as name, "
+            "those not found are named in the warnings",
+        ),
+    ] = None,
+    max_objects: Annotated[int, Field(ge=1, le=200, description="most objects to follow")] = 20,
+    min_area: Annotated[
+        int | None, Field(ge=4, le=10_000_000, description="smallest region taken for an object [px]")
+    ] = None,
+    stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,
+    patience_seconds: Patience = 40.0,
+) -> Answer | LongWork:
+    """Find every moving or distinct object in the video and follow it: masks, colour, material and shape, when it is
+    visible, hidden, enters or leaves. The camera must not move. Next: InspectFrames to check, then CalibrateCamera."""
+    found = app.case_to_model(case, "ObserveObjects")
+    with explained(f"OpenCase(video=PATH) or ImportObservation(case={found.id!r})"):
+        path = video_file(found)
+    inputs = {
+        "video": found.content,
+        "expected": expected,
+        "max_objects": max_objects,
+        "min_area": min_area,
+        "stride": stride,
+    }
+    kept = app.store.observations.find("observe", inputs)
+    if kept is not None:
+        app.store.cases.add_observation(found.id, "objects", kept.id)
+        return _observed_answer(found, kept.id, image_observation(kept))
+
+    def work(progress: Progress) -> Answer:
+        with explained():
+            seen = observe(
+                path,
+                max_objects=max_objects,
+                min_area=min_area,
+                expected=expected,
+                stride=stride,
+                progress=lambda share, what: progress.report(share, 1.0, what),
+                cancelled=progress.cancelled,
+            )
+        content = keep_image_observation(app, found, seen, "observe", inputs)
+        return _observed_answer(found, content.id, seen)
+
+    return LongWork(
+        key=app.store.observations.key("observe", inputs) + found.id,
+        work=work,
+        draft=Answer(summary=f"observing {path.name}", data={}, case=found.id),
+        patience=patience_seconds,
+    )
+
+
+def _observed_answer(case: Case, identifier: str, seen: ImageObservation) -> Answer:
+    overview = seen.summary()
+    overview["video"].pop("path")
+    warned = f"; {len(seen.warnings)} warnings" if seen.warnings else ""
+    return Answer(
+        summary=f"{len(seen.objects)} objects in {len(seen.frames)} frames: {', '.join(seen.names)}{warned}",
+        data={**overview, "next": f"InspectFrames(case={case.id!r}), then CalibrateCamera(case={case.id!r})"},
+        case=case.id,
+        observation=identifier,
+        objects=seen.names,
+    )
+
+
+class PointArgument(Argument):
+    """A point whose place in the world and in the image is known."""
+
+    world: Point = Field(description="x, y, z [m]; z is up")
+    pixel: Pixel = Field(description="u to the right, v down [px]")
+
+
+class LengthArgument(Argument):
+    """A known length in the plane of motion, seen from the side or from above without perspective."""
+
+    first_pixel: Pixel
+    second_pixel: Pixel
+    length: float = Field(gt=0, le=1e4, description="[m]")
+    view: Literal["side", "top"] = Field(
+        default="side", description="side: x right, z up, motion at y = 0; top: x right, y up, motion on the floor"
+    )
+
+
+class CameraArgument(Argument):
+    """A camera that is known: pixel ~ K (R X + t), camera z forward, v down."""
+
+    intrinsics: Matrix = Field(description="K, 3 x 3 [px]")
+    rotation: Matrix = Field(description="R, 3 x 3, world axes to camera axes")
+    translation: Point = Field(description="t, the world's origin in camera axes [m]")
+
+
+@GROUP.tool("CalibrateCamera", title="Calibrate the camera", read_only=False)
+def calibrate_camera(
+    app: App,
+    case: CaseId,
+    points: Annotated[
+        list[PointArgument] | None,
+        Field(
+            min_length=4,
+            max_length=200,
+            description="known points: at least 4 in one plane with no three in a line, or 6 in space",
+        ),
+    ] = None,
+    homography: Annotated[
+        Matrix | None, Field(description="3 x 3 map of (x, y, 1) in the plane z = plane_z [m] to pixels")
+    ] = None,
+    plane_z: Annotated[float, Field(ge=-1e4, le=1e4, description="height of the homography's plane [m]")] = 0.0,
+    known_length: Annotated[LengthArgument | None, Field(description="one known length, for a flat view")] = None,
+    camera: Annotated[CameraArgument | None, Field(description="the camera itself, where it is known")] = None,
+    intrinsics: Annotated[
+        Matrix | None, Field(description="K, where it is known, to go with points or a homography")
+    ] = None,
+    image_size: Annotated[
+        list[Annotated[int, Field(gt=0, le=16384)]] | None,
+        Field(min_length=2, max_length=2, description="width, height [px]; only for a case without a video"),
+    ] = None,
+) -> Answer:
+    """Tell how the image maps to the world, by exactly one of points, homography, known_length or camera. Returns the
+    camera and its reprojection error. A later calibration replaces this one. Next: BuildWorld."""
+    found = app.case_to_model(case, "CalibrateCamera")
+    ways = {"points": points, "homography": homography, "known_length": known_length, "camera": camera}
+    given = [name for name, value in ways.items() if value is not None]
+    if len(given) != 1:
+        raise ToolError(f"CalibrateCamera takes exactly one of {', '.join(ways)}; got {' and '.join(given) or 'none'}")
+    size = _image_size(found, image_size)
+    view = None
+    with explained():
+        if points is not None:
+            made = calibrate_from_points([p.world for p in points], [p.pixel for p in points], size, intrinsics)
+        elif homography is not None:
+            made = calibrate_from_homography(homography, size, plane_z=plane_z, intrinsics=intrinsics)
+        elif known_length is not None:
+            first, second = known_length.first_pixel, known_length.second_pixel
+            view = known_length.view
+            made = calibrate_from_known_length(first, second, known_length.length, size, view=view)
+        else:
+            assert camera is not None
+            made = calibrate_given(camera.intrinsics, camera.rotation, camera.translation, size)
+    inputs = plain({**ways, "plane_z": plane_z, "intrinsics": intrinsics, "size": size})
+    content = keep_calibration(app, found, made, inputs, side_view=view == "side")
+    return Answer(
+        summary=f"calibrated by {made.method}" + ("" if made.rms is None else f": {made.rms:.3g} px rms"),
+        data={
+            **made.to_dict(),
+            "centre": made.camera.centre,
+            "next": f"BuildWorld(case={found.id!r})",
+        },
+        case=found.id,
+        observation=content.id,
+    )
+
+
+def _image_size(case: Case, given: list[int] | None) -> tuple[int, int]:
+    if "width" in case.facts:
+        width, height = int(case.facts["width"]), int(case.facts["height"])
+        if given is not None and given != [width, height]:
+            raise ToolError(f"image_size {given} is not the video's size [{width}, {height}]: leave it out")
+        return width, height
+    if given is None:
+        raise ToolError(f"case {case.id!r} has no video: give image_size=[width, height]")
+    return given[0], given[1]
 
 
 def _case_answer(app: App, case: Case) -> Answer:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from atw_mcp.building import Given
-from polyworld.world import Appearance, BodyShape, Effect, StaticObject, Wall
+from polyworld.world import Appearance, BodyShape, Effect, MotionPlane, StaticObject, Wall
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -142,6 +142,13 @@ class PlaneArgument(Argument):
     point: Point = Field(description="a point of the plane [m]")
     normal: Point = Field(description="its normal; (0,-1,0) for motion seen from the side along +y")
     supports: bool = Field(default=False, description="whether objects rest on it")
+
+    def to_plane(self) -> MotionPlane:
+        """The engine's plane; raises ValueError for a zero normal."""
+        if not any(self.normal):
+            raise ValueError("the normal of motion_plane must not be zero")
+        (px, py, pz), (nx, ny, nz) = self.point, self.normal
+        return MotionPlane(point=(px, py, pz), normal=(nx, ny, nz), supports=self.supports)
 
 
 class ParameterArgument(Argument):
