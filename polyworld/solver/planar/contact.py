@@ -15,7 +15,7 @@ FAR = wp.float64(1.0e30)
 SLOW = wp.float64(1.0e-5)  # approach speeds below this do not bounce [m/s]
 IMPACT_ROUNDS = 100
 IMPACT_SWEEPS = 300
-FORCE_SWEEPS = 60
+FORCE_SWEEPS = 300
 
 
 @wp.func
@@ -239,6 +239,107 @@ def settle(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
 
 
 @wp.func
+def reflect(
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+    share: wp.float64,
+    threshold: wp.float64,
+) -> None:
+    """Bring the rows of this round to `share` of the separation speed that restitution demands of them."""
+    for sweep in range(IMPACT_SWEEPS):
+        residual = ZERO
+        for k in range(rows):
+            row = contacts.rows[w, half, k]
+            if row.bounce < FAR:
+                # Impulses of this round alone; those of the force solve wait in the row meanwhile.
+                visit = row
+                visit.bounce = row.bounce * share
+                visit.impulse = wp.where(sweep == 0, ZERO, row.round_impulse)
+                visit.impulse_tangent = wp.where(sweep == 0, ZERO, row.round_tangent)
+                visit.impulse_roll = wp.where(sweep == 0, ZERO, row.round_roll)
+                visit = settle(scene, bodies, w, visit)
+                residual = wp.max(residual, visit.gap)
+                row.round_impulse = visit.impulse
+                row.round_tangent = visit.impulse_tangent
+                row.round_roll = visit.impulse_roll
+                contacts.rows[w, half, k] = row
+        if residual <= threshold:
+            break
+
+
+@wp.func
+def energy_gain(scene: Scene, bodies: Bodies, w: wp.int32) -> wp.float64:
+    """Kinetic energy gained since `bodies.drag` was the rate, where it is more than rounding; else 0 [J]."""
+    before = ZERO
+    gain = ZERO
+    for i in range(scene.bodies):
+        a = bodies.drag[w, i]
+        b = bodies.next_rate[w, i]
+        m = HALF * bodies.mass[w, i]
+        j = HALF / bodies.inverse_inertia[w, i]
+        before += m * (a[0] * a[0] + a[1] * a[1]) + j * a[2] * a[2]
+        d = b - a
+        s = b + a
+        gain += m * (d[0] * s[0] + d[1] * s[1]) + j * d[2] * s[2]
+    if gain <= wp.float64(1.0e-13) * before:
+        return ZERO
+    return gain
+
+
+@wp.func
+def temper(
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+    gain: wp.float64,
+    threshold: wp.float64,
+) -> None:
+    """Lower the restitution of a round that friction has let gain energy (Kane 1984) until it gains none.
+
+    Between the plastic solution, which never gains, and Newton's, impulses and rates are mixed: the mixture
+    keeps within Coulomb's cone and apart, and its energy is quadratic in the share of Newton's.
+    """
+    for i in range(scene.bodies):
+        bodies.shift[w, i] = bodies.next_rate[w, i]
+        bodies.next_rate[w, i] = bodies.drag[w, i]
+    for k in range(rows):
+        row = contacts.rows[w, half, k]
+        row.newton_impulse = row.round_impulse
+        contacts.rows[w, half, k] = row
+    reflect(scene, bodies, contacts, w, half, rows, ZERO, threshold)
+    # Energy change at share s: plastic + linear s + bend s^2; it is `gain` at s = 1.
+    plastic = ZERO
+    bend = ZERO
+    for i in range(scene.bodies):
+        m = HALF * bodies.mass[w, i]
+        j = HALF / bodies.inverse_inertia[w, i]
+        a = bodies.drag[w, i]
+        b = bodies.next_rate[w, i]
+        d = b - a
+        s = b + a
+        plastic += m * (d[0] * s[0] + d[1] * s[1]) + j * d[2] * s[2]
+        d = bodies.shift[w, i] - b
+        bend += m * (d[0] * d[0] + d[1] * d[1]) + j * d[2] * d[2]
+    linear = gain - plastic - bend
+    share = ZERO
+    if plastic < ZERO:
+        share = -wp.float64(2.0) * plastic / (linear + wp.sqrt(linear * linear - wp.float64(4.0) * bend * plastic))
+    for i in range(scene.bodies):
+        bodies.next_rate[w, i] = bodies.next_rate[w, i] * (ONE - share) + bodies.shift[w, i] * share
+    for k in range(rows):
+        row = contacts.rows[w, half, k]
+        row.round_impulse = row.round_impulse * (ONE - share) + row.newton_impulse * share
+        contacts.rows[w, half, k] = row
+
+
+@wp.func
 def resolve_impacts(
     scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32, step: wp.float64
 ) -> None:
@@ -283,29 +384,12 @@ def resolve_impacts(
             contacts.rows[w, half, k] = row
         if approaching == 0:
             return
-        # Impulses of this round alone; those of the force solve wait in the rows meanwhile.
-        for sweep in range(IMPACT_SWEEPS):
-            residual = ZERO
-            for k in range(rows):
-                row = contacts.rows[w, half, k]
-                if row.bounce < FAR:
-                    visit = row
-                    if sweep == 0:
-                        visit.impulse = ZERO
-                        visit.impulse_tangent = ZERO
-                        visit.impulse_roll = ZERO
-                    else:
-                        visit.impulse = row.round_impulse
-                        visit.impulse_tangent = row.round_tangent
-                        visit.impulse_roll = row.round_roll
-                    visit = settle(scene, bodies, w, visit)
-                    residual = wp.max(residual, visit.gap)
-                    row.round_impulse = visit.impulse
-                    row.round_tangent = visit.impulse_tangent
-                    row.round_roll = visit.impulse_roll
-                    contacts.rows[w, half, k] = row
-            if residual <= threshold:
-                break
+        for i in range(scene.bodies):
+            bodies.drag[w, i] = bodies.next_rate[w, i]
+        reflect(scene, bodies, contacts, w, half, rows, ONE, threshold)
+        gain = energy_gain(scene, bodies, w)
+        if gain > ZERO:
+            temper(scene, bodies, contacts, w, half, rows, gain, threshold)
         for k in range(rows):
             row = contacts.rows[w, half, k]
             if row.bounce < FAR:
@@ -355,7 +439,7 @@ def hold_apart(
                 residual = wp.max(residual, wp.length(held - bodies.next_rate[w, i]))
                 bodies.next_rate[w, i] = held
                 bodies.drag[w, i] = held - without
-        if residual <= wp.float64(1.0e-13) * pushed:
+        if residual <= wp.float64(1.0e-11) * pushed:
             break
 
 

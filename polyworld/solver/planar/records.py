@@ -41,7 +41,7 @@ class Bodies:
     next_rate: wp.array2d[wp.vec3d]  # rate at the end of the step being solved
     shift: wp.array2d[wp.vec3d]  # change of pose over the step being solved
     push: wp.array2d[wp.vec3d]  # acceleration by gravity and effects
-    drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane
+    drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane; in an impact, the rate before
     coupled: wp.array2d[wp.int32]  # whether a contact row acts on the body in this step
     linear_decay: wp.array2d[wp.vec3d]  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
     angular_decay: wp.array2d[wp.vec3d]
@@ -90,6 +90,7 @@ class Row:
     round_impulse: wp.float64  # impulses of the current round of impacts
     round_tangent: wp.float64
     round_roll: wp.float64
+    newton_impulse: wp.float64  # normal impulse of the round by Newton's law alone
 
 
 @wp.struct
