@@ -15,8 +15,11 @@ from atw_mcp.perception.silhouettes import SolidKind, Stage, outline_distance
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-ROBUST = 0.8  # px at which a point's influence is halved (Cauchy)
-CORRELATED = 4.0  # neighbouring outline points share their error: this many count as one
+# px at which a point's influence is halved (Cauchy). Masks err outwards, into contact shadows and reflections,
+# more often than inwards.
+ROBUST_INWARD = 1.0
+ROBUST_OUTWARD = 0.45
+INDEPENDENT = 4.0  # pieces of an outline whose errors are independent: neighbouring points share theirs
 LEAST_ERROR = 0.3  # px: outline errors are never taken to be smaller
 
 
@@ -33,29 +36,42 @@ class PoseFit:
     size_sigma: Floats
 
 
+@dataclass(frozen=True)
+class OutlineProblem:
+    """Outline points (F, P, 2), of which `valid` (F, P) count, of a solid of one kind on a stage.
+
+    lift: height of its centre above the plane [m]; None: as its size says.
+    """
+
+    stage: Stage
+    kind: SolidKind
+    points: Floats
+    valid: Bools
+    lift: float | None = None
+
+    def residual(self, poses: Floats, size: Floats) -> Floats:
+        """Signed distances (F, P) [px] of the points from the outline, 0 where not valid."""
+        distance = outline_distance(self.stage, self.kind, poses, size, self.points, self.lift)
+        # A pose behind the camera is as bad as can be, not undefined.
+        return np.where(self.valid, np.nan_to_num(distance, nan=1e3), 0.0)
+
+
 def fit_poses(
-    stage: Stage,
-    kind: SolidKind,
-    points: Floats,
-    valid: Bools,
-    poses: Floats,
-    size: Floats,
-    *,
-    fit_size: bool,
-    iterations: int = 14,
+    problem: OutlineProblem, poses: Floats, size: Floats, *, fit_size: bool, iterations: int = 14
 ) -> PoseFit:
-    """Fit poses (F, 3) to points (F, P, 2), of which `valid` (F, P) count, beginning at the given ones."""
+    """Fit poses (F, 3), and if asked the size, beginning at the given ones."""
+    stage, kind, valid = problem.stage, problem.kind, problem.valid
     turns = kind in ("cube", "box")
     freedom = 3 if turns else 2
     poses, size = poses.copy(), size.copy()
     reach = float(np.linalg.norm(stage.camera.centre - np.asarray(stage.plane.point)))
     step = np.array([1e-5 * reach, 1e-5 * reach, 1e-4])[:freedom]
     damping = np.full(len(poses), 1e-3)
-    residual = _residual(stage, kind, poses, size, points, valid)
+    residual = problem.residual(poses, size)
     cost = _cost(residual, valid)
     for _ in range(iterations):
         weight = _weight(residual, valid)
-        jacobian = _jacobian(stage, kind, poses, size, points, valid, residual, step)
+        jacobian = _jacobian(problem, poses, size, residual, step)
         weighted = jacobian * weight[..., None]
         normal = np.swapaxes(weighted, 1, 2) @ jacobian
         gradient = np.einsum("fpk,fp->fk", weighted, residual)
@@ -66,9 +82,7 @@ def fit_poses(
         )
         size_step = np.zeros_like(size)
         if fit_size:
-            size_step, coupling = _size_step(
-                stage, kind, poses, size, points, valid, residual, weight, damped, weighted
-            )
+            size_step, coupling = _size_step(problem, poses, size, residual, weight, damped, weighted)
             gradient = gradient + np.einsum("fkm,m->fk", coupling, size_step)
         change = -np.linalg.solve(damped, gradient[..., None])[..., 0]
         limit = np.array([0.15 * reach, 0.15 * reach, 0.35])[:freedom]
@@ -76,14 +90,14 @@ def fit_poses(
         trial = poses.copy()
         trial[:, :freedom] += change
         trial_size = np.maximum(size + np.clip(size_step, -0.3 * size, 0.3 * size), 1e-6)
-        trial_residual = _residual(stage, kind, trial, trial_size, points, valid)
+        trial_residual = problem.residual(trial, trial_size)
         trial_cost = _cost(trial_residual, valid)
         if fit_size:
             if trial_cost.sum() <= cost.sum() * 1.0001:
                 moved = float(np.abs(change).max())
                 poses, size, residual, cost = trial, trial_size, trial_residual, trial_cost
                 damping = damping * 0.3
-                if moved < 1e-6 * reach:
+                if moved < 2e-5 * reach:
                     break
             else:
                 damping = damping * 10
@@ -91,34 +105,30 @@ def fit_poses(
             better = trial_cost < cost
             poses[better], residual[better], cost[better] = trial[better], trial_residual[better], trial_cost[better]
             damping = np.where(better, damping * 0.3, damping * 8)
-            if not better.any() or np.abs(change[better]).max() < 1e-6 * reach:
+            if not better.any() or np.abs(change[better]).max() < 2e-5 * reach:
                 break
-    return _finish(stage, kind, points, valid, poses, size, residual, cost, step, fit_size)
-
-
-def _residual(stage: Stage, kind: SolidKind, poses: Floats, size: Floats, points: Floats, valid: Bools) -> Floats:
-    distance = outline_distance(stage, kind, poses, size, points)
-    # A pose behind the camera is as bad as can be, not undefined.
-    return np.where(valid, np.nan_to_num(distance, nan=1e3), 0.0)
+    return _finish(problem, poses, size, residual, cost, step, fit_size)
 
 
 def _weight(residual: Floats, valid: Bools) -> Floats:
-    return valid / (1 + (residual / ROBUST) ** 2)
+    return valid / (1 + (residual / _scale(residual)) ** 2)
+
+
+def _scale(residual: Floats) -> Floats:
+    return np.where(residual > 0, ROBUST_OUTWARD, ROBUST_INWARD)
 
 
 def _cost(residual: Floats, valid: Bools) -> Floats:
-    loss = ROBUST**2 * np.log1p((residual / ROBUST) ** 2)
+    scale = _scale(residual)
+    loss = scale**2 * np.log1p((residual / scale) ** 2)
     total: Floats = (loss * valid).sum(axis=1) / np.maximum(valid.sum(axis=1), 1)
     return total
 
 
 def _jacobian(
-    stage: Stage,
-    kind: SolidKind,
+    problem: OutlineProblem,
     poses: Floats,
     size: Floats,
-    points: Floats,
-    valid: Bools,
     residual: Floats,
     step: Floats,
 ) -> Floats:
@@ -126,36 +136,33 @@ def _jacobian(
     for k, h in enumerate(step):
         moved = poses.copy()
         moved[:, k] += h
-        columns.append((_residual(stage, kind, moved, size, points, valid) - residual) / h)
+        columns.append((problem.residual(moved, size) - residual) / h)
     return np.stack(columns, axis=-1)
 
 
 def _size_jacobian(
-    stage: Stage, kind: SolidKind, poses: Floats, size: Floats, points: Floats, valid: Bools, residual: Floats
+    problem: OutlineProblem, poses: Floats, size: Floats, residual: Floats
 ) -> Floats:
     columns = []
     for m in range(len(size)):
         h = 1e-4 * size[m]
         grown = size.copy()
         grown[m] += h
-        columns.append((_residual(stage, kind, poses, grown, points, valid) - residual) / h)
+        columns.append((problem.residual(poses, grown) - residual) / h)
     return np.stack(columns, axis=-1)
 
 
 def _size_step(
-    stage: Stage,
-    kind: SolidKind,
+    problem: OutlineProblem,
     poses: Floats,
     size: Floats,
-    points: Floats,
-    valid: Bools,
     residual: Floats,
     weight: Floats,
     damped: Floats,
     weighted: Floats,
 ) -> tuple[Floats, Floats]:
     """Change of the shared size, poses eliminated, and the coupling (F, k, m) between the two."""
-    jacobian = _size_jacobian(stage, kind, poses, size, points, valid, residual)
+    jacobian = _size_jacobian(problem, poses, size, residual)
     coupling = np.swapaxes(weighted, 1, 2) @ jacobian
     own = np.einsum("fpm,fp,fpn->mn", jacobian, weight, jacobian)
     gradient = np.einsum("fpm,fp,fp->m", jacobian, weight, residual)
@@ -168,10 +175,7 @@ def _size_step(
 
 
 def _finish(
-    stage: Stage,
-    kind: SolidKind,
-    points: Floats,
-    valid: Bools,
+    problem: OutlineProblem,
     poses: Floats,
     size: Floats,
     residual: Floats,
@@ -179,19 +183,20 @@ def _finish(
     step: Floats,
     fit_size: bool,
 ) -> PoseFit:
+    valid = problem.valid
     weight = _weight(residual, valid)
-    jacobian = _jacobian(stage, kind, poses, size, points, valid, residual, step)
+    jacobian = _jacobian(problem, poses, size, residual, step)
     weighted = jacobian * weight[..., None]
     normal = np.swapaxes(weighted, 1, 2) @ jacobian
     total = np.maximum(weight.sum(axis=1), 1e-9)
     rms = np.sqrt((weight * residual**2).sum(axis=1) / total)
-    variance = np.maximum(rms, LEAST_ERROR) ** 2 * CORRELATED
+    variance = np.maximum(rms, LEAST_ERROR) ** 2 * np.maximum(valid.sum(axis=1) / INDEPENDENT, 1.0)
     scale = np.sqrt(np.maximum(np.einsum("fkk->fk", normal), 1e-12))
     unit = normal / scale[:, :, None] / scale[:, None, :] + 1e-9 * np.eye(len(step))
     covariance = np.linalg.inv(unit) / scale[:, :, None] / scale[:, None, :] * variance[:, None, None]
     sigma = np.full(len(size), np.nan)
     if fit_size:
-        shared = _size_jacobian(stage, kind, poses, size, points, valid, residual)
+        shared = _size_jacobian(problem, poses, size, residual)
         coupling = np.swapaxes(weighted, 1, 2) @ shared
         own = np.einsum("fpm,fp,fpn->mn", shared, weight, shared)
         schur = own - np.einsum("fkm,fkn->mn", coupling, np.linalg.solve(normal + 1e-9 * np.eye(len(step)), coupling))

@@ -119,18 +119,22 @@ class Stage:
         return hits @ self.axes[:2].T
 
 
-def lift_of(kind: SolidKind, size: Floats) -> float:
+def lift_of(size: Floats) -> float:
     """Height of a resting solid's centre above its plane [m]."""
     return float(size[-1])
 
 
-def outline_distance(stage: Stage, kind: SolidKind, poses: Floats, size: Floats, points: Floats) -> Floats:
+def outline_distance(
+    stage: Stage, kind: SolidKind, poses: Floats, size: Floats, points: Floats, lift: float | None = None
+) -> Floats:
     """Signed distances (F, P) [px] of points (F, P, 2) from the outlines of a solid in poses (F, 3).
 
-    Positive outside. NaN where the solid is not wholly in front of the camera.
+    Positive outside. NaN where the solid is not wholly in front of the camera. The centre is `lift` above the
+    plane; by default as the size says.
     """
+    lift = lift_of(size) if lift is None else lift
     if kind == "sphere":
-        return _sphere_distance(stage, poses, size, points)
+        return _sphere_distance(stage, poses, size, points, lift)
     if kind == "cylinder":
         body = np.concatenate(
             [
@@ -140,7 +144,7 @@ def outline_distance(stage: Stage, kind: SolidKind, poses: Floats, size: Floats,
                 for side in (-1.0, 1.0)
             ]
         )
-        corners = _project(stage, poses, float(size[-1]), body)
+        corners = _project(stage, poses, lift, body)
         axis = corners[:, len(_RING) :].mean(axis=1) - corners[:, : len(_RING)].mean(axis=1)
         across = np.stack([-axis[:, 1], axis[:, 0]], axis=1)
         across /= np.linalg.norm(across, axis=1, keepdims=True) + 1e-12
@@ -148,7 +152,7 @@ def outline_distance(stage: Stage, kind: SolidKind, poses: Floats, size: Floats,
         normals = np.concatenate([fan, across[:, None], -across[:, None]], axis=1)
     else:
         half = np.full(3, size[0]) if kind == "cube" else size
-        corners = _project(stage, poses, float(half[-1]), _CORNERS * half)
+        corners = _project(stage, poses, lift, _CORNERS * half)
         along = corners[:, [a for a, _ in _EDGES]] - corners[:, [b for _, b in _EDGES]]
         across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
         across /= np.linalg.norm(across, axis=-1, keepdims=True) + 1e-12
@@ -158,10 +162,10 @@ def outline_distance(stage: Stage, kind: SolidKind, poses: Floats, size: Floats,
     return distance
 
 
-def _sphere_distance(stage: Stage, poses: Floats, size: Floats, points: Floats) -> Floats:
+def _sphere_distance(stage: Stage, poses: Floats, size: Floats, points: Floats, lift: float) -> Floats:
     """Exact: the outline is where rays touch the ball, at asin(r / d) from the ray to its centre."""
     camera = stage.camera
-    centres = camera.to_camera(stage.centres(poses, float(size[0])))
+    centres = camera.to_camera(stage.centres(poses, lift))
     away = np.linalg.norm(centres, axis=1)
     k = np.asarray(camera.intrinsics)
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ np.linalg.inv(k).T

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.observation import ImageObservation, ObservationError
-from atw_mcp.perception.pose_fit import PoseFit, fit_poses
-from atw_mcp.perception.silhouettes import SolidKind, Stage, lift_of, trusted_outline
+from atw_mcp.perception.pose_fit import OutlineProblem, PoseFit, fit_poses
+from atw_mcp.perception.silhouettes import SIZE_COUNT, SolidKind, Stage, lift_of, trusted_outline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 from polyworld.camera import Camera
 from polyworld.tracks import ObservedTracks
@@ -147,7 +147,10 @@ def world_tracks(
         evidence = _evidence(labels, number, rows, behind)
         if len(evidence.rows):
             kind, size = kind_and_size(chosen[name])
-            fits[number] = (evidence, _fit_known(stage, kind, size, evidence))
+            seen = size
+            if name in (solids or {}):
+                seen = _outline_size(stage, kind, size, observation, labels, number)
+            fits[number] = (evidence, _fit_known(stage, kind, seen, lift_of(size), evidence))
     return _tracks(observation, stage, chosen, fits, seconds_per_frame)
 
 
@@ -215,7 +218,7 @@ def _depths(observation: ImageObservation, stage: Stage, solids: Mapping[str, So
         kind, size = kind_and_size(solids[observed.name])
         box = observed.box
         middle = np.stack([box[:, 0] + box[:, 2] / 2, box[:, 1] + box[:, 3] / 2], axis=1)
-        lift = lift_of(kind, size)
+        lift = lift_of(size)
         poses = np.column_stack([stage.poses_of(middle, lift), np.zeros(count)])
         depths[:, k] = np.linalg.norm(stage.centres(poses, lift) - stage.camera.centre, axis=1)
         # A partly hidden mask's middle misleads: bridge between the frames in full view.
@@ -248,75 +251,77 @@ def _start_poses(stage: Stage, evidence: _Evidence, lift: float) -> Floats:
     return poses
 
 
-def _fit_size(stage: Stage, kind: SolidKind, evidence: _Evidence) -> PoseFit | None:
+def _problem(stage: Stage, kind: SolidKind, evidence: _Evidence, lift: float | None = None) -> OutlineProblem:
+    return OutlineProblem(stage, kind, evidence.points, evidence.valid, lift)
+
+
+def _fit_size(stage: Stage, kind: SolidKind, evidence: _Evidence, lift: float | None = None) -> PoseFit | None:
     """Joint fit of size and poses; None where the object is not seen on the plane at all."""
     poses = _start_poses(stage, evidence, 0.0)
     usable = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if len(usable) == 0:
         return None
-    evidence = evidence.only(usable)
-    poses = poses[usable]
-    centres = stage.centres(poses, 0.0)
-    away = np.linalg.norm(centres - stage.camera.centre, axis=1)
+    evidence, poses = evidence.only(usable), poses[usable]
+    away = np.linalg.norm(stage.centres(poses, 0.0) - stage.camera.centre, axis=1)
     spread = np.array([np.ptp(p[v], axis=0).mean() / 2 for p, v in zip(evidence.points, evidence.valid, strict=True)])
     radius = float(np.median(spread * away / stage.camera.intrinsics[0][0])) * 0.85
-    size = {
-        "sphere": np.array([radius]),
-        "cylinder": np.array([radius, radius]),
-        "cube": np.array([0.8 * radius]),
-        "box": np.full(3, 0.8 * radius),
-    }[kind]
+    # Begin with the size that fits in place of the one guessed: 80% of the mean radius for boxes seen askew.
+    size = np.full(SIZE_COUNT[kind], radius if kind in ("sphere", "cylinder") else 0.8 * radius)
+    problem = _problem(stage, kind, evidence, lift)
     fitted: PoseFit | None = None
     for _ in range(2 if kind in ("cube", "box") else 1):
-        start = _best_turns(stage, kind, size, evidence)
-        fitted = fit_poses(stage, kind, evidence.points, evidence.valid, start, size, fit_size=True, iterations=25)
+        start = _start_poses(stage, evidence, float(size[-1]) if lift is None else lift)
+        if kind in ("cube", "box"):
+            fits = _from_turns(problem, size, start, iterations=6)
+            best = np.argmin(np.stack([f.cost for f in fits]), axis=0)
+            start = np.stack([f.poses for f in fits])[best, np.arange(len(start))]
+        fitted = fit_poses(problem, start, size, fit_size=True, iterations=20)
         size = fitted.size
     return fitted
 
 
-def _best_turns(stage: Stage, kind: SolidKind, size: Floats, evidence: _Evidence) -> Floats:
-    start = _start_poses(stage, evidence, lift_of(kind, size))
-    if kind not in ("cube", "box"):
-        return start
-    fits = [f for f in _from_turns(stage, kind, size, evidence, start, iterations=8)]
-    best = np.argmin(np.stack([f.cost for f in fits]), axis=0)
-    return np.stack([f.poses for f in fits])[best, np.arange(len(start))]
+def _outline_size(
+    stage: Stage,
+    kind: SolidKind,
+    size: Floats,
+    observation: ImageObservation,
+    labels: list[NDArray[np.uint8]],
+    number: int,
+) -> Floats:
+    """The size of which the outline looks, within 10% of the given one.
+
+    Rounded edges and blur make outlines a little smaller or larger than the solid; a wrong outline would turn
+    the box rather than shrink it. The height of the centre stays the given solid's.
+    """
+    evidence = _evidence(labels, number, _size_rows(observation, number), {})
+    fitted = _fit_size(stage, kind, evidence, lift_of(size)) if len(evidence.rows) else None
+    return size if fitted is None else np.clip(fitted.size, 0.9 * size, 1.1 * size)
 
 
-def _from_turns(
-    stage: Stage, kind: SolidKind, size: Floats, evidence: _Evidence, start: Floats, iterations: int
-) -> list[PoseFit]:
+def _from_turns(problem: OutlineProblem, size: Floats, start: Floats, iterations: int) -> list[PoseFit]:
     """Fits from turns spread over the symmetry range of a box."""
-    period = np.pi / 2 if kind == "cube" else np.pi
+    period = np.pi / 2 if problem.kind == "cube" else np.pi
     fits = []
     for turn in np.arange(TURN_STARTS) * period / TURN_STARTS:
         poses = start.copy()
         poses[:, 2] = turn
-        fits.append(
-            fit_poses(stage, kind, evidence.points, evidence.valid, poses, size, fit_size=False, iterations=iterations)
-        )
+        fits.append(fit_poses(problem, poses, size, fit_size=False, iterations=iterations))
     return fits
 
 
-def _fit_known(stage: Stage, kind: SolidKind, size: Floats, evidence: _Evidence) -> PoseFit:
-    start = _start_poses(stage, evidence, lift_of(kind, size))
-    missing = ~np.isfinite(start).all(axis=1)
-    start[missing] = 0.0
+def _fit_known(stage: Stage, kind: SolidKind, size: Floats, lift: float, evidence: _Evidence) -> PoseFit:
+    """Poses of a solid whose outline has the given size and whose centre is `lift` above the plane."""
+    problem = _problem(stage, kind, evidence, lift)
+    start = np.nan_to_num(_start_poses(stage, evidence, lift))
     if kind not in ("cube", "box"):
-        return fit_poses(stage, kind, evidence.points, evidence.valid, start, size, fit_size=False, iterations=20)
-    fits = _from_turns(stage, kind, size, evidence, start, iterations=16)
-    pick = _continuous_choice(fits, evidence.rows, np.pi / 2 if kind == "cube" else np.pi)
-    rows = np.arange(len(start))
-    poses = np.stack([f.poses for f in fits])[pick, rows]
-    poses[:, 2] = _unwrapped(poses[:, 2], np.pi / 2 if kind == "cube" else np.pi)
-    return PoseFit(
-        poses=poses,
-        size=size,
-        cost=np.stack([f.cost for f in fits])[pick, rows],
-        rms=np.stack([f.rms for f in fits])[pick, rows],
-        covariance=np.stack([f.covariance for f in fits])[pick, rows],
-        size_sigma=np.full(len(size), np.nan),
-    )
+        return fit_poses(problem, start, size, fit_size=False, iterations=15)
+    period = np.pi / 2 if kind == "cube" else np.pi
+    fits = _from_turns(problem, size, start, iterations=6)
+    pick = _continuous_choice(fits, evidence.rows, period)
+    chosen = np.stack([f.poses for f in fits])[pick, np.arange(len(start))]
+    fit = fit_poses(problem, chosen, size, fit_size=False, iterations=10)
+    fit.poses[:, 2] = np.unwrap(fit.poses[:, 2], period=period)
+    return fit
 
 
 def _continuous_choice(fits: list[PoseFit], rows: NDArray[np.int64], period: float) -> NDArray[np.int64]:
@@ -336,11 +341,6 @@ def _continuous_choice(fits: list[PoseFit], rows: NDArray[np.int64], period: flo
     for t in range(frames - 1, 0, -1):
         pick[t - 1] = back[t, pick[t]]
     return pick
-
-
-def _unwrapped(turns: Floats, period: float) -> Floats:
-    continuous: Floats = np.unwrap(turns, period=period)
-    return continuous
 
 
 def _choose(tried: dict[SolidKind, PoseFit], cue: str, cue_confidence: float, frames: int) -> SolidEstimate:
@@ -390,7 +390,7 @@ def _tracks(
         quality *= 1 / (1 + (spread / (0.5 * float(size.max()))) ** 2)
         good = np.isfinite(fit.poses).all(axis=1) & (spread < 3 * float(size.max())) & (fit.cost < 20.0)
         rows, spread, quality = rows[good], spread[good], quality[good]
-        positions[rows, column] = stage.centres(fit.poses[good], lift_of(kind, size))
+        positions[rows, column] = stage.centres(fit.poses[good], lift_of(size))
         sigma[rows, column] = spread
         confidence[rows, column] = np.round(observed.confidence[rows] * quality, 4)
         if kind in ("cube", "box"):
