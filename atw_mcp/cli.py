@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+from mcp.shared.exceptions import MCPError
 
 from atw_mcp.client import Reply, Session, ToolFailed, connected, save_pictures
 from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
@@ -221,6 +222,9 @@ def _with_server(store: Path | None, session: Callable[[Session], Any]) -> int:
         error = _innermost(group)
         if isinstance(error, ScriptError):
             raise error from group
+        if isinstance(error, MCPError):  # the server ended: it has said why on stderr
+            print(f"atw-mcp: the server that this command started is gone ({error.message})", file=sys.stderr)
+            return FAILED
         raise
 
 

@@ -1,0 +1,111 @@
+"""Drawing on frames: outlines in two styles, names, paths; and encoding within the room a message has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+Color = tuple[int, int, int]  # blue, green, red, as OpenCV has it
+Style = Literal["solid", "dotted"]
+
+SIMULATED: Color = (255, 60, 255)
+OBSERVED: Color = (255, 255, 255)
+DARK: Color = (20, 20, 20)
+LONGEST_SIDE = 960  # [px] larger frames are reduced to it
+SMALLEST_SIDE = 480  # [px] smaller ones are enlarged, so that a thin outline is still seen
+ROOM = 560_000  # bytes of all pictures of one result: 1 MB is the limit of some clients, base64 adds a third
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """A picture being drawn on, and how much larger it is than the frame it came from."""
+
+    image: Image
+    scale: float
+
+    @classmethod
+    def of(cls, frame: Image) -> Canvas:
+        """A copy of a frame (H, W, 3), brought to a size at which outlines and names are legible."""
+        longest = max(frame.shape[:2])
+        scale = min(LONGEST_SIDE / longest, 1.0) if longest > LONGEST_SIDE else max(SMALLEST_SIDE / longest, 1.0)
+        if scale == 1.0:
+            return cls(frame.copy(), 1.0)
+        method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+        return cls(_bytes(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=method)), scale)
+
+    def outline(self, mask: Mask, color: Color, style: Style = "solid") -> None:
+        """Draw the outline of a mask of the original frame."""
+        large = mask.astype(np.uint8)
+        if self.scale != 1.0:
+            size = (self.image.shape[1], self.image.shape[0])
+            large = _bytes(cv2.resize(large, size, interpolation=cv2.INTER_NEAREST))
+        found, _ = cv2.findContours(large, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        if style == "solid":
+            cv2.drawContours(self.image, found, -1, DARK, 3, cv2.LINE_AA)
+            cv2.drawContours(self.image, found, -1, color, 1, cv2.LINE_AA)
+            return
+        for contour in found:
+            points = contour[:, 0]
+            for start in range(0, len(points), 8):
+                cv2.polylines(self.image, [points[start : start + 5]], False, DARK, 2, cv2.LINE_AA)
+                cv2.polylines(self.image, [points[start : start + 4]], False, color, 1, cv2.LINE_AA)
+
+    def path(self, points: NDArray[np.float64], color: Color) -> None:
+        """Draw a line through points (k, 2) of the original frame; NaN breaks it."""
+        scaled = np.asarray(points) * self.scale
+        for a, b in pairwise(scaled):
+            if np.all(np.isfinite([a, b])) and np.abs([a, b]).max() < 1e5:
+                cv2.line(self.image, _pixel(a), _pixel(b), color, 1, cv2.LINE_AA)
+
+    def name(self, text: str, mask: Mask, color: Color) -> None:
+        """Write a name above a mask of the original frame, or below where there is no room."""
+        rows, columns = np.nonzero(mask)
+        if not len(rows):
+            return
+        (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.42, 1)
+        x = (columns.min() + columns.max()) / 2 * self.scale - width / 2
+        y = rows.min() * self.scale - 5
+        if y - height < 18:
+            y = rows.max() * self.scale + height + 5
+        x = float(np.clip(x, 2, max(self.image.shape[1] - width - 2, 2)))
+        y = float(np.clip(y, height + 2, self.image.shape[0] - 4))
+        self.write(text, (x, y), color)
+
+    def write(self, text: str, at: tuple[float, float], color: Color = OBSERVED) -> None:
+        """Write text with its lower left corner at a point of the canvas, legible on any ground."""
+        where = _pixel(np.asarray(at))
+        cv2.putText(self.image, text, where, cv2.FONT_HERSHEY_SIMPLEX, 0.42, DARK, 3, cv2.LINE_AA)
+        cv2.putText(self.image, text, where, cv2.FONT_HERSHEY_SIMPLEX, 0.42, color, 1, cv2.LINE_AA)
+
+
+def encoded(pictures: dict[str, Image]) -> dict[str, bytes]:
+    """JPEG files by name ("frame 12" becomes "frame 12.jpg"), together no larger than `ROOM`."""
+    for quality, scale in ((92, 1.0), (80, 1.0), (75, 0.75), (70, 0.5), (60, 0.35)):
+        files = {f"{name}.jpg": _jpeg(image, quality, scale) for name, image in pictures.items()}
+        if sum(map(len, files.values())) <= ROOM:
+            break
+    return files
+
+
+def _jpeg(image: Image, quality: int, scale: float) -> bytes:
+    if scale != 1.0:
+        image = _bytes(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    done, file = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise ValueError(f"a picture of {image.shape[1]} x {image.shape[0]} pixels could not be encoded")
+    return bytes(file.tobytes())
+
+
+def _bytes(image: Any) -> Image:
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _pixel(point: NDArray[np.float64]) -> tuple[int, int]:
+    return round(float(point[0])), round(float(point[1]))
