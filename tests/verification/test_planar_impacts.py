@@ -31,7 +31,7 @@ def test_bounce_apexes_do_not_depend_on_the_step(restitution: float, substep: fl
 
 @pytest.mark.parametrize("substep", [0.001, 0.005])
 def test_a_ball_stops_bouncing_when_the_series_ends(substep: float) -> None:
-    """Stop time sqrt(2h/g) (1 + e)/(1 - e) = 4.064 s for e = 0.8; what is cut off lasts 2 v e / g (1 - e), v = g dt/2."""
+    """Stop time sqrt(2h/g) (1 + e)/(1 - e) = 4.064 s for e = 0.8, less what is cut off (v = g dt / 2)."""
     ball = body("ball", Sphere(radius=0.1), (0.0, 0.0, 1.1), restitution=0.8)
     fall = run(side_view(ball, substep=substep), 5.0, 0.001)
     speed = np.abs(fall.velocities[0, :, 0, 2])
