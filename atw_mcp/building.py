@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -34,6 +34,7 @@ Representation = Literal["auto", "planar", "spatial"]
 # An object counts as staying on its plane while its height varies less than this share of its half height,
 # or than this many standard deviations of its measured position.
 HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+TRUST = 0.8  # an object begins at the first sample with this share of its median confidence
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,7 @@ def build_world(
     unknown = sorted((set(names) | set(given)) - set(tracks.names))
     if unknown:
         raise ValueError(f"no tracks {unknown}; tracks: {list(tracks.names)}")
+    tracks = from_trusted_start(tracks)
     states = initial_states(tracks, seconds_per_frame=time.seconds_per_frame)
     left_out = tuple(f"{name}: observed in fewer than two frames" for name in names if name not in states)
     names = [name for name in names if name in states]
@@ -137,6 +139,26 @@ def build_world(
         why=why,
         assumed=_assumed(names, given, scene, kind),
         left_out=left_out,
+    )
+
+
+def from_trusted_start(tracks: ObservedTracks) -> ObservedTracks:
+    """The tracks without the leading samples of each object that are much less sure than the rest of it.
+
+    An object that enters through the image border is seen in part at first, and its place is biased until most of
+    it is in view; a world that began it there would be wrong for good.
+    """
+    confidence = tracks.confidence.copy()
+    for column in range(len(tracks.names)):
+        seen = confidence[:, column] > 0
+        if not seen.any():
+            continue
+        trusted = confidence[:, column] >= TRUST * np.median(confidence[seen, column])
+        confidence[: int(np.argmax(trusted)), column] = 0.0
+    return replace(
+        tracks,
+        confidence=confidence,
+        orientation_confidence=np.where(confidence > 0, tracks.orientation_confidence, 0.0),
     )
 
 

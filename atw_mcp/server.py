@@ -41,12 +41,24 @@ from atw_mcp import resources
 from atw_mcp.app import App
 from atw_mcp.prompting import PromptServer, add_prompts
 from atw_mcp.toolbox import ToolGroup, WorldTool
-from atw_mcp.tools import construction, control, experimentation, inspection, observation
+from atw_mcp.tools import (
+    construction,
+    control,
+    experimentation,
+    identification,
+    inspection,
+    looking,
+    measurement,
+    observation,
+)
 
 GROUPS: tuple[ToolGroup, ...] = (
     observation.GROUP,
+    measurement.GROUP,
     construction.GROUP,
+    identification.GROUP,
     inspection.GROUP,
+    looking.GROUP,
     experimentation.GROUP,
     control.GROUP,
 )

@@ -1,26 +1,24 @@
-"""World construction, second half: a world is built, fitted and committed."""
+"""World construction, third part: a world is built."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
-from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
 from atw_mcp.building import Built, Given, ObservedObject, Scene, build_world
-from atw_mcp.fitting import FitRequest, Override, chosen_parameters, digest, run_fit, window
+from atw_mcp.fitting import FitRequest, window
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import derivation, derived_tracks, imported_tracks, latest_camera, modelled_tracks
-from atw_mcp.results import Answer, explained, plain
+from atw_mcp.observing import derivation, derived_tracks, imported_tracks, latest_camera
+from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import (
     CaseId,
     EffectArgument,
     ObjectArgument,
     ObstacleArgument,
-    ParameterArgument,
     Patience,
     PlaneArgument,
     Point,
@@ -28,14 +26,11 @@ from atw_mcp.tools.world_arguments import (
     WallArgument,
 )
 from atw_mcp.track_records import TrackRecord
-from evidence_store import Case, StoreError
-from polyworld.identification import FitResult
-from polyworld.parameters import STATE_PARAMETERS
+from evidence_store import Case
 from polyworld.tracks import ObservedTracks
 from polyworld.world import Box, Cylinder, Effect, MotionPlane, Sphere, StaticObject, TimeBase, World
 
 GROUP = ToolGroup("world construction")
-STATES = {path.rpartition(".")[0] for path in STATE_PARAMETERS}
 
 
 @GROUP.tool("BuildWorld", title="Build a world", read_only=False)
@@ -254,238 +249,6 @@ def _built_answer(case: Case, built: Built, observation: str, rate_note: str | N
         observation=observation,
         objects=names,
     )
-
-
-@GROUP.tool("FitWorld", title="Fit a world to the observation", read_only=False)
-def fit_world(
-    app: App,
-    case: CaseId,
-    world: Annotated[str | None, Field(description="world id to start from; default: the latest draft")] = None,
-    method: Annotated[
-        Literal["cem", "random_search", "refine"],
-        Field(
-            description="cem: cross-entropy method, global; refine: least squares from where the world is, to polish "
-            "a fitted world; random_search: for comparison"
-        ),
-    ] = "cem",
-    fit_seconds_per_frame: Annotated[
-        bool, Field(description="also fit the physical time between frames, where the file's rate is not trusted")
-    ] = False,
-    fit_initial_states: Annotated[bool, Field(description="also fit where and how fast objects begin")] = True,
-    each: Annotated[
-        list[str] | None,
-        Field(
-            max_length=8,
-            description="physical parameters fitted for each object: mass, friction, restitution, "
-            "rolling_resistance, torsional_radius, linear_damping, angular_damping; "
-            "default friction, restitution and mass",
-        ),
-    ] = None,
-    shared: Annotated[
-        list[str] | None,
-        Field(
-            max_length=8,
-            description="physical parameters with one value for all objects; default linear_damping, angular_damping",
-        ),
-    ] = None,
-    parameters: Annotated[
-        list[ParameterArgument] | None,
-        Field(max_length=64, description="single parameters to add, to tie, to bound or to keep fixed"),
-    ] = None,
-    first_frame: Annotated[int | None, Field(ge=0, description="first frame used; default: the first tracked")] = None,
-    last_frame: Annotated[int | None, Field(ge=0, description="last frame used; default: the last tracked")] = None,
-    holdout_from: Annotated[
-        int | None,
-        Field(ge=1, description="frames from this one on are not fitted but used to judge the fit: give it to test it"),
-    ] = None,
-    generations: Annotated[int, Field(ge=1, le=2000, description="generations of the search")] = 60,
-    population: Annotated[int, Field(ge=8, le=4096, description="candidates a generation")] = 64,
-    restarts: Annotated[int, Field(ge=1, le=50, description="independent searches, of which the best counts")] = 1,
-    position_tolerance: Annotated[
-        float, Field(ge=0, le=1e3, description="misfit the model is not asked to reproduce [m]")
-    ] = 0.0,
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed; equal seeds give equal worlds")] = 0,
-    patience_seconds: Patience = 40.0,
-) -> Answer | LongWork:
-    """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new
-    world, its error on the frames (position_rmse [m]), every fitted value with its uncertainty, and what the data
-    cannot determine. The same request is never computed twice. Next: InspectRollout to see it over the frames,
-    FitWorld(method="refine") to polish, CommitWorld when it follows the video."""
-    found = app.case_to_model(case, "FitWorld")
-    start = app.world(found, world)
-    with explained(f"BuildWorld(case={found.id!r})"):
-        record = modelled_tracks(app, found, start)
-    request = FitRequest(
-        method=method,
-        first_frame=first_frame,
-        last_frame=last_frame,
-        holdout_from=holdout_from,
-        fit_seconds_per_frame=fit_seconds_per_frame,
-        fit_initial_states=fit_initial_states,
-        overrides=tuple(_override(item) for item in parameters or []),
-        generations=generations,
-        population=population,
-        restarts=restarts,
-        position_tolerance=position_tolerance,
-        seed=seed,
-        **({} if each is None else {"each": tuple(each)}),
-        **({} if shared is None else {"shared": tuple(shared)}),
-    )
-    with explained():
-        names = [item.name for item in start.objects if item.name in record.tracks.names]
-        tracks = window(record.tracks.select(names), request)
-        if holdout_from is not None and not tracks.frames[0] < holdout_from <= tracks.frames[-1]:
-            raise ValueError(
-                f"holdout_from must lie in frames {tracks.frames[0] + 1}..{tracks.frames[-1]}, got {holdout_from}"
-            )
-        unknowns = chosen_parameters(start, tracks, request)
-    inputs = {
-        "world": start.id,
-        "observation": record.id,
-        "request": plain({**vars(request), "overrides": [vars(item) for item in request.overrides]}),
-        "parameters": [item.to_dict() for item in unknowns],
-    }
-    kept = app.store.fits.find("fit", inputs)
-    if kept is not None:
-        fitted = World.model_validate_json(app.store.worlds.document(kept.document["world"]))
-        return _fit_answer(found, start, fitted, kept.document, tracks, record.id, again=True)
-
-    def work(progress: Progress) -> Answer:
-        with explained():
-            result = run_fit(start, tracks, unknowns, request, progress)
-        return _keep_fit(app, found, start, result, inputs, tracks, record.id)
-
-    return LongWork(
-        key=app.store.fits.key("fit", inputs) + found.id,
-        work=work,
-        draft=Answer(
-            summary=f"fitting {len(unknowns)} parameters of {start.id} by {method}",
-            data={},
-            case=found.id,
-            world=start.id,
-            observation=record.id,
-            objects=tuple(names),
-        ),
-        patience=patience_seconds,
-    )
-
-
-def _keep_fit(
-    app: App,
-    case: Case,
-    start: World,
-    result: FitResult,
-    inputs: dict[str, Any],
-    tracks: ObservedTracks,
-    observation: str,
-) -> Answer:
-    document = plain(digest(result))
-    with app.store.transaction():
-        app.keep_world(
-            case,
-            result.world,
-            how="fitted",
-            parent=start,
-            detail={"fit": app.store.fits.key("fit", inputs), "method": result.method, "seed": result.seed},
-            observation=observation,
-        )
-        if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
-            app.store.fits.put("fit", inputs, document)
-    return _fit_answer(case, start, result.world, document, tracks, observation, again=False)
-
-
-def _fit_answer(
-    case: Case,
-    start: World,
-    fitted: World,
-    document: dict[str, Any],
-    tracks: ObservedTracks,
-    observation: str,
-    *,
-    again: bool,
-) -> Answer:
-    def rmse(key: str) -> float | None:
-        value: float | None = document[key]["position_rmse"] if document[key] else None
-        return value
-
-    before, after, held = rmse("accuracy_start"), rmse("accuracy"), rmse("held_out")
-    said = "diverged" if after is None else f"position_rmse {after:.4g} m"
-    was = "a diverging one" if before is None else f"{before:.4g} m"
-    kept = "" if document["held_out"] is None else f", {held:.4g} m on the frames held out"
-    cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
-    shown = {
-        "world": fitted.id,
-        "from_world": start.id,
-        "method": document["method"],
-        "position_rmse": after,
-        "position_rmse_before": before,
-        "position_rmse_held_out": held,
-        "rotation_rmse": document["accuracy"]["rotation_rmse"] if document["accuracy"] else None,
-        "position_rmse_by_object": document["accuracy"]["position_rmse_by_object"] if document["accuracy"] else None,
-        "frames": document["fitted_frames"],
-        "values": [
-            {key: value[key] for key in ("name", "value", "unit", "standard_error", "spread", "at_bound")}
-            for value in document["values"]
-            if not _is_state(value)
-        ],
-        "initial_states": f"{sum(map(_is_state, document['values']))} values fitted: ReadEvidence(path='values')",
-        "undetermined": document["undetermined"],
-        "unobserved": document["unobserved"],
-        "not_in_world": document["unmodelled"],
-        "rollouts": document["rollouts"],
-        "computed_now": not again,
-        "next": f"InspectRollout(case={case.id!r}, world={fitted.id!r}), then "
-        f"CommitWorld(case={case.id!r}, world={fitted.id!r})",
-    }
-    step = fitted.time.seconds_per_frame
-    frames = document["fitted_frames"]
-    return Answer(
-        summary=f"{cancelled}fitted world {fitted.id}: {said} (before: {was}){kept}",
-        data={"world": fitted.id, "from_world": start.id, **document},
-        shown=shown,
-        case=case.id,
-        world=fitted.id,
-        observation=observation,
-        objects=tracks.names,
-        interval=(frames[0] * step, frames[1] * step),
-        status="cancelled" if document["status"] == "cancelled" else "completed",
-    )
-
-
-@GROUP.tool("CommitWorld", title="Commit the world", read_only=False)
-def commit_world(
-    app: App,
-    case: CaseId,
-    world: Annotated[str, Field(description="id of the world every probe will start from")],
-) -> Answer:
-    """End World Modeling: fix the world that every probe of this case starts from. This is final for the case
-    (OpenCase with another name opens the same file afresh). Next: Rollout."""
-    found = app.case_to_model(case, "CommitWorld")
-    chosen = app.world(found, world)
-    try:
-        app.store.cases.commit_world(found.id, chosen.id)
-    except StoreError as error:  # another process was faster
-        raise ToolError(f"{error}. Next: Rollout(case={found.id!r})") from error
-    names = tuple(item.name for item in chosen.objects)
-    return Answer(
-        summary=f"committed {chosen.id}: World Probing begins",
-        data={"world": chosen.id, "objects": list(names), "next": f"Rollout(case={found.id!r})"},
-        case=found.id,
-        world=chosen.id,
-        observation=app.store.cases.modelled_observation(found.id, chosen.id),
-        objects=names,
-    )
-
-
-def _is_state(value: dict[str, Any]) -> bool:
-    return any(path.rpartition(".")[0].partition(".")[2].partition(".")[2] in STATES for path in value["paths"])
-
-
-def _override(item: ParameterArgument) -> Override:
-    if (item.prior_mean is None) != (item.prior_sd is None):
-        raise ToolError(f"{item.paths}: a prior needs both prior_mean and prior_sd")
-    prior = None if item.prior_mean is None or item.prior_sd is None else (item.prior_mean, item.prior_sd)
-    return Override(tuple(item.paths), item.lower, item.upper, prior, item.fixed)
 
 
 def _seconds_per_frame(case: Case, record: TrackRecord, given: float | None) -> tuple[float, str | None]:
