@@ -132,7 +132,11 @@ def match_events(a: Sequence[Event], b: Sequence[Event], tolerance: float) -> li
 
 
 def positions_at(trajectory: Trajectory, column: int, times: Array) -> Array:
-    """Centres (T, 3) of one object at times within the trajectory: the cubic through positions and velocities."""
+    """Centres (T, 3) of one object at times within the trajectory.
+
+    The cubic through positions and velocities: exact for constant acceleration; between two samples with an
+    impact between them, off by a part of the way travelled there.
+    """
     if len(trajectory.times) == 1:
         return np.repeat(trajectory.positions[:, column], len(times), axis=0)
     k = np.clip(np.searchsorted(trajectory.times, times, side="right") - 1, 0, len(trajectory.times) - 2)

@@ -1,0 +1,152 @@
+"""Queries on motion that is known on paper; what is not covered is unknown, never false."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from polyworld.predicates import (
+    Above,
+    AtRest,
+    Below,
+    Collides,
+    InContact,
+    InsideRegion,
+    InView,
+    Moving,
+    NearerThan,
+    PassesBefore,
+    Predicate,
+)
+from polyworld.query import QueryResult, query
+from polyworld.rollout import rollout
+from polyworld.world import Region, Sphere, StaticObject, Wall, World
+from tests.verification.planar_scenes import G, body, disc, side_view, top_view
+
+
+def world(**fields: Any) -> World:
+    """Red reaches blue at 0.3 s and stops dead; blue goes on at 2 m/s, reaches the wall at x = 1 at 0.7 s."""
+    red = body("red", disc(), (-1.0, 0.0, 0.2), velocity=(2.0, 0.0, 0.0), restitution=1.0)
+    blue = body("blue", disc(), (0.0, 0.0, 0.2), restitution=1.0)
+    late = body("late", disc(), (0.0, 5.0, 0.2), velocity=(1.0, 0.0, 0.0), start_time=0.5)
+    wall = StaticObject(name="wall", shape=Wall(start=(1.01, -2.0, 0.0), end=(1.01, 2.0, 0.0)))
+    return top_view(red, blue, late, gravity=0.0, statics=(wall,), **fields)
+
+
+def ask(predicate: Predicate, interval: Any = None, aggregation: Any = "any", *, horizon: float = 1.0) -> QueryResult:
+    return query(rollout(world(), horizon), world(), predicate, interval, aggregation)
+
+
+def test_contacts_are_found_with_their_times() -> None:
+    hit = ask(Collides(a="red", b="blue"), aggregation="first")
+    assert hit.value == pytest.approx(0.3, abs=1e-6)
+    assert ask(Collides(a="blue"), aggregation="count").value == 2  # red, then the wall
+    assert ask(Collides(a="blue", b="wall")).value is True
+    assert ask(Collides(a="red", b="wall")).value is False
+    assert ask(InContact(a="blue", b="wall"), (0.0, 0.5)).value is False
+    assert ask(InContact(a="blue", b="wall"), aggregation="first").value == pytest.approx(0.7, abs=1e-6)
+
+
+def test_moving_and_resting_have_times_and_fractions() -> None:
+    assert ask(Moving(object="blue"), (0.0, 0.25)).value is False
+    moving = ask(Moving(object="blue"), (0.0, 0.6), "first")
+    assert moving.value == pytest.approx(0.3, abs=0.04)  # one sample
+    still = ask(AtRest(object="red"), (0.0, 0.6), "fraction")
+    assert still.value == pytest.approx(0.5, abs=0.07)
+    assert ask(AtRest(object="red"), (0.0, 0.2), "all").value is False
+    assert ask(AtRest(object="red"), (0.4, 0.6), "all").value is True
+    evidence = ask(Moving(object="red"), (0.0, 0.2)).evidence["speed_m_per_s"]
+    assert evidence["highest"] == pytest.approx(2.0)
+
+
+def test_places_are_found_on_the_line_between_samples() -> None:
+    """Red's centre passes x = -0.9 at 0.05 s and x = -0.61 at 0.195 s."""
+    region = InsideRegion(object="red", lower=(-0.9, -1.0, 0.0), upper=(-0.61, 1.0, 1.0))
+    result = ask(region)
+    assert result.intervals[0] == pytest.approx((0.05, 0.195), abs=1e-9)
+    assert ask(region, aggregation="last").value == pytest.approx(0.195, abs=1e-9)
+    near = ask(NearerThan(a="red", b="blue", distance=0.8), (0.0, 0.3), "first")
+    assert near.value == pytest.approx(0.1, abs=1e-9)
+
+
+def test_the_view_is_the_region_where_there_is_no_camera() -> None:
+    seen = world(region=Region(lower=(-0.8, -9.0, -9.0), upper=(9.0, 9.0, 9.0)))
+    result = query(rollout(seen, 0.2), seen, InView(object="red"), None, "first")
+    assert result.value == pytest.approx(0.1, abs=1e-9)
+    without = ask(InView(object="red"))
+    assert (without.value, without.decided) == (None, False)
+    assert without.reason is not None
+    assert "neither a camera nor a region" in without.reason
+
+
+def test_above_and_below_follow_the_fall() -> None:
+    """A ball dropped from 1.1 m passes one held up at 0.6 m by a ledge after sqrt(2 x 0.5 / g)."""
+    ball = body("ball", Sphere(radius=0.1), (0.0, 0.0, 1.1))
+    other = body("other", Sphere(radius=0.1), (3.0, 0.0, 0.1))
+    falling = side_view(ball, other)
+    run = rollout(falling, 0.4, sample_interval=0.001)
+    assert query(run, falling, Above(a="ball", b="other"), (0.0, 0.4), "all").value is True
+    crossing = query(run, falling, Above(a="ball", b="other", margin=0.5), None, "last").value
+    assert crossing == pytest.approx((2 * 0.5 / G) ** 0.5, abs=1e-5)
+    assert query(run, falling, Below(a="ball", b="other")).value is False
+
+
+def test_who_arrives_first_is_decided_by_the_crossings() -> None:
+    """Red passes x = -0.7 at 0.15 s; blue never does."""
+    assert ask(PassesBefore(a="red", b="blue", axis="x", value=-0.7)).value is True
+    assert ask(PassesBefore(a="blue", b="red", axis="x", value=-0.7)).value is False
+    neither = ask(PassesBefore(a="red", b="blue", axis="y", value=3.0))
+    assert neither.value is None
+    assert not neither.decided
+
+
+@pytest.mark.parametrize(
+    ("predicate", "interval", "reason"),
+    [
+        (Moving(object="pink"), None, "'pink' is not in this world; objects: ['red', 'blue', 'late']"),
+        (Moving(object="wall"), None, "'wall' is static"),
+        (Collides(a="wall", b="red"), None, "give the object that moves first"),
+        (Moving(object="red"), (2.0, 3.0), "lies outside the covered 0 to 1 s"),
+        (Moving(object="late"), (0.0, 0.4), "'late' joins at 0.5 s"),
+    ],
+)
+def test_what_is_not_covered_is_unknown_with_its_reason(predicate: Predicate, interval: Any, reason: str) -> None:
+    result = ask(predicate, interval)
+    assert (result.value, result.decided) == (None, False)
+    assert result.reason is not None
+    assert reason in result.reason
+
+
+def test_partial_coverage_decides_only_what_it_can() -> None:
+    """The rollout ends at 0.25 s, before the collision."""
+
+    def part(predicate: Predicate, aggregation: str) -> Any:
+        return ask(predicate, (0.0, 2.0), aggregation, horizon=0.25)
+
+    assert part(Moving(object="red"), "any").value is True
+    assert part(Moving(object="red"), "all").value is None
+    assert part(Moving(object="blue"), "any").value is None
+    assert part(Moving(object="blue"), "all").value is False
+    assert part(Moving(object="red"), "first").value == 0.0
+    assert part(Moving(object="red"), "last").value is None
+    assert part(Collides(a="red", b="blue"), "count").value is None
+    assert part(Collides(a="red", b="blue"), "any").decided is False
+
+
+def test_never_is_decided_and_has_no_time() -> None:
+    result = ask(Collides(a="red", b="late"), (0.6, 1.0), "first")
+    assert result.decided
+    assert result.value is None
+    assert result.reason == "it never holds in the interval"
+
+
+def test_a_question_that_makes_no_sense_is_refused() -> None:
+    with pytest.raises(ValueError, match="start <= end"):
+        ask(Moving(object="red"), (1.0, 0.5))
+    with pytest.raises(ValueError, match="holds at instants"):
+        ask(Collides(a="red"), None, "fraction")
+    with pytest.raises(ValueError, match="its only aggregation is any"):
+        ask(PassesBefore(a="red", b="blue", axis="x", value=0.0), None, "count")
+    with pytest.raises(ValueError, match="the rollout is of"):
+        query(rollout(world(), 0.1), side_view(body("red", Sphere(radius=0.1), (0, 0, 1))), Moving(object="red"))
