@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +22,22 @@ _FLOOR = 0.02  # share of any colour at all: highlights and reflections of neigh
 
 def colour_bins(image: Frames) -> Bins:
     """Bin number of each pixel's CIELAB colour, shape image.shape[:2]."""
-    lab = cv2.cvtColor(np.ascontiguousarray(image).astype(np.float32) / 255.0, cv2.COLOR_BGR2Lab)
+    wide = image.astype(np.uint32) >> 2
+    bins: Bins = _table()[(wide[..., 0] << 12) | (wide[..., 1] << 6) | wide[..., 2]]
+    return bins
+
+
+@lru_cache(maxsize=1)
+def _table() -> Bins:
+    """Bins of all colours, at six bits a channel: far finer than the bins, and far quicker than converting."""
+    level = (np.arange(64, dtype=np.float32) * 4 + 1.5) / 255.0
+    colours = np.stack(np.meshgrid(level, level, level, indexing="ij"), axis=-1).reshape(512, 512, 3)
+    lab = cv2.cvtColor(colours, cv2.COLOR_BGR2Lab)
     lightness = np.clip(lab[..., 0] * (LIGHTNESS_BINS / 100.0), 0, LIGHTNESS_BINS - 1).astype(np.int32)
     half = CHROMA_BINS / 2
     chroma = np.clip(np.floor(lab[..., 1:] / _CHROMA_WIDTH + half), 0, CHROMA_BINS - 1).astype(np.int32)
     bins: Bins = ((lightness * CHROMA_BINS + chroma[..., 0]) * CHROMA_BINS + chroma[..., 1]).astype(np.uint16)
-    return bins
+    return bins.ravel()
 
 
 def histogram(bins: Bins) -> Histogram:

@@ -86,7 +86,8 @@ def partition(
 ) -> list[Share]:
     """Divide `region` (H, W), a window of the image whose corner is (left, top), among its members.
 
-    bins (H, W) are the window's colour bins; image_size is (width, height) [px]. Every pixel of the region goes to one member.
+    bins (H, W) are the window's colour bins; image_size is (width, height) [px]. Every pixel of the region goes
+    to one member.
     """
     height, width = region.shape
     colour = np.stack([np.clip(m.likelihood[bins], -3.9, 3.0) for m in members])

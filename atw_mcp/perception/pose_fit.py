@@ -56,9 +56,7 @@ class OutlineProblem:
         return np.where(self.valid, np.nan_to_num(distance, nan=1e3), 0.0)
 
 
-def fit_poses(
-    problem: OutlineProblem, poses: Floats, size: Floats, *, fit_size: bool, iterations: int = 14
-) -> PoseFit:
+def fit_poses(problem: OutlineProblem, poses: Floats, size: Floats, *, fit_size: bool, iterations: int = 14) -> PoseFit:
     """Fit poses (F, 3), and if asked the size, beginning at the given ones."""
     stage, kind, valid = problem.stage, problem.kind, problem.valid
     turns = kind in ("cube", "box")
@@ -140,9 +138,7 @@ def _jacobian(
     return np.stack(columns, axis=-1)
 
 
-def _size_jacobian(
-    problem: OutlineProblem, poses: Floats, size: Floats, residual: Floats
-) -> Floats:
+def _size_jacobian(problem: OutlineProblem, poses: Floats, size: Floats, residual: Floats) -> Floats:
     columns = []
     for m in range(len(size)):
         h = 1e-4 * size[m]

@@ -23,7 +23,6 @@ SHADOW_DARKEST = 0.76  # of the background's luminance; deeper than this is an o
 SHADOW_DEEPEST = 0.45  # where several shadows overlap, beside an object
 LIGHT_BRIGHTEST = 1.18
 FAINT_SHADE = 0.93
-_LUMINANCE = np.array([0.114, 0.587, 0.299], dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def segment(frame: Frames, background: Background, *, min_area: int) -> Foregrou
     weak = (tint > weak_tint) | (((shade < FAINT_SHADE) | (shade > 2 - FAINT_SHADE)) & visible)
     strong = _clean(strong, min_area)
     strong |= _faint_objects(weak & ~strong, strong, image - lit, min_area)
-    mask = _half_covered(image, strong, weak) if strong.any() else strong
+    mask = _half_covered(image, strong, weak)
     labels, areas = components(mask, min_area)
     dim = (tint < 0.75 * strong_tint) & (shade > SHADOW_DEEPEST) & (shade < 1.0)
     return Foreground(labels, areas, dim, shade.astype(np.float16))
@@ -76,12 +75,13 @@ def components(mask: Mask, min_area: int) -> tuple[NDArray[np.uint8], NDArray[np
 
 def _evidence(image: Array32, lit: Array32) -> tuple[Array32, Array32, Array32]:
     """Colour that shading leaves unexplained [levels], brightness ratio, and brightness contrast [levels]."""
-    luminance, expected = image @ _LUMINANCE, lit @ _LUMINANCE
+    luminance, expected = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.cvtColor(lit, cv2.COLOR_BGR2GRAY)
     shade = (luminance + 4.0) / (expected + 4.0)
-    tint = np.abs(image - lit * shade[..., None])
+    tint = np.abs(image[..., 0] - lit[..., 0] * shade)
+    for channel in (1, 2):
+        np.maximum(tint, np.abs(image[..., channel] - lit[..., channel] * shade), out=tint)
     # Chroma is stored at half resolution and is noisy: judge it over a small neighbourhood.
-    smooth_tint = cv2.blur(tint.max(axis=2), (3, 3))
-    return smooth_tint, cv2.blur(shade, (3, 3)), np.abs(luminance - expected)
+    return cv2.blur(tint, (3, 3)), cv2.blur(shade, (3, 3)), np.abs(luminance - expected)
 
 
 def _clean(strong: Mask, min_area: int) -> Mask:
@@ -90,7 +90,7 @@ def _clean(strong: Mask, min_area: int) -> Mask:
     mask = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_CLOSE, ellipse)
     mask = fill_holes(mask > 0, 0.5).astype(np.uint8)
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, ellipse)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
     keep = stats[:, cv2.CC_STAT_AREA] >= max(min_area // 2, 4)
     keep[0] = False
     cleaned: Mask = keep[labels]
@@ -150,16 +150,16 @@ def _faint_objects(weak: Mask, strong: Mask, difference: Array32, min_area: int)
     if count == 1:
         return found
     near = cv2.dilate(strong.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    level = cv2.GaussianBlur(difference @ _LUMINANCE, (0, 0), 0.7)
+    touching = np.unique(labels[near])
+    faint = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= min_area and k not in touching]
+    if not faint:
+        return found
+    level = cv2.GaussianBlur(cv2.cvtColor(difference, cv2.COLOR_BGR2GRAY), (0, 0), 0.7)
     slope = np.hypot(cv2.Sobel(level, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(level, cv2.CV_32F, 0, 1, scale=0.125))
-    for k in range(1, count):
-        if stats[k, cv2.CC_STAT_AREA] < min_area:
-            continue
+    for k in faint:
         left, top, wide, tall = (int(v) for v in stats[k, :4])
         window = (slice(max(top - 1, 0), top + tall + 1), slice(max(left - 1, 0), left + wide + 1))
         region = labels[window] == k
-        if (region & near[window]).any():
-            continue
         rim = cv2.morphologyEx(region.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
         height = float(np.percentile(np.abs(level[window][region]), 60))
         # A step blurred by the lens rises by more than a fifth of its height per pixel; penumbras by less.
@@ -170,23 +170,34 @@ def _faint_objects(weak: Mask, strong: Mask, difference: Array32, min_area: int)
 
 def _half_covered(image: Array32, seeds: Mask, weak: Mask) -> Mask:
     """The seeds with their rim moved to where pixels are half object, half the background beside it."""
+    mask = seeds.copy()
+    count, _, stats, _ = cv2.connectedComponentsWithStats(
+        cv2.dilate(seeds.astype(np.uint8), np.ones((17, 17), np.uint8)), connectivity=4
+    )
+    for k in range(1, count):
+        left, top, wide, tall = (int(v) for v in stats[k, :4])
+        view = (slice(top, top + tall), slice(left, left + wide))
+        mask[view] = _half_covered_window(image[view], seeds[view], weak[view])
+    return fill_holes(mask, 0.3)
+
+
+def _half_covered_window(image: Array32, seeds: Mask, weak: Mask) -> Mask:
     byte = seeds.astype(np.uint8)
     inner = cv2.erode(byte, np.ones((3, 3), np.uint8), borderValue=1)
     inner = cv2.erode(inner, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), borderValue=1)
     thin = seeds & (cv2.dilate(inner, np.ones((7, 7), np.uint8)) == 0)
     inner = inner | thin.astype(np.uint8)  # small objects have no interior: they are their own
     outer = cv2.dilate(byte, np.ones((5, 5), np.uint8))
-    outside = 1 - cv2.dilate(byte, np.ones((5, 5), np.uint8))
     object_colour, object_known = _nearby_mean(image, inner, 7)
-    ground_colour, ground_known = _nearby_mean(image, outside, 9)
+    ground_colour, ground_known = _nearby_mean(image, 1 - outer, 9)
     contrast = object_colour - ground_colour
-    share = ((image - ground_colour) * contrast).sum(axis=2) / ((contrast**2).sum(axis=2) + 1.0)
-    band = (outer > 0) & (inner == 0) & object_known & ground_known & ((contrast**2).sum(axis=2) > 12.0**2)
-    mask = np.where(band, share > 0.5, seeds)
-    mask &= seeds | weak
-    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
-    refined: Mask = fill_holes(closed > 0, 0.3)
-    return refined
+    strength = np.einsum("ijk,ijk->ij", contrast, contrast)
+    share = np.einsum("ijk,ijk->ij", image - ground_colour, contrast) / (strength + 1.0)
+    band = (outer > 0) & (inner == 0) & object_known & ground_known & (strength > 12.0**2)
+    mask = np.where(band, share > 0.5, seeds) & (seeds | weak)
+    return (
+        cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))) > 0
+    )
 
 
 def _nearby_mean(image: Array32, where: NDArray[np.uint8], width: int) -> tuple[Array32, Mask]:

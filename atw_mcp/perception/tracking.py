@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
@@ -111,7 +112,7 @@ class Sweeper:
                 if number is not None:
                     self._give(t, number, region, bins, alone=True)
                     seen.add(number)
-            elif len(numbers) == 1 and not self._foreign_part(t, numbers[0], region, bins, expected):
+            elif len(numbers) == 1 and not self._foreign_part(numbers[0], region, bins, expected):
                 self._give(t, numbers[0], region, bins, alone=True)
                 seen.add(numbers[0])
             else:
@@ -168,7 +169,7 @@ class Sweeper:
                     claims[j].append(track.number)
         return claims
 
-    def _foreign_part(self, t: int, number: int, region: Mask, bins: Bins, expected: dict[int, Template]) -> bool:
+    def _foreign_part(self, number: int, region: Mask, bins: Bins, expected: dict[int, Template]) -> bool:
         """Whether a region that one object claims holds a part that is not the object's."""
         track = self.result.tracks[number]
         if track.whole_frames < 4 or (track.at_border and touches_border(region)):
@@ -177,15 +178,16 @@ class Sweeper:
 
     def _foreign(self, region: Mask, bins: Bins, tracks: list[Track], outlines: list[Template]) -> Mask | None:
         """The largest compact part of a region outside all outlines whose colour none of the objects has."""
-        import cv2
-
-        width, height = self.size
-        covered = np.zeros((height, width), dtype=np.uint8)
+        left, top, right, bottom = window_of(region, 2)
+        view = (slice(top, bottom), slice(left, right))
+        covered = np.zeros((bottom - top, right - left), dtype=np.uint8)
         for outline in outlines:
-            covered |= outline.drawn(0, 0, width, height).astype(np.uint8)
-        grown = cv2.dilate(covered, np.ones((7, 7), np.uint8))
-        best = np.max(np.stack([log_likelihood(k.colours)[bins] for k in tracks]), axis=0)
-        strange = region & (grown == 0) & (best < UNEXPLAINED)
+            covered |= outline.drawn(left, top, right - left, bottom - top).astype(np.uint8)
+        strange = region[view] & (cv2.dilate(covered, np.ones((7, 7), np.uint8)) == 0)
+        if strange.sum() < max(self.min_area, 40):
+            return None
+        for track in tracks:
+            strange &= log_likelihood(track.colours)[bins[view]] < UNEXPLAINED
         opened = cv2.morphologyEx(strange.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
         if count < 2:
@@ -193,8 +195,7 @@ class Sweeper:
         largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
         if stats[largest, cv2.CC_STAT_AREA] < max(self.min_area, 40):
             return None
-        part: Mask = labels == largest
-        return part
+        return whole(labels == largest, left, top, self.size)
 
     def _divide(self, t: int, numbers: list[int], region: Mask, bins: Bins, expected: dict[int, Template]) -> set[int]:
         """Divide a shared region; returns the objects seen in it."""
@@ -210,7 +211,7 @@ class Sweeper:
         shares = self._partition(t, region, bins, tracks, outlines)
         seen: set[int] = set()
         for track, share in zip(tracks, shares, strict=True):
-            if self._take_share(t, track, share, bins):
+            if self._take_share(t, track, share):
                 seen.add(track.number)
         return seen
 
@@ -227,7 +228,7 @@ class Sweeper:
         shares = partition(region[view], bins[view], left, top, members, self.size)
         return [Share(whole(s.mask, left, top, self.size), s.placed, s.clarity) for s in shares]
 
-    def _take_share(self, t: int, track: Track, share: Share, bins: Bins) -> bool:
+    def _take_share(self, t: int, track: Track, share: Share) -> bool:
         area = int(share.mask.sum())
         outline = share.placed[0]
         if area < max(8, 0.03 * outline.area):

@@ -215,7 +215,7 @@ def _depths(observation: ImageObservation, stage: Stage, solids: Mapping[str, So
     for k, observed in enumerate(observation.objects):
         if observed.name not in solids:
             continue
-        kind, size = kind_and_size(solids[observed.name])
+        _, size = kind_and_size(solids[observed.name])
         box = observed.box
         middle = np.stack([box[:, 0] + box[:, 2] / 2, box[:, 1] + box[:, 3] / 2], axis=1)
         lift = lift_of(size)
