@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -14,21 +14,25 @@ Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Color = tuple[int, int, int]  # blue, green, red, as OpenCV has it
 Style = Literal["solid", "dotted"]
+Box = tuple[float, float, float, float]  # left, top, right, bottom
 
 SIMULATED: Color = (255, 60, 255)
 OBSERVED: Color = (255, 255, 255)
 DARK: Color = (20, 20, 20)
+FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.45
+TOP_LINE = 20  # [px] kept free for the line that says which frame this is
 LONGEST_SIDE = 960  # [px] larger frames are reduced to it
-SMALLEST_SIDE = 480  # [px] smaller ones are enlarged, so that a thin outline is still seen
+SMALLEST_SIDE = 720  # [px] smaller ones are enlarged, so that a thin outline is still seen
 ROOM = 560_000  # bytes of all pictures of one result: 1 MB is the limit of some clients, base64 adds a third
 
 
 @dataclass(frozen=True)
 class Canvas:
-    """A picture being drawn on, and how much larger it is than the frame it came from."""
+    """A picture being drawn on, how much larger it is than the frame it came from, and where names stand."""
 
     image: Image
     scale: float
+    taken: list[Box] = field(default_factory=list)
 
     @classmethod
     def of(cls, frame: Image) -> Canvas:
@@ -48,8 +52,8 @@ class Canvas:
             large = _bytes(cv2.resize(large, size, interpolation=cv2.INTER_NEAREST))
         found, _ = cv2.findContours(large, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         if style == "solid":
-            cv2.drawContours(self.image, found, -1, DARK, 3, cv2.LINE_AA)
-            cv2.drawContours(self.image, found, -1, color, 1, cv2.LINE_AA)
+            cv2.drawContours(self.image, found, -1, DARK, 4, cv2.LINE_AA)
+            cv2.drawContours(self.image, found, -1, color, 2, cv2.LINE_AA)
             return
         for contour in found:
             points = contour[:, 0]
@@ -65,24 +69,39 @@ class Canvas:
                 cv2.line(self.image, _pixel(a), _pixel(b), color, 1, cv2.LINE_AA)
 
     def name(self, text: str, mask: Mask, color: Color) -> None:
-        """Write a name above a mask of the original frame, or below where there is no room."""
+        """Write a name beside a mask of the original frame: above, below, right or left, where no other name is."""
         rows, columns = np.nonzero(mask)
         if not len(rows):
             return
-        (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.42, 1)
-        x = (columns.min() + columns.max()) / 2 * self.scale - width / 2
-        y = rows.min() * self.scale - 5
-        if y - height < 18:
-            y = rows.max() * self.scale + height + 5
-        x = float(np.clip(x, 2, max(self.image.shape[1] - width - 2, 2)))
-        y = float(np.clip(y, height + 2, self.image.shape[0] - 4))
-        self.write(text, (x, y), color)
+        (width, height), _ = cv2.getTextSize(text, FONT, FONT_SCALE, 1)
+        left, right, top, bottom = (
+            self.scale * v for v in (columns.min(), columns.max() + 1, rows.min(), rows.max() + 1)
+        )
+        centred, level = (left + right - width) / 2, (top + bottom + height) / 2
+        places = [
+            (centred, top - 6),
+            (centred, bottom + height + 6),
+            (right + 5, level),
+            (left - width - 5, level),
+        ]
+        boxes = [self._inside((x, y - height - 2, x + width, y + 3)) for x, y in places]
+        chosen = next((box for box in boxes if not any(_overlap(box, other) for other in self.taken)), boxes[0])
+        self.taken.append(chosen)
+        self.write(text, (chosen[0], chosen[3] - 3), color)
 
     def write(self, text: str, at: tuple[float, float], color: Color = OBSERVED) -> None:
         """Write text with its lower left corner at a point of the canvas, legible on any ground."""
-        where = _pixel(np.asarray(at))
-        cv2.putText(self.image, text, where, cv2.FONT_HERSHEY_SIMPLEX, 0.42, DARK, 3, cv2.LINE_AA)
-        cv2.putText(self.image, text, where, cv2.FONT_HERSHEY_SIMPLEX, 0.42, color, 1, cv2.LINE_AA)
+        x, y = _pixel(np.asarray(at))
+        for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            cv2.putText(self.image, text, (x + dx, y + dy), FONT, FONT_SCALE, DARK, 1, cv2.LINE_AA)
+        cv2.putText(self.image, text, (x, y), FONT, FONT_SCALE, color, 1, cv2.LINE_AA)
+
+    def _inside(self, box: Box) -> Box:
+        """The box moved into the picture, below the line on top."""
+        height, width = self.image.shape[:2]
+        dx = max(0.0, 2 - box[0]) - max(0.0, box[2] - width + 2)
+        dy = max(0.0, TOP_LINE - box[1]) - max(0.0, box[3] - height + 2)
+        return box[0] + dx, box[1] + dy, box[2] + dx, box[3] + dy
 
 
 def encoded(pictures: dict[str, Image]) -> dict[str, bytes]:
@@ -101,6 +120,10 @@ def _jpeg(image: Image, quality: int, scale: float) -> bytes:
     if not done:
         raise ValueError(f"a picture of {image.shape[1]} x {image.shape[0]} pixels could not be encoded")
     return bytes(file.tobytes())
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _bytes(image: Any) -> Image:
