@@ -54,9 +54,9 @@ def open_case(
     """The case of a file's content, new or as it was; raises StoreError where the name is taken by another."""
     content = content_hash(path)
     with store.transaction():
-        case = store.cases.add(
-            name or case_name(path, content), content=content, kind=kind, path=str(path), facts=facts
-        )
+        known = [case.id for case in store.cases.all() if case.content == content and case.kind == kind]
+        identifier = name or (known[0] if known else case_name(path, content))
+        case = store.cases.add(identifier, content=content, kind=kind, path=str(path), facts=facts)
         for question in questions:
             store.cases.add_question(case.id, question)
     return case

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.results import Answer
-from evidence_store import Evidence, EvidenceStore
+from evidence_store import Evidence, EvidenceStore, StoreError
 
 BEAT = 1.0  # [s] between signs of life; also how soon a cancellation from another process is seen
 logger = logging.getLogger(__name__)
@@ -136,10 +136,16 @@ class JobRunner:
             ended = replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
         except ToolError as error:
             ended = replace(record, status="failed", summary=str(error))
+        except StoreError as error:
+            ended = replace(record, status="failed", summary=str(error))
         except Exception as error:
-            logger.exception("%s failed", record.tool)
-            summary = f"{record.tool} failed unexpectedly ({type(error).__name__}); the server's log has the details"
-            ended = replace(record, status="failed", summary=summary)
+            if progress.cancelled():  # libraries have their own exceptions for being asked to stop
+                ended = replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+            else:
+                logger.exception("%s failed", record.tool)
+                kind = type(error).__name__
+                summary = f"{record.tool} failed unexpectedly ({kind}); the server's log has the details"
+                ended = replace(record, status="failed", summary=summary)
         try:
             self._close(ended)
         except Exception:

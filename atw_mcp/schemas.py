@@ -37,6 +37,30 @@ def inlined(schema: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+def without_null(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of an object whose optional properties are left out rather than null: half as long to read.
+
+    Where a property defaults to null, the choice of null beside its real type says nothing more. The server still
+    accepts null there.
+    """
+
+    def shorten(value: Any) -> Any:
+        if isinstance(value, list):
+            return [shorten(item) for item in value]
+        if not isinstance(value, dict):
+            return value
+        value = {key: shorten(item) for key, item in value.items()}
+        choices = value.get("anyOf")
+        if choices is None or "default" not in value or value["default"] is not None:
+            return value
+        real = [choice for choice in choices if choice != {"type": "null"}]
+        rest = {key: item for key, item in value.items() if key not in ("anyOf", "default")}
+        return {**(real[0] if len(real) == 1 else {"anyOf": real}), **rest}
+
+    result: dict[str, Any] = shorten(schema)
+    return result
+
+
 def argument_lines(schema: dict[str, Any]) -> list[dict[str, Any]]:
     """The arguments of an inlined object schema, each with name, type in words, default and description."""
     required = schema.get("required", [])

@@ -23,7 +23,7 @@ from pydantic import ValidationError
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork, RunningJob
 from atw_mcp.results import RESULT_SCHEMA, Answer, to_result, validation_text
-from atw_mcp.schemas import inlined
+from atw_mcp.schemas import inlined, without_null
 from evidence_store import StoreError
 
 Role = Literal["world construction", "world inspection", "world experimentation", "execution control"]
@@ -133,8 +133,8 @@ class ToolGroup:
                     fn=function,
                     name=name,
                     title=title,
-                    description=inspect.cleandoc(function.__doc__ or ""),
-                    parameters=inlined(arguments.model_json_schema(by_alias=True)),
+                    description=_unwrapped(function.__doc__ or ""),
+                    parameters=without_null(inlined(arguments.model_json_schema(by_alias=True))),
                     fn_metadata=FuncMetadata(arg_model=arguments, output_schema=None if pictures else RESULT_SCHEMA),
                     is_async=False,
                     context_kwarg=None,
@@ -148,3 +148,9 @@ class ToolGroup:
             return function
 
         return declare
+
+
+def _unwrapped(docstring: str) -> str:
+    """A docstring as running text: its line breaks are for the editor, blank lines separate paragraphs."""
+    paragraphs = inspect.cleandoc(docstring).split("\n\n")
+    return "\n\n".join(" ".join(paragraph.split("\n")) for paragraph in paragraphs)

@@ -14,17 +14,19 @@ from sqlite_utils import Database
 from evidence_store.errors import NotAStore, StoreError, StoreLocked, StoreReadOnly, StoreTooNew
 from evidence_store.schema import APPLICATION_ID, TABLES, VERSION
 
+BUSY_TIMEOUT = 10.0  # [s] to wait for another writer; a transaction of ours takes milliseconds
+
 
 class Connection:
     """Opens the file on first use in each thread, creating and stamping it where there is none.
 
-    path: the file; its folder is created. busy_timeout [s]: how long to wait for another writer.
+    path: the file; its folder is created. busy_timeout [s]: how long to wait for another writer, default `BUSY_TIMEOUT`.
     Raises NotAStore, StoreTooNew, StoreReadOnly or StoreLocked.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float = 10.0) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float | None = None) -> None:
         self.path = Path(path).expanduser().absolute()
-        self._busy_timeout = busy_timeout
+        self._busy_timeout = BUSY_TIMEOUT if busy_timeout is None else busy_timeout
         self._local = threading.local()
         self._opened: list[sqlite3.Connection] = []
         self._guard = threading.Lock()

@@ -21,7 +21,7 @@ class EvidenceStore:
     Safe for several threads and several processes at once. Raises the errors of `evidence_store.errors`.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float = 10.0) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float | None = None) -> None:
         self._connection = Connection(path, busy_timeout=busy_timeout)
         self.path = self._connection.path
         self.cases = Cases(self._connection)

@@ -1,0 +1,45 @@
+"""One JSON file a tool under `contracts/`: what a client sees of it. Written anew by
+
+    uv run python -m tests.server.contract_snapshots
+
+after a deliberate change; `test_contracts.py` compares.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import anyio
+from mcp import Client
+
+from atw_mcp.server import build_server
+
+FOLDER = Path(__file__).parent / "contracts"
+
+
+def served_contracts() -> dict[str, dict[str, Any]]:
+    """Every tool as a client lists it, by name."""
+
+    async def listed() -> dict[str, dict[str, Any]]:
+        with tempfile.TemporaryDirectory() as folder:
+            async with Client(build_server(Path(folder) / "atw.db")) as client:
+                tools = (await client.list_tools()).tools
+        return {t.name: t.model_dump(mode="json", by_alias=True, exclude_none=True) for t in tools}
+
+    return anyio.run(listed)
+
+
+def write() -> None:
+    """Replace every snapshot."""
+    FOLDER.mkdir(exist_ok=True)
+    for old in FOLDER.glob("*.json"):
+        old.unlink()
+    for name, contract in served_contracts().items():
+        (FOLDER / f"{name}.json").write_text(json.dumps(contract, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()
