@@ -42,6 +42,7 @@ from atw_mcp.app import App
 from atw_mcp.prompting import PromptServer, add_prompts
 from atw_mcp.toolbox import ToolGroup, WorldTool
 from atw_mcp.tools import (
+    commitment,
     construction,
     control,
     experimentation,
@@ -57,6 +58,7 @@ GROUPS: tuple[ToolGroup, ...] = (
     measurement.GROUP,
     construction.GROUP,
     identification.GROUP,
+    commitment.GROUP,
     inspection.GROUP,
     looking.GROUP,
     experimentation.GROUP,

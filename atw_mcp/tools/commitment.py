@@ -1,0 +1,41 @@
+"""World construction, its end: the world is committed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field
+
+from atw_mcp.app import App
+from atw_mcp.results import Answer
+from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.world_arguments import CaseId
+from evidence_store import StoreError
+
+GROUP = ToolGroup("world construction")
+
+
+@GROUP.tool("CommitWorld", title="Commit the world", read_only=False)
+def commit_world(
+    app: App,
+    case: CaseId,
+    world: Annotated[str, Field(description="id of the world every probe will start from")],
+) -> Answer:
+    """End World Modeling: fix the world that every probe of this case starts from. This is final for the case
+    (OpenCase with another name opens the same file afresh). Next: Rollout."""
+    found = app.case_to_model(case, "CommitWorld")
+    chosen = app.world(found, world)
+    try:
+        app.store.cases.commit_world(found.id, chosen.id)
+    except StoreError as error:  # another process was faster
+        raise ToolError(f"{error}. Next: Rollout(case={found.id!r})") from error
+    names = tuple(item.name for item in chosen.objects)
+    return Answer(
+        summary=f"committed {chosen.id}: World Probing begins",
+        data={"world": chosen.id, "objects": list(names), "next": f"Rollout(case={found.id!r})"},
+        case=found.id,
+        world=chosen.id,
+        observation=app.store.cases.modelled_observation(found.id, chosen.id),
+        objects=names,
+    )
