@@ -10,11 +10,13 @@ import warp as wp
 from polyworld.solver.spatial.layout import Body, Row, State
 
 ITERATIONS = 60
-IMPACT_ITERATIONS = 100
+IMPACT_ITERATIONS = 200
 CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts as none [m/s]
+IMPACT_CONVERGED = wp.float64(1.0e-11)
 OVERLAP_SWEEPS = 3
 OVERLAP_SHARE = wp.float64(0.2)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
+AIM = wp.float64(0.1)  # an impact is looked for where the gap is this fraction of what counts as touching
 ROWS = 6  # normal, two tangents, spin, two of rolling
 
 
@@ -139,7 +141,9 @@ def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float6
 
 
 @wp.func(inline=False)
-def solve_manifolds(state: State, w: int, first: int, last: int, offset: int, iterations: int) -> None:
+def solve_manifolds(
+    state: State, w: int, first: int, last: int, offset: int, iterations: int, converged: wp.float64
+) -> None:
     """Sweep over the manifolds [first, last) until no velocity changes any more. Normal velocities aim at targets."""
     for _iteration in range(iterations):
         worst = wp.float64(0.0)
@@ -173,7 +177,7 @@ def solve_manifolds(state: State, w: int, first: int, last: int, offset: int, it
                     coupling = state.contacts[w, c].coupling_rolling
                     changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
                     worst = wp.max(worst, changed * rolling)
-        if worst < CONVERGED:
+        if worst < converged:
             break
 
 
@@ -230,7 +234,7 @@ def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> i
                     state.contacts[w, c].target = -state.manifolds[w, i].restitution * speed
                 if state.contacts[w, c].gap > close:
                     state.contacts[w, c].target = wp.float64(-1.0e30)
-            solve_manifolds(state, w, i, i + 1, offset, IMPACT_ITERATIONS)
+            solve_manifolds(state, w, i, i + 1, offset, IMPACT_ITERATIONS, IMPACT_CONVERGED)
             for c in range(start, start + state.manifolds[w, i].count):
                 state.manifolds[w, i].impact += state.rows[w, ROWS * (c - offset)].impulse
     return resolved
@@ -262,7 +266,7 @@ def solve_velocities(state: State, w: int, half: int, h: wp.float64) -> None:
                     g = state.contacts[w, c].force_roll * h
                     push(state, w, m.a, m.b, r + 4, wp.dot(g, m.t1))
                     push(state, w, m.a, m.b, r + 5, wp.dot(g, m.t2))
-    solve_manifolds(state, w, base, last, offset, ITERATIONS)
+    solve_manifolds(state, w, base, last, offset, ITERATIONS, CONVERGED)
     rate = wp.float64(1.0) / h
     for i in range(base, last):
         m = state.manifolds[w, i]
@@ -302,6 +306,7 @@ def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
                 r = ROWS * (c - offset)
                 gap = (
                     state.contacts[w, c].gap
+                    + wp.max(state.contacts[w, c].speed, wp.float64(0.0)) * h  # it opens by itself
                     + wp.dot(m.normal, state.bodies[w, m.a].shift - state.bodies[w, m.b].shift)
                     + wp.dot(state.rows[w, r].ja, state.bodies[w, m.a].turn)
                     - wp.dot(state.rows[w, r].jb, state.bodies[w, m.b].turn)
@@ -338,7 +343,7 @@ def time_to_impact(
             gap = state.contacts[w, c].gap
             if gap > close:
                 speed = state.contacts[w, c].speed
-                distance = gap - wp.float64(0.5) * close
+                distance = gap - AIM * close
                 # distance + speed t + pull t^2 / 2 = 0, in the form that does not cancel
                 root = speed * speed - wp.float64(2.0) * pull * distance
                 if root > threshold * threshold:

@@ -16,6 +16,7 @@ from polyworld.solver.spatial.shapes import (
     face_normal,
     has_closed_form,
     outward_at,
+    rounding,
     support,
     unit,
 )
@@ -23,6 +24,7 @@ from polyworld.solver.spatial.shapes import (
 MAX_ITERATIONS = 40
 # Squared distance is known to this fraction when the search ends; the direction to its square root.
 PRECISION = wp.float64(1.0e-13)
+LOOSE_PRECISION = wp.float64(1.0e-8)  # what it must be known to for the direction to be trusted
 FACE_PREFERENCE = wp.float64(1.0e-7)  # a face wins over an edge this close to it, per radius
 
 
@@ -85,22 +87,32 @@ def triangle_weights(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec3d:
 @wp.func(inline=False)
 def core_direction(
     vertices: wp.array[wp.vec3d], sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d
-) -> wp.vec3d:
-    """Unit vector along the shortest connection from b's core to a's; zero where the cores overlap."""
+) -> tuple[wp.vec3d, bool]:
+    """Unit vector along the shortest connection from b's core to a's, and whether it is that exactly.
+
+    Zero where the cores overlap; inexact where rounding errors end the search early.
+    """
     zero = wp.float64(0.0)
     points = Simplex()
     count = wp.int32(0)
     v = c
     square = wp.dot(v, v)
+    slack = square
     scale = (sa.bound + sb.bound) * (sa.bound + sb.bound)
+    inset_a = sa.inset
+    inset_b = sb.inset
+    if rounding(sa) + rounding(sb) > zero:  # a swept core keeps its distance: the other body needs no inset
+        inset_a = zero
+        inset_b = zero
     for iteration in range(MAX_ITERATIONS):
         d = -v
         p = (
             c
-            + ra * support(vertices, sa, wp.transpose(ra) * d, sa.inset)
-            - rb * support(vertices, sb, wp.transpose(rb) * v, sb.inset)
+            + ra * support(vertices, sa, wp.transpose(ra) * d, inset_a)
+            - rb * support(vertices, sb, wp.transpose(rb) * v, inset_b)
         )
-        if iteration > 0 and square - wp.dot(v, p) <= PRECISION * square:
+        slack = square - wp.dot(v, p)
+        if iteration > 0 and slack <= PRECISION * square:
             break
         repeated = wp.int32(0)
         for i in range(count):
@@ -150,7 +162,7 @@ def core_direction(
                         i1 = j1
                         i2 = j2
             if nearest < zero:
-                return wp.vec3d()
+                return wp.vec3d(), False
         # Keep the points that carry weight.
         kept = Simplex()
         closest = wp.vec3d()
@@ -171,20 +183,21 @@ def core_direction(
         points = kept
         nearer = wp.dot(closest, closest)
         if nearer <= wp.float64(1.0e-24) * scale:
-            return wp.vec3d()
-        stalled = iteration > 3 and nearer >= square
+            return wp.vec3d(), False
+        if iteration > 0 and nearer >= square:  # rounding errors: the best direction so far stays
+            break
         v = closest
         square = nearer
-        if stalled:
-            break
-    return unit(v, wp.vec3d())
+    return unit(v, wp.vec3d()), slack <= LOOSE_PRECISION * square
 
 
 @wp.func(inline=False)
-def overlap_direction(geometry: Geometry, sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d) -> wp.vec3d:
-    """Direction of the smallest overlap among both shapes' face normals, radial directions and the centre line."""
-    best = unit(c, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0)))
-    if sb.kind == TRIANGLE:
+def best_candidate(
+    geometry: Geometry, sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d, guess: wp.vec3d
+) -> wp.vec3d:
+    """Best of a guess, both shapes' face normals, their radial directions and the centre line."""
+    best = unit(guess, unit(c, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))))
+    if sb.kind == TRIANGLE and wp.dot(guess, guess) < wp.float64(0.5):
         best = rb * geometry.face_normals[sb.first_face]
     highest = separation(geometry.vertices, sa, ra, sb, rb, c, best)
     first = candidate_count(sa)
@@ -220,9 +233,9 @@ def separating_direction(
         return rb * outward_at(sb, wp.transpose(rb) * c)
     if sb.kind == SPHERE and has_closed_form(sa):
         return -(ra * outward_at(sa, wp.transpose(ra) * (-c)))
-    n = core_direction(geometry.vertices, sa, ra, sb, rb, c)
-    if wp.dot(n, n) < wp.float64(0.5):
-        return overlap_direction(geometry, sa, ra, sb, rb, c)
+    n, exact = core_direction(geometry.vertices, sa, ra, sb, rb, c)
+    if not exact:
+        return best_candidate(geometry, sa, ra, sb, rb, c, n)
     # A face in contact gives its normal exactly, also where the other body hangs over the face's edge.
     best = n
     margin = FACE_PREFERENCE * wp.min(sa.bound, sb.bound)

@@ -1,0 +1,174 @@
+"""Friction, rolling and spinning: sliding distances, the friction cone, rolling without slipping, tipping."""
+
+import numpy as np
+import pytest
+
+from polyworld import geometry
+from polyworld.trajectory import BatchTrajectory
+from polyworld.world import Box, Capsule, ConvexMesh, Cylinder, Sphere
+from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run, slope
+
+CUBE = Box(half_extents=(0.1, 0.1, 0.1))
+
+
+def on_slope(angle: float, height: float) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Position and orientation of a body whose centre is `height` above the slope and which lies flat on it."""
+    position = (height * np.sin(angle), 0.0, height * np.cos(angle))
+    return position, (float(np.cos(angle / 2)), 0.0, float(np.sin(angle / 2)), 0.0)
+
+
+def down(out: BatchTrajectory, angle: float, index: int = 0) -> np.ndarray:
+    """Distance travelled down the slope [m]."""
+    moved = out.positions[0, :, index] - out.positions[0, 0, index]
+    distance: np.ndarray = moved @ np.array([np.cos(angle), 0.0, -np.sin(angle)])
+    return distance
+
+
+@pytest.mark.parametrize(
+    "shape", [CUBE, Cylinder(radius=0.1, half_height=0.1), Box(half_extents=(0.2, 0.1, 0.05))], ids=lambda s: s.kind
+)
+@pytest.mark.parametrize("substep", [0.002, 0.005])
+def test_slide_length_is_v2_over_2_mu_g(shape: Box | Cylinder, substep: float) -> None:
+    """4 / (2 0.2 g) = 1.0194 m, in a straight line, without turning."""
+    height = shape.half_height if isinstance(shape, Cylinder) else shape.half_extents[2]
+    out = run(make_world(body("b", shape, (0, 0, height), velocity=(2, 0, 0), friction=0.2), substep=substep), 2.0)
+    assert out.positions[0, -1, 0, 0] == pytest.approx(4 / (2 * 0.2 * GRAVITY), rel=1e-4)
+    assert abs(out.positions[0, -1, 0, 1]) < 1e-6
+    assert np.abs(out.velocities[0, -1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("shape", [CUBE, Cylinder(radius=0.1, half_height=0.05)], ids=lambda s: s.kind)
+def test_no_creep_at_nine_tenths_of_the_critical_slope(shape: Box | Cylinder) -> None:
+    """Below tan(theta) = mu nothing moves: less than 1e-6 m in 2 s."""
+    angle = np.arctan(0.9 * 0.5)
+    height = shape.half_height if isinstance(shape, Cylinder) else shape.half_extents[2]
+    position, orientation = on_slope(angle, height)
+    out = run(
+        make_world(body("b", shape, position, orientation=orientation, friction=0.5), statics=(slope(angle),)), 2.0
+    )
+    assert np.abs(out.positions[0] - out.positions[0, 0]).max() < 1e-6
+
+
+@pytest.mark.parametrize("ratio", [0.99, 1.01])
+def test_sliding_begins_at_the_friction_cone(ratio: float) -> None:
+    """At 1.01 tan(theta) = mu it slides with g (sin - mu cos), at 0.99 it stays."""
+    angle = np.arctan(ratio * 0.4)
+    position, orientation = on_slope(angle, 0.1)
+    out = run(
+        make_world(body("b", CUBE, position, orientation=orientation, friction=0.4), statics=(slope(angle),)), 2.0
+    )
+    acceleration = max(0.0, GRAVITY * (np.sin(angle) - 0.4 * np.cos(angle)))
+    assert down(out, angle)[-1] == pytest.approx(0.5 * acceleration * 4.0, abs=2e-6, rel=1e-3)
+
+
+def test_friction_opposes_the_velocity_in_every_direction() -> None:
+    """A true cone: the slide length and direction do not depend on the direction of motion."""
+    for angle in np.linspace(0.0, np.pi / 2, 7):
+        velocity = (2 * np.cos(angle), 2 * np.sin(angle), 0.0)
+        out = run(make_world(body("b", CUBE, (0, 0, 0.1), velocity=velocity, friction=0.3)), 1.5)
+        end = out.positions[0, -1, 0, :2]
+        assert np.linalg.norm(end) == pytest.approx(4 / (2 * 0.3 * GRAVITY), rel=2e-3)
+        assert abs(np.arctan2(end[1], end[0]) - angle) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("shape", "factor"),
+    [(Sphere(radius=0.1), 2 / 5), (Cylinder(radius=0.1, half_height=0.2), 1 / 2)],
+    ids=["sphere", "cylinder"],
+)
+def test_rolling_down_a_slope_without_slipping(shape: Sphere | Cylinder, factor: float) -> None:
+    """a = g sin(theta) / (1 + I/mr^2): 5/7 of sliding for a ball, 2/3 for a cylinder; omega r = v."""
+    angle = 0.3
+    position, _ = on_slope(angle, 0.1)
+    lying = (float(np.sqrt(0.5)), float(np.sqrt(0.5)), 0.0, 0.0)  # cylinder axis along y
+    out = run(make_world(body("b", shape, position, orientation=lying, friction=0.6), statics=(slope(angle),)), 2.0)
+    acceleration = GRAVITY * np.sin(angle) / (1 + factor)
+    assert down(out, angle)[-1] == pytest.approx(0.5 * acceleration * 4, rel=1e-4)
+    assert out.angular_velocities[0, -1, 0, 1] * 0.1 == pytest.approx(acceleration * 2, rel=1e-4)
+    heights = out.positions[0, :, 0] @ np.array([np.sin(angle), 0.0, np.cos(angle)])
+    assert np.abs(heights - 0.1).max() < 2e-5  # no facets: the axis stays at one height
+
+
+def test_sliding_ball_goes_over_to_rolling_at_five_sevenths_of_its_speed() -> None:
+    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on (any mechanics text)."""
+    out = run(make_world(body("b", Sphere(radius=0.1), (0, 0, 0.1), velocity=(3, 0, 0), friction=0.2)), 1.0)
+    moment = 2 * 3 / (7 * 0.2 * GRAVITY)
+    speed = out.velocities[0, :, 0, 0]
+    t = out.times[0]
+    assert np.abs(speed[t > moment + 0.01] - 15 / 7).max() < 1e-6
+    sliding = t < moment - 0.01
+    assert np.abs(speed[sliding] - (3 - 0.2 * GRAVITY * t[sliding])).max() < 1e-9
+
+
+@pytest.mark.parametrize("shape", [Sphere(radius=0.1), Capsule(radius=0.1, half_height=0.1)], ids=lambda s: s.kind)
+def test_rolling_resistance_slows_a_rolling_body(shape: Sphere | Capsule) -> None:
+    """M = b N takes (b g / r) / (1 + I/mr^2) off the speed every second, and holds it on a slope below b/r."""
+    b, r = 0.004, 0.1
+    solid = geometry.mass_properties(shape)
+    lying = (float(np.sqrt(0.5)), float(np.sqrt(0.5)), 0.0, 0.0)
+    inertia = solid.inertia[2, 2] / solid.volume
+    fields = {"orientation": lying, "friction": 0.8, "rolling_resistance": b}
+    out = run(make_world(body("b", shape, (0, 0, r), velocity=(1, 0, 0), angular_velocity=(0, 10, 0), **fields)), 1.0)
+    lost = b * GRAVITY / r / (1 + inertia / r**2)
+    assert 1 - out.velocities[0, -1, 0, 0] == pytest.approx(lost, rel=1e-3)
+    angle = np.arctan(0.9 * b / r)
+    position, _ = on_slope(angle, r)
+    held = run(make_world(body("b", shape, position, **fields), statics=(slope(angle),)), 2.0)
+    assert np.abs(held.positions[0] - held.positions[0, 0]).max() < 1e-6
+
+
+def test_torsional_friction_stops_a_spinning_ball() -> None:
+    """M = mu N r: the spin falls by mu g r m / I every second and stays at zero."""
+    mu, patch, radius = 0.5, 0.01, 0.1
+    ball = body(
+        "b",
+        Sphere(radius=radius),
+        (0, 0, radius),
+        angular_velocity=(0, 0, 10),
+        friction=mu,
+        torsional_radius=patch,
+    )
+    out = run(make_world(ball), 2.0)
+    rate = mu * GRAVITY * patch / (0.4 * radius**2)
+    expected = np.maximum(0.0, 10 - rate * out.times[0])
+    assert np.abs(out.angular_velocities[0, :, 0, 2] - expected).max() < 1e-6
+    assert 10 / rate < 2.0
+
+
+def test_spinning_disc_feels_two_thirds_of_its_radius() -> None:
+    """A flat disc under uniform pressure: M = 2/3 mu N R, so omega falls by 4 mu g / (3 R) every second."""
+    disc = body("d", Cylinder(radius=0.2, half_height=0.02), (0, 0, 0.02), angular_velocity=(0, 0, 12), friction=0.3)
+    out = run(make_world(disc), 0.5)
+    rate = 4 * 0.3 * GRAVITY / (3 * 0.2)
+    assert 12 - out.angular_velocities[0, -1, 0, 2] == pytest.approx(rate * 0.5, rel=2e-3)
+    assert np.abs(out.positions[0, :, 0, :2]).max() < 1e-9
+
+
+@pytest.mark.parametrize("ratio", [0.97, 1.03])
+@pytest.mark.parametrize("shape", ["box", "mesh", "cylinder"])
+def test_tall_body_tips_when_the_slope_exceeds_width_over_height(shape: str, ratio: float) -> None:
+    """It stands while the weight falls inside the base, tan(theta) < width / height, and tips beyond."""
+    half_width, half_height = 0.1, 0.25
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).T.reshape(-1, 3) * (0.1, 0.1, 0.25)
+    shapes = {
+        "box": Box(half_extents=(half_width, half_width, half_height)),
+        "mesh": ConvexMesh(vertices=tuple(map(tuple, corners.tolist()))),
+        "cylinder": Cylinder(radius=half_width, half_height=half_height),
+    }
+    angle = np.arctan(ratio * half_width / half_height)
+    position, orientation = on_slope(angle, half_height)
+    tall = body("b", shapes[shape], position, orientation=orientation, friction=5.0, restitution=0.0)
+    out = run(make_world(tall, statics=(slope(angle),)), 3.0)
+    turned = 2 * np.arccos(np.minimum(1.0, np.abs(out.orientations[0, :, 0] @ np.array(orientation))))
+    if ratio < 1:
+        assert turned.max() < 1e-3
+    else:
+        assert turned.max() > 1.0
+
+
+def test_upright_cylinder_keeps_sliding_straight_and_upright() -> None:
+    """Friction below the tipping limit leaves a sliding cylinder upright, to 1e-4 rad."""
+    can = body("c", Cylinder(radius=0.1, half_height=0.1), (0, 0, 0.1), velocity=(2, 1, 0), friction=0.4)
+    out = run(make_world(can, statics=(FLOOR,)), 1.0)
+    assert (1 - geometry.quaternion_matrix(out.orientations[0, :, 0])[:, 2, 2]).max() < 1e-8
+    assert np.linalg.norm(out.positions[0, -1, 0, :2]) == pytest.approx(5 / (2 * 0.4 * GRAVITY), rel=1e-3)
