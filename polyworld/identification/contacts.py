@@ -23,7 +23,7 @@ class PossibleContact:
 
 
 def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05) -> list[PossibleContact]:
-    """Pairs whose circumscribed balls come within `margin` [m] of each other, in order of time.
+    """Pairs whose circumscribed balls (planar worlds: circles) come within `margin` [m], in order of time.
 
     Pairs of objects, and objects with statics. A pair observed too seldom, or never both at once, is not
     listed. A planar world's supporting plane is not a static and makes no contact here.
@@ -33,7 +33,7 @@ def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05
     names = [o.name for o in world.objects if o.name in tracks.names]
     seen = {n: tracks.confidence[:, tracks.index(n)] > 0.0 for n in names}
     place = {n: tracks.positions[:, tracks.index(n)] for n in names}
-    reach = {n: circumscribed_radius(world.object(n)) for n in names}
+    reach = {n: _reach(world, world.object(n)) for n in names}
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
             gap = np.linalg.norm(place[a] - place[b], axis=1) - reach[a] - reach[b]
@@ -47,6 +47,15 @@ def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05
                 first, second = sorted((a, static.name))
                 found.append(PossibleContact((first, second), float(times[np.argmax(near)])))
     return sorted(found, key=lambda contact: (contact.time, contact.participants))
+
+
+def _reach(world: World, item: RigidObject) -> float:
+    if not world.planar:
+        return circumscribed_radius(item)
+    rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+    axes = geometry.plane_axes(world.environment.motion_plane)
+    outline, disc = geometry.planar_outline(item.shape, rotation, axes)
+    return float(np.linalg.norm(outline, axis=1).max() + disc)
 
 
 def circumscribed_radius(item: RigidObject) -> float:

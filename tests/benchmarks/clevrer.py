@@ -1,0 +1,112 @@
+"""How well worlds follow CLEVRER scenes: `python -m tests.benchmarks.clevrer [--data DIR] [--scenes N ...] [--json]`.
+
+Every figure is measured in the run. Progress goes to stderr, the table (or JSON) to stdout.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.benchmarks.clevrer_data import available_scenes, default_folder, default_world, read_scene
+from tests.benchmarks.clevrer_events import EventScore
+from tests.benchmarks.clevrer_fit import Budget, Row, rows
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the benchmark; returns the process's exit status."""
+    options = _options(arguments)
+    folder: Path = options.data
+    scenes = options.scenes or available_scenes(folder)
+    if not scenes:
+        print(f"no annotation_NNNNN.json in {folder}", file=sys.stderr)
+        return 2
+    begun = time.perf_counter()
+
+    def say(text: str) -> None:
+        print(f"[{time.perf_counter() - begun:6.1f} s] {text}", file=sys.stderr, flush=True)
+
+    budget = Budget(generations=options.generations, population=options.population)
+    table: list[Row] = []
+    for number in scenes:
+        try:
+            scene = read_scene(folder, number)
+        except FileNotFoundError as error:
+            print(error, file=sys.stderr)
+            return 2
+        world = default_world(scene.tracks, scene.kinds)
+        for holdout in (None, int(0.75 * len(scene.tracks.frames))):
+            made, _ = rows(
+                number, "annotations", world, scene.tracks, scene.tracks, scene.collisions, budget, holdout, say
+            )
+            table += made
+    if options.json:
+        print(json.dumps({"fits": [_json(row) for row in table], "seconds": time.perf_counter() - begun}, indent=1))
+    else:
+        print_fits(table, print)
+        print(f"\n{time.perf_counter() - begun:.0f} s in all")
+    return 0
+
+
+def print_fits(table: list[Row], out: Callable[[str], None]) -> None:
+    """The table of fits, and medians over scenes."""
+    out(
+        f"{'scene':>7} {'tracks':>11} {'fitted':>7} {'method':>14} {'RMSE m':>8} {'held out m':>10} "
+        f"{'collisions P':>12} {'R':>5} {'rollouts':>8} {'seconds':>7}"
+    )
+    for row in table:
+        out(_line(row.scene, row, row.rmse, row.held_out, row.events))
+    out("")
+    for key in dict.fromkeys((r.source, r.fitted, r.method) for r in table):
+        same = [r for r in table if (r.source, r.fitted, r.method) == key]
+        if len(same) > 1:
+            total = EventScore(0, 0, 0)
+            for row in same:
+                total = total + row.events
+            rmse = float(np.median([r.rmse for r in same]))
+            held = float(np.median([r.held_out for r in same]))
+            out(_line("median", same[0], rmse, held, total))
+
+
+def _line(label: str, row: Row, rmse: float, held_out: float, events: EventScore) -> str:
+    held = f"{held_out:10.4f}" if np.isfinite(held_out) else f"{'':>10}"
+    return (
+        f"{label:>7} {row.source:>11} {row.fitted:>7} {row.method:>14} {rmse:8.4f} {held} "
+        f"{events.precision:12.2f} {events.recall:5.2f} {row.rollouts:8d} {row.seconds:7.1f}"
+    )
+
+
+def _json(row: Row) -> dict[str, Any]:
+    data = asdict(row)
+    data["events"] |= {"precision": row.events.precision, "recall": row.events.recall}
+    return _finite(data)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.clevrer", description=__doc__)
+    parser.add_argument("--data", type=Path, default=default_folder(), help="a CLEVRER folder (default: %(default)s)")
+    parser.add_argument("--scenes", nargs="+", metavar="N", help="five-digit scene numbers (default: all there are)")
+    parser.add_argument("--generations", type=int, default=160, help="generations of a search (default: %(default)s)")
+    parser.add_argument("--population", type=int, default=128, help="rollouts a generation (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
