@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -253,8 +254,6 @@ def _direct_linear(
     points: Floats, image: Floats, width: int, height: int, known: Floats | None
 ) -> tuple[Floats, Floats, Floats]:
     """K, R, t of points in space; focal length from the best of a range when it is not known."""
-    import cv2
-
     cx, cy = width / 2, height / 2
     best: tuple[float, tuple[Floats, Floats, Floats]] | None = None
     focals = [None] if known is not None else list(np.geomspace(0.4 * width, 12 * width, 24))

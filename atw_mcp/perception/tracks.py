@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.pose_fit import OutlineProblem, PoseFit, fit_poses
@@ -419,8 +420,6 @@ def _quaternions(stage: Stage, turns: Floats) -> Floats:
     turned = np.concatenate([np.cos(half), np.sin(half) * stage.axes[2]], axis=1)
     if not (stage.plane.supports or abs(stage.axes[2, 2]) > 0.7) or np.allclose(stage.axes, np.eye(3)):
         return turned
-    from scipy.spatial.transform import Rotation
-
     rest = Rotation.from_matrix(stage.axes.T)
     about = Rotation.from_quat(turned[:, [1, 2, 3, 0]])
     combined: Floats = (about * rest).as_quat()[:, [3, 0, 1, 2]]
