@@ -7,8 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from polyworld.camera import Camera
+from polyworld.geometry import hull
 from polyworld.initial_states import initial_states, with_initial_states
 from polyworld.tracks import ObservedTracks
 from polyworld.world import (
@@ -34,6 +37,7 @@ Representation = Literal["auto", "planar", "spatial"]
 # An object counts as staying on its plane while its height varies less than this share of its half height,
 # or than this many standard deviations of its measured position.
 HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+MOST_VERTICES = 256  # of a convex mesh
 TRUST = 0.8  # an object begins at the first sample with this share of its median confidence
 
 
@@ -220,9 +224,26 @@ def half_height(shape: BodyShape) -> float:
     return _mesh_half_height(shape)
 
 
-def _mesh_half_height(shape: ConvexMesh) -> float:
-    from polyworld.geometry import hull
+def hull_vertices(points: NDArray[np.float64]) -> tuple[tuple[float, float, float], ...]:
+    """At most 256 vertices of the convex hull of points (k, 3): all of them, or the extreme ones of even directions.
 
+    Raises ValueError for points that span no volume.
+    """
+    try:
+        corners = points[ConvexHull(points).vertices]
+    except QhullError as error:
+        raise ValueError("the mesh is flat: its convex hull has no volume") from error
+    if len(corners) > MOST_VERTICES:
+        # Directions on a Fibonacci lattice: nearly even over the sphere at any number.
+        number = np.arange(MOST_VERTICES) + 0.5
+        z, turn = 1.0 - 2.0 * number / MOST_VERTICES, np.pi * (1.0 + 5.0**0.5) * number
+        level = np.sqrt(1.0 - z**2)
+        directions = np.stack([level * np.cos(turn), level * np.sin(turn), z], axis=1)
+        corners = corners[np.unique(np.argmax(corners @ directions.T, axis=0))]
+    return tuple((float(x), float(y), float(z)) for x, y, z in corners)
+
+
+def _mesh_half_height(shape: ConvexMesh) -> float:
     return float(-np.asarray(hull(shape).vertices)[:, 2].min())
 
 

@@ -20,7 +20,8 @@ BUSY_TIMEOUT = 10.0  # [s] to wait for another writer; a transaction of ours tak
 class Connection:
     """Opens the file on first use in each thread, creating and stamping it where there is none.
 
-    path: the file; its folder is created. busy_timeout [s]: how long to wait for another writer, default `BUSY_TIMEOUT`.
+    path: the file; its folder is created. busy_timeout [s]: how long to wait for another writer, default
+    `BUSY_TIMEOUT`.
     Raises NotAStore, StoreTooNew, StoreReadOnly or StoreLocked.
     """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -10,6 +11,7 @@ from pydantic import Field
 from atw_mcp.app import App
 from atw_mcp.building import Built, Given, ObservedObject, Scene, build_world
 from atw_mcp.fitting import FitRequest, window
+from atw_mcp.importing import mesh_of
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import derivation, derived_tracks, imported_tracks, latest_camera
 from atw_mcp.results import Answer, explained
@@ -98,18 +100,20 @@ def build_world_tool(
     if world is not None:
         return _from_document(app, found, world)
     with explained():
-        given = {item.name: item.to_given() for item in objects or []}
+        meshes = partial(mesh_of, app, found)
+
+        given = {item.name: item.to_given(meshes) for item in objects or []}
         request = _BuildRequest(
             representation=representation,
             given=given,
             only=only,
-            default_shape=None if default_shape is None else default_shape.to_shape(),
+            default_shape=None if default_shape is None else default_shape.to_shape(meshes),
             gravity=(0.0, 0.0, -9.81) if gravity is None else _triple(gravity),
             floor=floor,
             motion_plane=None if motion_plane is None else motion_plane.to_plane(),
             statics=(
                 *(wall.to_static(floor if isinstance(floor, float) else 0.0) for wall in walls or []),
-                *(item.to_static() for item in obstacles or []),
+                *(item.to_static(meshes) for item in obstacles or []),
             ),
             effects=tuple(item.to_effect() for item in effects or []),
             first_frame=first_frame,

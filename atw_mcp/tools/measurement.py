@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
+from atw_mcp import importing
 from atw_mcp.app import App
 from atw_mcp.observing import keep_calibration
 from atw_mcp.perception.calibration import (
+    Calibration,
     calibrate_from_homography,
     calibrate_from_known_length,
     calibrate_from_points,
@@ -17,12 +20,106 @@ from atw_mcp.perception.calibration import (
 )
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.observation import observed_answer
 from atw_mcp.tools.world_arguments import Argument, CaseId, Point
+from atw_mcp.track_records import TrackRecord
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
 Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
+
+
+@GROUP.tool("ImportObservation", title="Import an observation", read_only=False)
+def import_observation(
+    app: App,
+    case: CaseId,
+    kind: Annotated[
+        Literal["tracks", "masks", "camera", "depth", "mesh"],
+        Field(
+            description="tracks: positions in the world (CSV with columns frame or t, object, x, y and optionally z, "
+            "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). masks: of the video (folder of PNGs, "
+            "COCO run-length JSON). camera: JSON. depth: npz or 16-bit PNGs. mesh: OBJ, STL, PLY, GLB"
+        ),
+    ],
+    path: Annotated[str, Field(min_length=1, max_length=4096, description="file or folder on the server's machine")],
+    seconds_per_frame: Annotated[
+        float | None, Field(gt=0, le=1e4, description="of tracks that count frames without times [s]")
+    ] = None,
+    position_sigma: Annotated[
+        float | None, Field(gt=0, le=1e3, description="accuracy of tracks that state none [m]; default 0.01")
+    ] = None,
+    metres_per_unit: Annotated[
+        float | None, Field(gt=0, le=1e3, description="what one unit of a depth map is [m]; 0.001 for millimetres")
+    ] = None,
+    scale: Annotated[float, Field(gt=0, le=1e6, description="metres in one unit of a mesh file")] = 1.0,
+) -> Answer:
+    """Bring in what another program observed, in place of ObserveObjects or CalibrateCamera. Lengths are metres, z is
+    up. The latest import counts. Next: BuildWorld (after tracks), CalibrateCamera (after masks)."""
+    found = app.case_to_model(case, "ImportObservation")
+    with explained():
+        place = importing.existing_path(path)
+        if kind == "tracks":
+            record = importing.keep_tracks(app, found, place, seconds_per_frame, position_sigma)
+            return _tracks_answer(found, record)
+        if kind == "masks":
+            identifier, seen = importing.keep_masks(app, found, place)
+            return observed_answer(found, identifier, seen)
+        if kind == "camera":
+            size = (int(found.facts["width"]), int(found.facts["height"])) if "width" in found.facts else None
+            identifier, made = importing.keep_camera(app, found, place, size)
+            return _camera_answer(found, identifier, made)
+        if kind == "depth":
+            content = importing.keep_depth(app, found, place, metres_per_unit)
+        else:
+            content = importing.keep_mesh(app, found, place, scale)
+    step = f"BuildWorld(case={found.id!r})"
+    if kind == "mesh":
+        step = f"BuildWorld(case={found.id!r}, objects=[{{name, shape: {{kind: 'mesh', mesh: {content.id!r}}}}}])"
+    return Answer(
+        summary=f"{kind} {content.id} imported from {place.name}",
+        data={
+            kind: content.id,
+            **content.document,
+            "next": step,
+        },
+        case=found.id,
+        observation=content.id,
+    )
+
+
+def _tracks_answer(case: Case, record: TrackRecord) -> Answer:
+    tracks = record.tracks
+    rows = []
+    for column, item in enumerate(record.objects):
+        seen = np.flatnonzero(tracks.confidence[:, column] > 0)
+        rows.append(
+            {
+                "name": item.name,
+                "shape": item.shape,
+                "color": item.color,
+                "material": item.material,
+                "first_frame": int(tracks.frames[seen[0]]) if len(seen) else None,
+                "last_frame": int(tracks.frames[seen[-1]]) if len(seen) else None,
+                "observed": len(seen),
+            }
+        )
+    count = len(tracks.frames)
+    span = (float(tracks.times[0]), float(tracks.times[-1])) if count else None
+    return Answer(
+        summary=f"tracks {record.id}: {len(rows)} objects over {count} frames of {tracks.seconds_per_frame:.6g} s",
+        data={
+            "tracks": record.id,
+            "objects": rows,
+            "frames": [int(tracks.frames[0]), int(tracks.frames[-1])] if count else [],
+            "seconds_per_frame": tracks.seconds_per_frame,
+            "next": f"BuildWorld(case={case.id!r})",
+        },
+        case=case.id,
+        observation=record.id,
+        objects=tracks.names,
+        interval=span,
+    )
 
 
 class PointArgument(Argument):
@@ -100,15 +197,15 @@ def calibrate_camera(
             made = calibrate_given(camera.intrinsics, camera.rotation, camera.translation, size)
     inputs = plain({**ways, "plane_z": plane_z, "intrinsics": intrinsics, "size": size})
     content = keep_calibration(app, found, made, inputs, side_view=view == "side")
+    return _camera_answer(found, content.id, made)
+
+
+def _camera_answer(case: Case, identifier: str, made: Calibration) -> Answer:
     return Answer(
-        summary=f"calibrated by {made.method}" + ("" if made.rms is None else f": {made.rms:.3g} px rms"),
-        data={
-            **made.to_dict(),
-            "centre": made.camera.centre,
-            "next": f"BuildWorld(case={found.id!r})",
-        },
-        case=found.id,
-        observation=content.id,
+        summary=f"camera: {made.method}" + ("" if made.rms is None else f", {made.rms:.3g} px rms"),
+        data={**made.to_dict(), "centre": made.camera.centre, "next": f"BuildWorld(case={case.id!r})"},
+        case=case.id,
+        observation=identifier,
     )
 
 

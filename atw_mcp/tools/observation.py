@@ -108,7 +108,7 @@ def observe_objects(
     kept = app.store.observations.find("observe", inputs)
     if kept is not None:
         app.store.cases.add_observation(found.id, "objects", kept.id)
-        return _observed_answer(found, kept.id, image_observation(kept))
+        return observed_answer(found, kept.id, image_observation(kept))
 
     def work(progress: Progress) -> Answer:
         with explained():
@@ -122,7 +122,7 @@ def observe_objects(
                 cancelled=progress.cancelled,
             )
         content = keep_image_observation(app, found, seen, "observe", inputs)
-        return _observed_answer(found, content.id, seen)
+        return observed_answer(found, content.id, seen)
 
     return LongWork(
         key=app.store.observations.key("observe", inputs) + found.id,
@@ -132,7 +132,8 @@ def observe_objects(
     )
 
 
-def _observed_answer(case: Case, identifier: str, seen: ImageObservation) -> Answer:
+def observed_answer(case: Case, identifier: str, seen: ImageObservation) -> Answer:
+    """What an agent is told of an observation of the video."""
     overview = seen.summary()
     overview["video"].pop("path")
     warned = f"; {len(seen.warnings)} warnings" if seen.warnings else ""

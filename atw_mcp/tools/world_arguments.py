@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from atw_mcp.building import Given
-from polyworld.world import Appearance, BodyShape, Effect, MotionPlane, StaticObject, Wall
+from atw_mcp.building import Given, hull_vertices
+from polyworld.world import (
+    Appearance,
+    BodyShape,
+    ConvexMesh,
+    Effect,
+    MotionPlane,
+    StaticObject,
+    TriangleMesh,
+    Wall,
+)
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -17,6 +29,7 @@ Patience = Annotated[
     float,
     Field(ge=0, le=3600, description="seconds to wait for the result before it is returned as still running"),
 ]
+Meshes = Callable[[str], tuple[NDArray[np.float64], NDArray[np.int64]]]
 _BODY_SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
 
@@ -27,9 +40,10 @@ class Argument(BaseModel):
 
 
 class ShapeArgument(Argument):
-    """A solid shape. sphere: radius; box: half_extents; cylinder and capsule (upright): radius, half_height."""
+    """A solid shape. sphere: radius; box: half_extents; cylinder and capsule (upright): radius, half_height;
+    convex_mesh: vertices; mesh: the id of an imported mesh, of which a moving object takes the convex hull."""
 
-    kind: Literal["sphere", "box", "cylinder", "capsule", "convex_mesh"]
+    kind: Literal["sphere", "box", "cylinder", "capsule", "convex_mesh", "mesh"]
     radius: Length | None = Field(default=None, description="[m]")
     half_height: Length | None = Field(default=None, description="half the length along z [m]")
     half_extents: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = Field(
@@ -39,9 +53,25 @@ class ShapeArgument(Argument):
         default=None, description="points whose convex hull is the shape [m]"
     )
 
-    def to_shape(self) -> Any:
-        """The engine's shape; raises pydantic's ValidationError naming what is missing."""
+    mesh: str | None = Field(default=None, max_length=64, description="id, as ImportObservation returned it")
+
+    def to_shape(self, meshes: Meshes) -> Any:
+        """The engine's shape; raises ValueError naming what is missing. meshes: vertices and faces by id."""
+        if self.kind == "mesh":
+            return ConvexMesh(vertices=hull_vertices(self._mesh(meshes)[0]))
         return _BODY_SHAPE.validate_python(self.model_dump(exclude_none=True))
+
+    def to_static_shape(self, meshes: Meshes) -> Any:
+        """The same for something that does not move, which may be any triangle mesh."""
+        if self.kind != "mesh":
+            return self.to_shape(meshes)
+        vertices, faces = self._mesh(meshes)
+        return TriangleMesh.model_validate({"vertices": vertices.tolist(), "faces": faces.tolist()})
+
+    def _mesh(self, meshes: Meshes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        if self.mesh is None:
+            raise ValueError("a shape of kind mesh needs mesh: the id of an imported mesh")
+        return meshes(self.mesh)
 
 
 class ObjectArgument(Argument):
@@ -59,10 +89,10 @@ class ObjectArgument(Argument):
     color: str | None = Field(default=None, max_length=32)
     material: str | None = Field(default=None, max_length=32)
 
-    def to_given(self) -> Given:
+    def to_given(self, meshes: Meshes) -> Given:
         """The same for the builder."""
         fields = self.model_dump(exclude={"name", "shape"})
-        return Given(shape=None if self.shape is None else self.shape.to_shape(), **fields)
+        return Given(shape=None if self.shape is None else self.shape.to_shape(meshes), **fields)
 
 
 class WallArgument(Argument):
@@ -104,12 +134,12 @@ class ObstacleArgument(Argument):
     friction: float | None = Field(default=None, ge=0, le=10)
     restitution: float | None = Field(default=None, ge=0, le=1)
 
-    def to_static(self) -> StaticObject:
+    def to_static(self, meshes: Meshes) -> StaticObject:
         """The engine's static object."""
         values: dict[str, Any] = {} if self.orientation is None else {"orientation": tuple(self.orientation)}
         return StaticObject(
             name=self.name,
-            shape=self.shape.to_shape(),
+            shape=self.shape.to_static_shape(meshes),
             appearance=Appearance(color=self.color),
             position=(self.position[0], self.position[1], self.position[2]),
             friction=self.friction,

@@ -28,7 +28,7 @@ def write_tracks(path: Path, *, speed: float = 1.0, friction: float = 0.2, step:
     """A CSV of one ball at rest and one puck that slides to rest under Coulomb friction: x = v t - mu g t^2 / 2."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["frame", "time", "name", "x", "y", "z"])
+        writer.writerow(["frame", "t", "object", "x", "y", "z"])
         for frame in range(count):
             t = min(frame * step, speed / (friction * 9.81))
             writer.writerow([frame, frame * step, "puck", speed * t - 0.5 * friction * 9.81 * t * t, 0.0, 0.05])

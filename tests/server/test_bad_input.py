@@ -198,7 +198,7 @@ def test_a_world_that_is_no_world_is_refused(sliding: tuple[Session, str, str]) 
 def test_unknown_worlds_and_a_second_commit_are_refused(sliding: tuple[Session, str, str]) -> None:
     session, case, world = sliding
     assert world in session.refused("CommitWorld", case=case, world="world-0123456789abcdef")
-    assert "CommitWorld" in session.refused("Rollout", case=case, horizon=1.0)
+    assert "CommitWorld" in session.refused("Rollout", case=case, horizon_seconds=1.0)
     session("CommitWorld", case=case, world=world)
     assert world in session.refused("CommitWorld", case=case, world=world)
     for tool in ("BuildWorld", "FitWorld", "ObserveObjects", "CalibrateCamera"):
@@ -208,8 +208,8 @@ def test_unknown_worlds_and_a_second_commit_are_refused(sliding: tuple[Session, 
 def test_a_horizon_too_long_is_refused(sliding: tuple[Session, str, str]) -> None:
     session, case, world = sliding
     session("CommitWorld", case=case, world=world)
-    assert "horizon" in session.refused("Rollout", case=case, horizon=1e9)
-    assert "horizon" in session.refused("Rollout", case=case, horizon=-1.0)
+    assert "horizon" in session.refused("Rollout", case=case, horizon_seconds=1e5)
+    assert "horizon" in session.refused("Rollout", case=case, horizon_seconds=-1.0)
 
 
 def test_finishing_needs_evidence_of_this_case(sliding: tuple[Session, str, str], tmp_path: Path) -> None:
