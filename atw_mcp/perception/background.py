@@ -148,8 +148,8 @@ def _monomials(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.flo
 def _still_objects(difference: Array32, residual: Array32, texture: float) -> Mask:
     """Compact regions of the median that stand out of the surface and have a sharp edge somewhere."""
     threshold = max(MIN_CONTRAST, 5 * texture)
-    high = (residual > threshold).astype(np.uint8)
-    high = cv2.morphologyEx(high, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    standing_out = (residual > threshold).astype(np.uint8)
+    high = cv2.morphologyEx(standing_out, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(high, connectivity=8)
     height, width = residual.shape
     keep = np.zeros((height, width), dtype=bool)

@@ -256,6 +256,7 @@ def _direct_linear(
     """K, R, t of points in space; focal length from the best of a range when it is not known."""
     cx, cy = width / 2, height / 2
     best: tuple[float, tuple[Floats, Floats, Floats]] | None = None
+    shift: Floats
     focals = [None] if known is not None else list(np.geomspace(0.4 * width, 12 * width, 24))
     for focal in focals:
         matrix = known if focal is None else np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
@@ -265,13 +266,14 @@ def _direct_linear(
         if not solved:
             continue
         rotation = Rotation.from_rotvec(np.asarray(rotation_vector).ravel()).as_matrix()
-        moved = points @ rotation.T + np.asarray(translation).ravel()
+        shift = np.asarray(translation, dtype=float).ravel()
+        moved = points @ rotation.T + shift
         if np.any(moved[:, 2] <= 0):
             continue
         projected = moved @ matrix.T
         error = float(np.hypot(*(projected[:, :2] / projected[:, 2:] - image).T).mean())
         if best is None or error < best[0]:
-            best = (error, (matrix, rotation, np.asarray(translation).ravel()))
+            best = (error, (np.asarray(matrix), np.asarray(rotation), shift))
     if best is None:
         raise CalibrationError(
             "no camera sees these points in front of it at these pixels: check the pairs and that v grows downwards"

@@ -279,7 +279,7 @@ def grab_cut(image: Frames, guess: NDArray[np.uint8], iterations: int = 4) -> Ma
     cv2.grabCut(
         np.ascontiguousarray(image),
         label,
-        None,
+        (0, 0, 1, 1),  # not used with an initial mask
         np.zeros((1, 65)),
         np.zeros((1, 65)),
         iterations,
@@ -297,7 +297,8 @@ def _parts_wanted(mask: Mask, correction: Outline) -> Mask:
     wanted = {int(labels[round(y), round(x)]) for x, y in correction.positive} - {0}
     if not wanted:
         wanted = {1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))}
-    return np.isin(labels, sorted(wanted))
+    kept: Mask = np.isin(labels, sorted(wanted))
+    return kept
 
 
 def _window(guess: NDArray[np.uint8], height: int, width: int) -> tuple[slice, slice]:

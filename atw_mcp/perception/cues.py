@@ -38,7 +38,7 @@ def colour_cue(samples: list[tuple[Frames, Mask]], white: float) -> Cue:
     measured = {"r": float(r), "g": float(g), "b": float(b), "hue": degrees, "saturation": saturation, "level": level}
     spread = max(r, g, b) - min(r, g, b)
     if saturation < 0.16 or spread < 12:
-        name = "black" if level < 0.22 else "white" if level > 1.15 else "gray"
+        name = "black" if level < 0.22 or max(r, g, b) < 45 else "white" if level > 1.15 else "gray"
         margin = min(abs(saturation - 0.16) / 0.1, 1.0)
         return Cue(name, 0.5 + 0.5 * margin, measured)
     edges = [edge for edge, _ in HUES]
@@ -62,7 +62,7 @@ def material_cue(samples: list[tuple[Frames, Mask]]) -> Cue:
         values = luminance[mask]
         if len(values) < 30:
             continue
-        middle = max(float(np.median(values)), 4.0)
+        middle = max(float(np.median(values)), 40.0)  # below, noise would look like texture
         highlights.append(float(np.percentile(values, 99.5)) / middle)
         p10, p90 = np.percentile(values, [8, 92])
         contrasts.append(float(p90 - p10) / middle)
@@ -77,7 +77,7 @@ def material_cue(samples: list[tuple[Frames, Mask]]) -> Cue:
     }
     # Logistic scores about the levels where diffuse shading under soft light ends.
     score = (
-        50.0 * (measured["texture"] - 0.075) + 2.0 * (measured["highlight"] - 1.3) + 8.0 * (measured["contrast"] - 0.28)
+        80.0 * (measured["texture"] - 0.074) + 2.0 * (measured["highlight"] - 1.3) + 3.0 * (measured["contrast"] - 0.28)
     )
     metal = 1 / (1 + np.exp(-score))
     return Cue("metal" if metal > 0.5 else "rubber", float(max(metal, 1 - metal)), measured)

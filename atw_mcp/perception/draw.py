@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -80,7 +81,7 @@ def overlay_labels(
     return np.asarray(picture, dtype=np.uint8)
 
 
-def _write_captions(picture: Frames, captions: list[tuple[str, int, int, int, tuple[int, int, int]]]) -> None:
+def _write_captions(picture: NDArray[Any], captions: list[tuple[str, int, int, int, tuple[int, int, int]]]) -> None:
     """Names above their objects, moved down the picture where they would cover each other."""
     height, width = picture.shape[:2]
     taken: list[tuple[int, int, int, int]] = []

@@ -164,7 +164,8 @@ def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float
         if np.any(np.diff(moments) <= 0):
             at = int(np.argmax(np.diff(moments) <= 0))
             raise ImportDataError(
-                f"{file.name}: object {name!r}: {key} does not increase after {moments[at]:g} (next is {moments[at + 1]:g})"
+                f"{file.name}: object {name!r}: {key} does not increase after {moments[at]:g} "
+                f"(next is {moments[at + 1]:g})"
             )
     moments_all = np.unique([r[key] for records in by_object.values() for r in records])
     frames, step = _time_base(file, columns, by_object, moments_all, seconds_per_frame)

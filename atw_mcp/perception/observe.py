@@ -116,13 +116,14 @@ def assemble(
 ) -> ImageObservation:
     """The observation that a finished sweep amounts to."""
     white = float(np.percentile(background.image @ np.array([0.114, 0.587, 0.299], dtype=np.float32), 80))
-    found = []
+    found: list[ObservedObject] = []
     for number in sorted(sweep.tracks):
         masks = [sweep.labels[t] == number for t in range(len(frames))]
         if sum(bool(m.any()) for m in masks) < min(MIN_LIFE, len(frames)):
             continue
-        found.append(_object(number, masks, frames, foregrounds, sweep, white))
-    found = [o for o in found if o is not None]
+        observed = _object(number, masks, frames, foregrounds, sweep, white)
+        if observed is not None:
+            found.append(observed)
     named = names_for([(o.colour, o.material, o.shape) for o in found])
     objects = tuple(replace(o, name=n) for o, n in zip(found, named, strict=True))
     return ImageObservation(info, tuple(range(0, stride * len(frames), stride)), objects)

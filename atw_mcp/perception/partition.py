@@ -96,7 +96,8 @@ def partition(
     prior = np.zeros_like(smooth)
     for k, member in enumerate(members):
         others = np.max(np.delete(colour, k, axis=0), axis=0) if len(members) > 1 else np.full(region.shape, -3.9)
-        evidence = np.where(region, np.clip(colour[k] - others, -2.5, 2.5) + 0.3, -2.0)
+        # Where another object is seen this one may be behind it; where the background is seen it cannot be.
+        evidence = np.where(region, np.clip(colour[k] - others, -0.4, 2.5) + 0.2, -2.5)
         where = tuple(_place(t, evidence, left, top, member.search, image_size) for t, _ in member.templates)
         placed.append(where)
         weights = np.array([w for _, w in member.templates])
@@ -126,7 +127,7 @@ def _place(
         return template
     h, w = template.mask.shape
     x, y = round(template.left) - left - search, round(template.top) - top - search
-    window = np.full((h + 2 * search, w + 2 * search), -2.0, dtype=np.float32)
+    window = np.full((h + 2 * search, w + 2 * search), -2.5, dtype=np.float32)
     # What lies outside the image is unknown: neither for nor against.
     columns = np.arange(window.shape[1]) + x + left
     rows = np.arange(window.shape[0]) + y + top

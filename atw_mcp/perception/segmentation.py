@@ -9,6 +9,7 @@ are unbiased to a fraction of a pixel and stop at the edge of their own contact 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -81,7 +82,12 @@ def _evidence(image: Array32, lit: Array32) -> tuple[Array32, Array32, Array32]:
     for channel in (1, 2):
         np.maximum(tint, np.abs(image[..., channel] - lit[..., channel] * shade), out=tint)
     # Chroma is stored at half resolution and is noisy: judge it over a small neighbourhood.
-    return cv2.blur(tint, (3, 3)), cv2.blur(shade, (3, 3)), np.abs(luminance - expected)
+    contrast = np.abs(np.subtract(luminance, expected, dtype=np.float32))
+    return _blurred(tint), _blurred(shade), contrast
+
+
+def _blurred(image: Array32) -> Array32:
+    return np.asarray(cv2.blur(image, (3, 3)), dtype=np.float32)
 
 
 def _clean(strong: Mask, min_area: int) -> Mask:
@@ -200,11 +206,12 @@ def _half_covered_window(image: Array32, seeds: Mask, weak: Mask) -> Mask:
     )
 
 
-def _nearby_mean(image: Array32, where: NDArray[np.uint8], width: int) -> tuple[Array32, Mask]:
+def _nearby_mean(image: Array32, where: NDArray[Any], width: int) -> tuple[Array32, Mask]:
     """Mean of image over the chosen pixels in a window around each pixel, and where there are any."""
     weight = where.astype(np.float32)
     total = cv2.boxFilter(weight, -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT)
     summed = cv2.boxFilter(
         image * weight[..., None], -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT
     )
-    return summed / np.maximum(total, 1.0)[..., None], total > 0.5
+    mean: Array32 = (summed / np.maximum(total, 1.0)[..., None]).astype(np.float32)
+    return mean, total > 0.5

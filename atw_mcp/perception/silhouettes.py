@@ -116,7 +116,8 @@ class Stage:
         height = lift if self.plane.supports else 0.0
         origin = np.asarray(self.plane.point) + height * self.axes[2]
         hits = self.camera.onto_plane(pixels, origin, self.axes[2]) - np.asarray(self.plane.point)
-        return hits @ self.axes[:2].T
+        flat: Floats = hits @ self.axes[:2].T
+        return flat
 
 
 def lift_of(size: Floats) -> float:

@@ -164,9 +164,9 @@ class Sweeper:
             if track.number in owned:
                 # Pieces of an object that something in front of it, or a gap in the mask, cuts off.
                 inside = np.array([j for j in inside if not claims[j]], dtype=int)
-            for j in inside:
-                if track.number not in claims[j]:
-                    claims[j].append(track.number)
+            for index in inside:
+                if track.number not in claims[int(index)]:
+                    claims[int(index)].append(track.number)
         return claims
 
     def _foreign_part(self, number: int, region: Mask, bins: Bins, expected: dict[int, Template]) -> bool:
@@ -202,12 +202,26 @@ class Sweeper:
         tracks = [self.result.tracks[n] for n in numbers]
         outlines = [expected[n] for n in numbers]
         known = all(k.whole_frames >= 4 for k in tracks) and not touches_border(region)
-        foreign = self._foreign(region, bins, tracks, outlines) if known else None
-        if foreign is not None and len(self.result.tracks) < self.max_objects:
-            number = self._create(t, foreign, bins)
-            self.result.split_from[number] = (t, numbers[0])
-            tracks.append(self.result.tracks[number])
-            outlines.append(self.result.tracks[number].template)
+        # What a hidden object's own colour explains is foreign all the same where the object is not expected.
+        in_view = [k for k in tracks if not k.hidden] or tracks
+        foreign = self._foreign(region, bins, in_view, outlines) if known else None
+        if foreign is not None:
+            lost = self._lost_like(t, foreign, bins)
+            if lost is not None:
+                # It comes out from behind what is in front of it: expected where its first pixels are.
+                track = self.result.tracks[lost]
+                x, y = template_of(foreign).centre - track.template.centre
+                if track in tracks:
+                    outlines[tracks.index(track)] = track.template.moved(float(x), float(y))
+                else:
+                    track.gone = False
+                    tracks.append(track)
+                    outlines.append(track.template.moved(float(x), float(y)))
+            elif len(self.result.tracks) < self.max_objects:
+                number = self._create(t, foreign, bins)
+                self.result.split_from[number] = (t, numbers[0])
+                tracks.append(self.result.tracks[number])
+                outlines.append(self.result.tracks[number].template)
         shares = self._partition(t, region, bins, tracks, outlines)
         seen: set[int] = set()
         for track, share in zip(tracks, shares, strict=True):
@@ -281,27 +295,11 @@ class Sweeper:
 
     def _newcomer(self, t: int, region: Mask, bins: Bins) -> int | None:
         """The number of the object that an unclaimed region is: a lost one found again, or a new one."""
-        colours = histogram(bins[region])
-        template = template_of(region)
-        border = touches_border(region)
-        best, best_cost = None, 1.0
-        for track in self.result.tracks.values():
-            if track.last_seen >= t - 1 or (self.result.labels[t] == track.number).any():
-                continue
-            alike = similarity(colours, track.colours)
-            distance = float(np.hypot(*(template.centre - track.template.centre)))
-            speed = float(np.hypot(*track.velocity))
-            gap = t - track.last_seen
-            reach = 25 + 1.5 * np.sqrt(track.template.area) + min(speed * gap, 0.35 * max(self.size))
-            size = abs(float(np.log(template.area / max(track.template.area, 1))))
-            if alike < 0.55 or distance > reach or (size > 1.2 and not border):
-                continue
-            cost = (1 - alike) + 0.5 * distance / reach + 0.2 * size
-            if cost < best_cost:
-                best, best_cost = track.number, cost
+        best = self._lost_like(t, region, bins)
         if best is not None:
             self.result.tracks[best].gone = False
             return best
+        border = touches_border(region)
         if len(self.result.tracks) >= self.max_objects:
             self.dropped += 1
             return None
@@ -314,6 +312,30 @@ class Sweeper:
             if (before & region).sum() > 0.3 * region.sum():
                 self.result.split_from[number] = (t, other.number)
         return number
+
+    def _lost_like(self, t: int, region: Mask, bins: Bins) -> int | None:
+        """The object not seen now that a region is most likely to be, by colour, size and way gone."""
+        colours = histogram(bins[region])
+        template = template_of(region)
+        border = touches_border(region)
+        best, best_cost = None, 1.0
+        for track in self.result.tracks.values():
+            if track.last_seen >= t - 1 or (self.result.labels[t] == track.number).any():
+                continue
+            alike = similarity(colours, track.colours)
+            distance = float(np.hypot(*(template.centre - track.template.centre)))
+            speed = float(np.hypot(*track.velocity))
+            gap = t - track.last_seen
+            reach = 25 + 1.5 * np.sqrt(track.template.area) + min(speed * gap, 0.35 * max(self.size))
+            size = float(np.log(template.area / max(track.template.area, 1)))
+            if size < 0 and (border or track.hidden):
+                size *= 0.2  # coming out bit by bit
+            if alike < 0.5 or distance > reach or abs(size) > 1.2:
+                continue
+            cost = (1 - alike) + 0.5 * distance / reach + 0.2 * abs(size)
+            if cost < best_cost:
+                best, best_cost = track.number, cost
+        return best
 
     def _lose(self, t: int, track: Track, expected: Template) -> None:
         """An object without pixels: hidden behind another, gone over the border, or lost."""

@@ -206,7 +206,8 @@ def _size_rows(observation: ImageObservation, number: int) -> NDArray[np.int64]:
     along = moved + np.linspace(0, 1.0, len(rows))
     targets = np.linspace(along[0], along[-1], SIZE_FRAMES)
     picks = np.unique(np.abs(along[None, :] - targets[:, None]).argmin(axis=1))
-    return rows[picks]
+    chosen: NDArray[np.int64] = rows[picks]
+    return chosen
 
 
 def _depths(observation: ImageObservation, stage: Stage, solids: Mapping[str, Solid]) -> Floats:
