@@ -52,8 +52,8 @@ class Canvas:
             large = _bytes(cv2.resize(large, size, interpolation=cv2.INTER_NEAREST))
         found, _ = cv2.findContours(large, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         if style == "solid":
-            cv2.drawContours(self.image, found, -1, DARK, 4, cv2.LINE_AA)
-            cv2.drawContours(self.image, found, -1, color, 2, cv2.LINE_AA)
+            cv2.drawContours(self.image, found, -1, DARK, 3, cv2.LINE_AA)
+            cv2.drawContours(self.image, found, -1, color, 1, cv2.LINE_8)
             return
         for contour in found:
             points = contour[:, 0]

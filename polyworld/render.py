@@ -38,9 +38,9 @@ STATIC_COLOR = "silver"
 class Picture:
     """What a camera sees.
 
-    labels (H, W): index of the object, n + index of the static, or -1 where the ray meets nothing, n being
-    the number of objects; depth (H, W): distance along the camera's axis [m], inf where nothing; color
-    (H, W, 3): shaded red, green, blue in 0..255.
+    labels (H, W), of n objects: index of the object, n + index of the static, n + number of statics for the
+    plane on which a planar world slides, or -1 where the ray meets nothing; depth (H, W): distance along the
+    camera's axis [m], inf where nothing; color (H, W, 3): shaded red, green, blue in 0..255.
     """
 
     labels: NDArray[np.int32]
@@ -157,6 +157,10 @@ def _place(world: World, positions: Array, orientations: Array) -> _Placed:
         rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
         color = display_color(static.appearance.color or STATIC_COLOR, 0)
         _add(placed, static.shape, np.asarray(static.position), rotation, color)
+    plane = world.environment.motion_plane
+    if world.planar and plane.supports and float(np.dot(world.environment.gravity, plane.normal)) < 0.0:
+        surface = Plane(normal=plane.normal, offset=0.0)
+        _add(placed, surface, np.asarray(plane.point), np.eye(3), display_color(STATIC_COLOR, 0))
     return placed
 
 

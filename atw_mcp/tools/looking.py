@@ -266,7 +266,9 @@ class _View:
             observed = self.observation if self.observation and frame in self.observation.frames else None
             if observed is not None and real:
                 _draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
-            about = [self._draw_object(canvas, picture, name, sample, frame, observed) for name in names]
+            about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
+            for name in names:  # on top of every outline
+                canvas.name(name, picture.mask(trajectory.index(name)), SIMULATED)
             time = frame * self.frame_time
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
             drawn[f"frame {frame}"] = canvas.image
@@ -274,7 +276,14 @@ class _View:
         return drawn, rows
 
     def _draw_object(
-        self, canvas: Canvas, picture: Picture, name: str, sample: int, frame: int, observed: ImageObservation | None
+        self,
+        canvas: Canvas,
+        picture: Picture,
+        name: str,
+        sample: int,
+        frame: int,
+        observed: ImageObservation | None,
+        real: bool,
     ) -> dict[str, Any]:
         trajectory = self.result.trajectory
         column = trajectory.index(name)
@@ -284,8 +293,8 @@ class _View:
         mask = picture.mask(column)
         began = int(np.argmax(trajectory.active[:, column]))
         canvas.path(self.camera.project(trajectory.positions[began : sample + 1, column]), SIMULATED)
-        canvas.outline(mask, SIMULATED)
-        canvas.name(name, mask, SIMULATED)
+        if real:  # in a picture of the simulated world itself an outline would say nothing
+            canvas.outline(mask, SIMULATED)
         about["visible_pixels"] = int(mask.sum())
         place = trajectory.positions[sample, column]
         about["position"] = place.tolist()
@@ -349,13 +358,14 @@ def _draw_observed(
             mask = observation.mask(name, frame)
             if label:
                 canvas.outline(mask, OBSERVED)
-                canvas.name(name, mask, OBSERVED)
             else:
                 canvas.outline(mask, OBSERVED, "dotted")
             about["centroid"] = np.round(seen.centroid[row], 1).tolist()
             about["area"] = int(seen.area[row])
             about["confidence"] = round(float(seen.confidence[row]), 3)
         told.append(about)
+    for name in names if label else ():  # on top of every outline
+        canvas.name(name, observation.mask(name, frame), OBSERVED)
     return told
 
 

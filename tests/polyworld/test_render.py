@@ -186,6 +186,21 @@ def test_labels_of_statics_follow_those_of_objects() -> None:
     assert set(np.unique(picture.labels)) == {0, 1, 2}
 
 
+def test_planar_world_is_drawn_on_the_plane_it_slides_on() -> None:
+    body = RigidObject(name="disc", representation="rigid_planar", shape=Sphere(radius=0.2), position=(0, 0, 0.7))
+    plane = MotionPlane(point=(0.0, 0.0, 0.5))
+    world = World(objects=(body,), environment=World().environment.model_copy(update={"motion_plane": plane}))
+    picture = render(world, np.array([[0.0, 0.0, 0.7]]), np.array([[1.0, 0, 0, 0]]), CAMERA)
+    points = CAMERA.onto_plane(pixel_grid(CAMERA), np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 1.0]))
+    depth = CAMERA.to_camera(points)[..., 2]
+    floor = picture.labels == 1
+    assert floor.mean() > 0.3
+    assert np.allclose(picture.depth[floor], depth[floor], rtol=1e-3)
+    hanging = plane.model_copy(update={"supports": False})
+    free = World(objects=(body,), environment=World().environment.model_copy(update={"motion_plane": hanging}))
+    assert not render(free, np.array([[0.0, 0.0, 0.7]]), np.array([[1.0, 0, 0, 0]]), CAMERA).mask(1).any()
+
+
 def test_object_without_a_position_is_not_drawn() -> None:
     positions = np.array([[np.nan, 0.0, 0.2], [1.0, 0.0, 0.4]])
     picture = render(two_balls(), positions, np.tile([1.0, 0, 0, 0], (2, 1)), CAMERA)
