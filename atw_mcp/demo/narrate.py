@@ -1,0 +1,144 @@
+"""`atw-mcp demo`: run the demo script over MCP, say what happens, and check every result against the ground truth."""
+
+from __future__ import annotations
+
+import textwrap
+import time
+from pathlib import Path
+from typing import TextIO
+
+import cv2
+import numpy as np
+
+from atw_mcp.client import Reply, Session
+from atw_mcp.demo.truth import FOLDER, Collision, TrueRun, rms_distance, true_runs
+from atw_mcp.perception.draw import contact_sheet
+from atw_mcp.script import Step, read_script, run_script
+
+WIDTH = 100  # characters of a line
+
+
+class Narrator:
+    """Prints what is about to be done, and what came of it."""
+
+    def __init__(self, out: TextIO) -> None:
+        self.out = out
+        self._number = 0
+        self._began = 0.0
+
+    def begin(self, step: Step, said: str | None) -> None:
+        """Say what a step is for."""
+        if said:
+            self._number += 1
+            self.say("")
+            self.say(f"{self._number}. {' '.join(said.split())}", indent="   ")
+        self._began = time.perf_counter()
+
+    def end(self, step: Step, reply: Reply) -> None:
+        """Say what a step found."""
+        took = time.perf_counter() - self._began
+        found = textwrap.shorten(reply.body["summary"], 300, placeholder=" ...")
+        self.say(f"   {step.tool}: {found} [{reply.body['evidence']}, {took:.1f} s]", indent="     ")
+
+    def say(self, text: str, indent: str = "") -> None:
+        """Print a paragraph."""
+        print("\n".join(textwrap.wrap(text, WIDTH, subsequent_indent=indent)), file=self.out, flush=True)
+
+
+async def demo(session: Session, folder: Path, out: TextIO) -> None:
+    """Run the demo; pictures are written to `folder`."""
+    began = time.perf_counter()
+    narrator = Narrator(out)
+    narrator.say(
+        "Asking the world: a video in, an answered what-if question out. Every line below is a tool call to an"
+    )
+    narrator.say("MCP server, such as an LLM agent would make; ev-... is the evidence it leaves.")
+    results: dict[str, Reply] = {}
+    steps = read_script(FOLDER / "collision.atw")
+    async for step, reply in run_script(steps, session, {"folder": str(FOLDER)}, narrator.begin):
+        narrator.end(step, reply)
+        results[step.name or step.tool] = reply
+    await _check(session, results, narrator)
+    narrator.say("")
+    for name, what in (("overlay", "the world over the video"), ("what_if", "without the blue cube")):
+        narrator.say(f"Picture of {what}: {_write_sheet(results[name], folder / f'{name}.png')}")
+    narrator.say(f"Done in {time.perf_counter() - began:.1f} s.")
+
+
+async def _check(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:
+    filmed, what_if = true_runs()
+    narrator.say("")
+    narrator.say("Checked against the simulator that made the clip, which none of the above has seen:")
+    case = results["open"].body["case"]
+    tracked = {name: await _tracked_error(session, case, name, filmed) for name in filmed.positions}
+    fitted = await _rollout_errors(session, results["filmed"], filmed)
+    predicted = await _rollout_errors(session, results["without"], what_if)
+    header = f"   {'distance to the truth [mm rms]':32}{'seen in video':>15}{'fitted world':>15}{'blue removed':>15}"
+    print(header, file=narrator.out)
+    for name in filmed.positions:
+        cells = [tracked[name], fitted[name], predicted.get(name)]
+        row = "".join(f"{'-' if cell is None else f'{1000 * cell:.1f}':>15}" for cell in cells)
+        print(f"   {name:32}{row}", file=narrator.out)
+    moved = rms_distance(
+        list(range(len(what_if.positions["red_cylinder"]))),
+        what_if.positions["red_cylinder"].tolist(),
+        filmed.positions["red_cylinder"],
+    )
+    narrator.say(f"   (Taking the removal for no change at all would put red_cylinder {1000 * moved:.0f} mm off.)")
+    for label, reply, truth in (
+        ("As filmed", results["filmed"], filmed),
+        ("Without the blue cube", results["without"], what_if),
+    ):
+        found = [
+            Collision(frozenset(row["objects"]), row["time"])
+            for row in reply.body["data"]["timeline"]
+            if row["what"] == "collision"
+        ]
+        narrator.say(f"   {label}, collisions found: {_told(found)}", indent="     ")
+        narrator.say(f"   {' ' * len(label)}       in truth: {_told(truth.collisions)}", indent="     ")
+    touch = frozenset({"red_cylinder", "yellow_cylinder"})
+    for name, truth in (("answer_filmed", filmed), ("answer_what_if", what_if)):
+        data = results[name].body["data"]
+        true_answer = "true" if any(c.pair == touch for c in truth.collisions) else "false"
+        verdict = "right" if data["answer"] == true_answer else "WRONG"
+        ids = ", ".join(item["evidence"] for item in data["evidence"])
+        narrator.say(f"   {data['question']} {data['answer']} - {verdict}, on {ids}", indent="     ")
+
+
+async def _tracked_error(session: Session, case: str, name: str, truth: TrueRun) -> float:
+    reply = await session.call("InspectObservedMotion", {"case": case, "object": name, "limit": 500})
+    data = reply.body["data"]
+    frame, x = data["columns"].index("frame"), data["columns"].index("x")
+    rows = [row for row in data["rows"] if row[x] is not None]
+    return rms_distance([row[frame] for row in rows], [row[x : x + 3] for row in rows], truth.positions[name])
+
+
+async def _rollout_errors(session: Session, rollout: Reply, truth: TrueRun) -> dict[str, float]:
+    errors = {}
+    for name, positions in truth.positions.items():
+        arguments = {
+            "rollout": rollout.body["data"]["rollout"],
+            "object": name,
+            "limit": 500,
+            "fields": ["frame", "x", "y", "z"],
+        }
+        data = (await session.call("ReadTrajectory", arguments)).body["data"]
+        rows = [row for row in data["rows"] if float(row[0]).is_integer()]
+        errors[name] = rms_distance([int(row[0]) for row in rows], [row[1:] for row in rows], positions)
+    return errors
+
+
+def _told(collisions: list[Collision] | tuple[Collision, ...]) -> str:
+    return "; ".join(c.told() for c in collisions) or "none"
+
+
+def _write_sheet(reply: Reply, path: Path) -> Path:
+    """The pictures of a reply on one sheet, as a PNG file; returns its absolute path."""
+    images = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for _, content in reply.pictures]
+    sheet = contact_sheet([np.asarray(image, dtype=np.uint8) for image in images if image is not None], columns=2)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    done, file = cv2.imencode(".png", sheet)
+    if not done:
+        raise ValueError(f"the pictures could not be encoded for {path}")
+    path.write_bytes(file.tobytes())
+    return path.absolute()
