@@ -10,6 +10,7 @@ from polyworld import geometry
 from polyworld.effects import CATALOGUE
 from polyworld.identification.contacts import possible_contacts
 from polyworld.identification.free_parameters import FitParameter
+from polyworld.identification.resistance import begun_from_slowing
 from polyworld.initial_states import InitialState, initial_states
 from polyworld.parameters import OBJECT_PARAMETERS, SECONDS_PER_FRAME, read_parameter, specification
 from polyworld.tracks import ObservedTracks
@@ -45,7 +46,8 @@ def default_parameters(
     is not given.
 
     Left out: objects without a track or which neither move nor are reached by anything; contact parameters of
-    objects that nothing reaches. Raises ValueError for unknown fields or fields in both lists.
+    objects that nothing reaches. These keep what the world has, except that a shared value is everybody's.
+    Raises ValueError for unknown fields or fields in both lists.
     """
     _check_fields(shared, each)
     axes = geometry.plane_axes(world.environment.motion_plane)
@@ -73,7 +75,10 @@ def default_parameters(
         if not concerned:
             continue
         if field in shared:
-            parameters.append(_physical(world, field, field, list(concerned), min(concerned.values()), states))
+            # The objects that the tracks say nothing about get the value too: a better guess than their default.
+            others = [o.name for o in world.objects if o.name not in concerned and _has(world, o.name, field)]
+            begin = min(concerned.values())
+            parameters.append(_physical(world, field, field, list(concerned), begin, states, others=others))
         else:
             parameters += [_physical(world, f"{n}.{field}", field, [n], t, states) for n, t in concerned.items()]
     if effects:
@@ -84,7 +89,7 @@ def default_parameters(
         parameters.append(
             FitParameter("seconds_per_frame", ("time.seconds_per_frame",), lower, upper, spf, 0.3, scale="log")
         )
-    return parameters
+    return begun_from_slowing(world, tracks, states, parameters)
 
 
 def _check_fields(shared: Sequence[str], each: Sequence[str]) -> None:
@@ -154,10 +159,17 @@ def _initial_conditions(
 
 
 def _physical(
-    world: World, name: str, field: str, objects: list[str], begin: float, states: dict[str, InitialState]
+    world: World,
+    name: str,
+    field: str,
+    objects: list[str],
+    begin: float,
+    states: dict[str, InitialState],
+    *,
+    others: Sequence[str] = (),
 ) -> FitParameter:
     spec = OBJECT_PARAMETERS[field]
-    paths = tuple(f"objects.{n}.{field}" for n in objects)
+    paths = tuple(f"objects.{n}.{field}" for n in (*objects, *others))
     lower, upper = spec.search
     value = read_parameter(world, paths[0])
     centre = float(np.clip(0.0 if value is None else value, lower, upper))
