@@ -13,7 +13,7 @@ Seconds = Annotated[
     Field(description="stretch of time [start, end] in seconds; default: all", min_length=2, max_length=2),
 ]
 FrameRange = Annotated[
-    list[int] | None,
+    list[Annotated[int, Field(ge=0)]] | None,
     Field(description="the same as [first, last] frame numbers, instead of seconds", min_length=2, max_length=2),
 ]
 
