@@ -9,14 +9,15 @@ import warp as wp
 
 from polyworld.solver.spatial.layout import Body, Row, State
 
-ITERATIONS = 60
+ITERATIONS = 200
 IMPACT_ITERATIONS = 200
 CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts as none [m/s]
 IMPACT_CONVERGED = wp.float64(1.0e-11)
 OVERLAP_SWEEPS = 3
-OVERLAP_SHARE = wp.float64(0.2)  # of an overlap, removed in a sweep
+OVERLAP_SHARE = wp.float64(0.05)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
 AIM = wp.float64(0.1)  # an impact is looked for where the gap is this fraction of what counts as touching
+NO_TARGET = wp.float64(-1.0e30)  # a normal velocity that is always reached
 ROWS = 6  # normal, two tangents, spin, two of rolling
 
 
@@ -229,11 +230,10 @@ def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> i
                 r = ROWS * (c - offset)
                 clear_impulses(state, w, r)
                 speed = velocity_along(state, w, a, b, r)
-                state.contacts[w, c].target = wp.float64(0.0)
-                if speed < -threshold:
-                    state.contacts[w, c].target = -state.manifolds[w, i].restitution * speed
+                # Moreau's form of the law, also for points that just touch: energy is kept where it is 1.
+                state.contacts[w, c].target = -state.manifolds[w, i].restitution * speed
                 if state.contacts[w, c].gap > close:
-                    state.contacts[w, c].target = wp.float64(-1.0e30)
+                    state.contacts[w, c].target = NO_TARGET
             solve_manifolds(state, w, i, i + 1, offset, IMPACT_ITERATIONS, IMPACT_CONVERGED)
             for c in range(start, start + state.manifolds[w, i].count):
                 state.manifolds[w, i].impact += state.rows[w, ROWS * (c - offset)].impulse
@@ -241,8 +241,11 @@ def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> i
 
 
 @wp.func(inline=False)
-def solve_velocities(state: State, w: int, half: int, h: wp.float64) -> None:
-    """Change the bodies' free velocities at the end of a step of length h into admissible ones."""
+def solve_velocities(state: State, w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
+    """Change the bodies' free velocities at the end of a step of length h into admissible ones.
+
+    Open contacts that close faster than the threshold are left to the impact that follows.
+    """
     base = half * state.max_manifolds
     offset = half * state.max_contacts
     last = base + state.manifold_count[w, half]
@@ -253,6 +256,8 @@ def solve_velocities(state: State, w: int, half: int, h: wp.float64) -> None:
             # The gap closes by the mean of the velocities before and after; what approaches at no gap just stops.
             needed = -wp.max(state.contacts[w, c].gap, wp.float64(0.0)) / h
             state.contacts[w, c].target = wp.min(needed, wp.float64(2.0) * needed - state.contacts[w, c].speed)
+            if state.contacts[w, c].gap > m.close and state.contacts[w, c].speed < -threshold:
+                state.contacts[w, c].target = NO_TARGET
             clear_impulses(state, w, r)
             normal = state.contacts[w, c].force_n * h
             if normal > wp.float64(0.0):

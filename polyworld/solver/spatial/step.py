@@ -23,7 +23,7 @@ from polyworld.solver.spatial.layout import (
     Schedule,
     State,
 )
-from polyworld.solver.spatial.motion import move_freely, out_of_bounds, place
+from polyworld.solver.spatial.motion import FASTEST, move_freely, out_of_bounds, place
 
 wp.set_module_options(OPTIONS)
 
@@ -157,6 +157,7 @@ def roll_out(
                 find_contacts(geometry, state, w, half)
                 build_rows(state, w, half)
                 part = left
+                rebound = threshold
                 if impacts < MAX_IMPACTS:
                     if resolve_impacts(state, w, half, threshold) > 0:
                         impacts += 1
@@ -164,8 +165,10 @@ def roll_out(
                     part = time_to_impact(state, w, half, left, threshold, gravity)
                     if part < left:
                         impacts += 1
+                else:
+                    rebound = FASTEST
                 predict(parameters, state, w, gravity, time, part)
-                solve_velocities(state, w, half, part)
+                solve_velocities(state, w, half, part, rebound)
                 separate_overlaps(state, w, half, part)
                 if log.record == 1:
                     record_contacts(log, state, w, half, time, part)
