@@ -56,7 +56,7 @@ def calibrate_from_points(
 
     Points in one plane: at least 4, no three of them in a line. Points not in one plane: at least 6, or 4 when
     the intrinsics are given. Without intrinsics, pixels are taken as square and the principal point as the
-    image centre. Raises CalibrationError for input that does not determine the camera.
+    image centre, ((width - 1) / 2, (height - 1) / 2) since the first pixel's centre is (0, 0). Raises CalibrationError for input that does not determine the camera.
     """
     points, image = _correspondences(world_points, pixels)
     width, height = _size(image_size)
@@ -109,7 +109,7 @@ def calibrate_from_homography(
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
     plane = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ np.linalg.inv(matrix).T
     # Where the third coordinate changes sign lies the horizon; the image centre is taken to see the plane.
-    reference = (np.linalg.inv(matrix) @ np.array([width / 2, height / 2, 1.0]))[2]
+    reference = (np.linalg.inv(matrix) @ np.array([(width - 1) / 2, (height - 1) / 2, 1.0]))[2]
     seen = plane[:, 2] * np.sign(reference) > 1e-3 * np.abs(plane[:, 2]).max()
     points = plane[seen, :2] / plane[seen, 2:3]
     near = np.hypot(*(points - np.median(points, axis=0)).T)
@@ -154,7 +154,7 @@ def calibrate_from_known_length(
     pixels_per_metre = distance / length
     away = 40.0 * width / pixels_per_metre
     focal = pixels_per_metre * away
-    middle = np.array([width / 2, height / 2]) / pixels_per_metre
+    middle = np.array([(width - 1) / 2, (height - 1) / 2]) / pixels_per_metre
     if view == "side":
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
         centre = np.array([middle[0], -away, middle[1]])
@@ -223,7 +223,7 @@ def _camera_of_homography(
     matrix: Floats, width: int, height: int, known: Floats | None, reference: Floats | None = None
 ) -> tuple[Floats, Floats, Floats]:
     """K, R, t of a homography K [r1 r2 t] of the plane z = 0, by the conditions on r1 and r2 (Zhang 2000)."""
-    cx, cy = width / 2, height / 2
+    cx, cy = (width - 1) / 2, (height - 1) / 2
     if known is None:
         h = np.array([[1, 0, -cx], [0, 1, -cy], [0, 0, 1.0]]) @ matrix
         # w = 1/f^2 solves two linear conditions: r1 . r2 = 0 and |r1| = |r2|; weighted least squares.
@@ -254,7 +254,7 @@ def _direct_linear(
     points: Floats, image: Floats, width: int, height: int, known: Floats | None
 ) -> tuple[Floats, Floats, Floats]:
     """K, R, t of points in space; focal length from the best of a range when it is not known."""
-    cx, cy = width / 2, height / 2
+    cx, cy = (width - 1) / 2, (height - 1) / 2
     best: tuple[float, tuple[Floats, Floats, Floats]] | None = None
     shift: Floats
     focals = [None] if known is not None else list(np.geomspace(0.4 * width, 12 * width, 24))
@@ -318,7 +318,7 @@ def _refine(
 
 
 def _camera(focal: float, rotation: Floats, translation: Floats, width: int, height: int) -> Camera:
-    k = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
+    k = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
     return _camera_of(k, rotation, translation, width, height)
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservedObject
 
-CLEAR = 0.6  # confidence from which a cue goes into a name
+CLEAR = 0.55  # confidence from which a cue goes into a name
 SYNONYMS = {
     "grey": "gray",
     "ball": "sphere",
@@ -31,14 +31,23 @@ SYNONYMS = {
 
 
 def names_for(cues: list[tuple[Cue, Cue, Cue]]) -> list[str]:
-    """A unique name for each (colour, material, shape), such as blue_rubber_sphere, from its clear cues."""
+    """A unique name for each (colour, material, shape), such as blue_sphere.
+
+    The material, the least certain of the three, comes in only where colour and shape are shared by several
+    objects and their materials differ: blue_rubber_sphere, blue_metal_sphere. What is still alike is numbered.
+    """
     plain = []
-    for colour, material, shape in cues:
-        words = [c.name for c in (colour, material, shape) if c.confidence >= CLEAR and c.name != "unknown"]
-        if shape.confidence < CLEAR or shape.name in ("other", "unknown"):
-            words = [w for w in words if w != shape.name] + ["object"]
-        plain.append("_".join(words))
-    return unique(plain)
+    for colour, _, shape in cues:
+        solid = shape.name if shape.confidence >= CLEAR and shape.name not in ("other", "unknown") else "object"
+        plain.append(f"{colour.name}_{solid}" if colour.confidence >= CLEAR else solid)
+    named = list(plain)
+    for name in set(plain):
+        alike = [k for k, n in enumerate(plain) if n == name]
+        if len({cues[k][1].name for k in alike}) > 1:
+            for k in alike:
+                words = name.split("_")
+                named[k] = "_".join([*words[:-1], cues[k][1].name, words[-1]])
+    return unique(named)
 
 
 def unique(names: list[str]) -> list[str]:

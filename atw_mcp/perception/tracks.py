@@ -24,6 +24,7 @@ Solid = Sphere | Box | Cylinder
 TURN_STARTS = 4
 SIZE_FRAMES = 14
 LEAST_POINTS = 10  # outline points below which a frame says too little
+LEAST_ANGLE = np.deg2rad(100)  # of outline about the centre: less does not fix a pose
 DEFAULT_PLANE = MotionPlane()
 
 
@@ -389,8 +390,12 @@ def _tracks(
         variance = np.einsum("fkk->fk", fit.covariance)
         spread = np.sqrt(np.maximum(variance[:, :2].mean(axis=1), 0.0))
         quality = np.exp(-((fit.rms / 2.0) ** 2)) * np.clip(evidence.share / 0.5, 0.1, 1.0)
+        around = _angle_seen(stage, fit.poses, lift_of(size), evidence)
+        # A short arc of the outline fixes the pose through its own errors of shape, all of one sign.
+        spread *= np.maximum(np.pi / np.maximum(around, 0.1), 1.0) ** 2
         quality *= 1 / (1 + (spread / (0.5 * float(size.max()))) ** 2)
-        good = np.isfinite(fit.poses).all(axis=1) & (spread < 3 * float(size.max())) & (fit.cost < 20.0)
+        good = np.isfinite(fit.poses).all(axis=1) & (spread < float(size.max())) & (fit.cost < 20.0)
+        good &= around > LEAST_ANGLE
         rows, spread, quality = rows[good], spread[good], quality[good]
         positions[rows, column] = stage.centres(fit.poses[good], lift_of(size))
         sigma[rows, column] = spread
@@ -413,6 +418,20 @@ def _tracks(
         orientation_confidence=turn_confidence,
         symmetry=tuple(symmetry),
     )
+
+
+def _angle_seen(stage: Stage, poses: Floats, lift: float, evidence: _Evidence) -> Floats:
+    """Angle (F,) about the projected centre over which outline points are seen [rad]: all round but the widest gap."""
+    centres = stage.camera.project(stage.centres(poses, lift))
+    seen = np.zeros(len(poses))
+    for i, centre in enumerate(centres):
+        points = evidence.points[i][evidence.valid[i]] - centre
+        if not np.isfinite(points).all():
+            continue
+        angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+        gaps = np.diff(np.concatenate([angles, angles[:1] + 2 * np.pi]))
+        seen[i] = 2 * np.pi - gaps.max()
+    return seen
 
 
 def _quaternions(stage: Stage, turns: Floats) -> Floats:
