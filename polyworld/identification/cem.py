@@ -27,9 +27,9 @@ class CemSettings:
     """
 
     population: int = 64
-    elites: int = 8
+    elites: int = 12
     carried: int = 4
-    smoothing: float = 0.3
+    smoothing: float = 0.4
     floor: float = 0.01
 
     def __post_init__(self) -> None:

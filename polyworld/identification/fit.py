@@ -38,7 +38,7 @@ class FitSettings:
 
     generations: int = 60
     cem: CemSettings = field(default_factory=CemSettings)
-    horizon: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
+    horizon: tuple[float, ...] = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
     final_share: float = 0.4
     reopen: float = 0.15
     restarts: int = 1

@@ -80,8 +80,8 @@ def rows(
     objective = ObjectiveSettings(position_tolerance=MODEL_TOLERANCE)
     settings = FitSettings(
         generations=budget.generations,
-        cem=CemSettings(population=budget.population, elites=max(8, budget.population // 10)),
-        horizon=tuple(np.round((np.arange(12) + 1) / 12, 4)),
+        cem=CemSettings(population=budget.population, elites=max(8, budget.population // 5)),
+        horizon=tuple(np.round((np.arange(16) + 1) / 16, 4)),
         final_share=0.35,
         objective=objective,
         holdout_from=holdout_from,

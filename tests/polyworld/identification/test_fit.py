@@ -256,7 +256,7 @@ def test_equal_seeds_give_equal_worlds_and_results_are_json() -> None:
 def test_the_search_starts_short_and_ends_on_the_whole_horizon() -> None:
     result = run(observe(thrown_ball(), frames=40), generations=20)
     lengths = [p.samples for p in result.history]
-    assert lengths[0] == 10
+    assert lengths[0] == 5
     assert lengths[-1] == 40
     assert lengths == sorted(lengths)
     assert lengths.count(40) == 8
