@@ -13,8 +13,9 @@ HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
 FAR = wp.float64(1.0e30)
 SLOW = wp.float64(1.0e-5)  # approach speeds below this do not bounce [m/s]
-IMPACT_ROUNDS = 100
-IMPACT_SWEEPS = 300
+QUIET = wp.float64(1.0e-8)  # approach speeds below this are left to the force solve [m/s]
+IMPACT_ROUNDS = 40
+IMPACT_SWEEPS = 100
 FORCE_SWEEPS = 300
 
 
@@ -347,19 +348,23 @@ def resolve_impacts(
 
     In each round the rows that approach are reflected together, those that do not are left alone: a row of
     balls then passes the impact on (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012,
-    ACM TOG 31, 106). Approach speeds below what gravity changes in half a step do not bounce.
+    ACM TOG 31, 106). Approach speeds below what gravity changes in half a step do not bounce: from then on the
+    row only keeps its bodies from approaching.
     """
     fastest = ZERO
+    heaviest = ZERO
     for k in range(rows):
         row = contacts.rows[w, half, k]
         row.approach = ZERO
+        row.plastic = 0
         if row.touching == 1:
             v = separation_speed(scene, bodies, w, row)
             row.approach = wp.max(ZERO, -v[0])
             fastest = wp.max(fastest, row.approach)
+            heaviest = wp.max(heaviest, wp.length(bodies.push[w, row.a]))
         contacts.rows[w, half, k] = row
-    threshold = wp.float64(1.0e-13) * (ONE + fastest)
-    if fastest <= threshold:
+    threshold = wp.float64(1.0e-12) * fastest + wp.float64(1.0e-9) * step * heaviest
+    if fastest <= QUIET:
         return
     for turn_number in range(IMPACT_ROUNDS + 1):
         approaching = wp.int32(0)
@@ -368,7 +373,7 @@ def resolve_impacts(
             row.bounce = FAR
             if row.touching == 1:
                 v = separation_speed(scene, bodies, w, row)
-                if v[0] < -threshold:
+                if v[0] < -QUIET:
                     approaching += 1
                     pushed = wp.abs(wp.dot(row.normal, wp.vec2d(bodies.push[w, row.a][0], bodies.push[w, row.a][1])))
                     if row.b < scene.bodies:
@@ -376,9 +381,12 @@ def resolve_impacts(
                             pushed,
                             wp.abs(wp.dot(row.normal, wp.vec2d(bodies.push[w, row.b][0], bodies.push[w, row.b][1]))),
                         )
-                    row.bounce = ZERO
-                    if -v[0] > HALF * step * pushed + SLOW:
+                    if -v[0] > HALF * step * pushed + SLOW and row.restitution > ZERO:
                         row.bounce = -row.restitution * v[0]
+                    else:
+                        row.plastic = 1
+                if row.plastic == 1:
+                    row.bounce = ZERO
                 if turn_number == IMPACT_ROUNDS:  # still not apart: the last round is plastic for all
                     row.bounce = ZERO
             contacts.rows[w, half, k] = row

@@ -86,6 +86,7 @@ class Row:
     impulse: wp.float64
     impulse_tangent: wp.float64
     impulse_roll: wp.float64
+    plastic: wp.int32  # whether the row has stopped bouncing in this impact
     kick: wp.float64  # normal impulse of the impact that began the interval
     round_impulse: wp.float64  # impulses of the current round of impacts
     round_tangent: wp.float64
