@@ -135,14 +135,22 @@ def _read_value(value: Any, schema: Mapping[str, Any], key: str) -> Any:
             value = Path(value[1:]).expanduser().read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ScriptError(f"{key}: cannot read the file {value[1:]!r}: {error}") from error
-    kinds = {part.get("type") for part in [schema, *schema.get("anyOf", [])]}
+    forms = [schema, *schema.get("anyOf", [])]
+    kinds = {form.get("type") for form in forms}
     if "string" in kinds and not kinds & {"object", "array", "number", "integer", "boolean"}:
         return None if value == "null" and "null" in kinds else value
+    items = next((form["items"] for form in forms if "items" in form), None)
+    if items is None or value.lstrip().startswith(("[", "{")) or value == "null":
+        return _json_or_text(value)
+    words = [word.strip() for word in value.split(",")]  # a list in short: frames=0,24 or objects=red
+    return words if items.get("type") == "string" else [_json_or_text(word) for word in words]
+
+
+def _json_or_text(text: str) -> Any:
     try:
-        return json.loads(value)
+        return json.loads(text)
     except json.JSONDecodeError:
-        looks_like_json = value.lstrip().startswith(("[", "{"))
-        return [word.strip() for word in value.split(",")] if "array" in kinds and not looks_like_json else value
+        return text
 
 
 def _looked_up(reference: str, known: Mapping[str, Any]) -> Any:

@@ -26,7 +26,7 @@ class Narrator:
         self._number = 0
         self._began = 0.0
 
-    def begin(self, step: Step, said: str | None) -> None:
+    def begin(self, _: Step, said: str | None) -> None:
         """Say what a step is for."""
         if said:
             self._number += 1

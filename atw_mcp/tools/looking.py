@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -55,7 +56,7 @@ def inspect_frames(
     with explained():
         path = video_file(found)
     seen = None if plain else latest_image_observation(app, found)
-    count = int(found.facts["frame_count"] if "frame_count" in found.facts else found.facts["frames"])
+    count = int(found.facts["frame_count"])
     chosen = _chosen_frames(frames, pictures, 0, count - 1, "the video")
     observation = None if seen is None else seen[1]
     if observation is not None and frames is None:
@@ -237,12 +238,14 @@ class _View:
         seen = latest_image_observation(app, case)
         self.observation = None if seen is None or not self.follows else seen[1]
         self.record = _tracks(app, case, world) if self.follows else None
-        self.video: NDArray[np.uint8] | None = None
+        self.video: Path | None = None
+        self.video_frames = 0
         self.camera = world.camera or default_camera(world, result.trajectory.positions)
         wanted = background == "video" or (background == "auto" and self.follows)
         if wanted and case.kind == "video" and world.camera is not None:
             with explained():
-                self.video = read_frames(video_file(case))
+                self.video = video_file(case)
+            self.video_frames = int(case.facts["frame_count"])
         elif background == "video":
             why = "the case has no video" if case.kind != "video" else "the world has no camera: CalibrateCamera first"
             raise ToolError(f"cannot draw over the video: {why}. background='rendered' always works")
@@ -251,6 +254,9 @@ class _View:
         """Pictures by name, and what the text says about each."""
         drawn, rows = {}, []
         trajectory = self.result.trajectory
+        wanted = [] if self.video is None else [frame for frame in frames if frame < self.video_frames]
+        with explained():
+            filmed = dict(zip(wanted, read_frames(self.video, wanted), strict=True)) if self.video and wanted else {}
         for frame in frames:
             sample = int(np.argmin(np.abs(trajectory.times - frame * self.frame_time)))
             picture = render(
@@ -260,9 +266,9 @@ class _View:
                 self.camera,
                 visible=trajectory.active[sample].tolist(),
             )
-            real = self.video is not None and frame < len(self.video)
-            base = self.video[frame] if real and self.video is not None else picture.color[..., ::-1]
-            canvas = Canvas.of(np.ascontiguousarray(base, dtype=np.uint8))
+            real = frame in filmed
+            base = filmed[frame] if real else np.ascontiguousarray(picture.color[..., ::-1])
+            canvas = Canvas.of(np.asarray(base, dtype=np.uint8))
             observed = self.observation if self.observation and frame in self.observation.frames else None
             if observed is not None and real:
                 _draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)

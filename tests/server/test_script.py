@@ -18,6 +18,7 @@ SCHEMAS: dict[str, Any] = {
             "maybe": {"anyOf": [{"type": "string"}, {"type": "null"}]},
             "number": {"type": "number"},
             "names": {"anyOf": [{"type": "array", "items": {"type": "string"}}, {"type": "null"}]},
+            "frames": {"anyOf": [{"type": "array", "items": {"type": "integer"}}, {"type": "null"}]},
             "edits": {"type": "array", "items": {"type": "object"}},
         }
     }
@@ -102,6 +103,20 @@ def test_strings_stay_strings_where_the_tool_wants_them() -> None:
         "names": ["a,b"],
         "other": [1],
     }
+
+
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ({"frames": "7"}, [7]),
+        ({"frames": "0,24, 40"}, [0, 24, 40]),
+        ({"frames": "[1, 2]"}, [1, 2]),
+        ({"frames": "null"}, None),
+        ({"names": "7"}, ["7"]),
+    ],
+)
+def test_lists_may_be_written_in_short(given: dict[str, str], read: Any) -> None:
+    assert list(read_arguments(given, SCHEMAS, "Echo").values()) == [read]
 
 
 def test_at_sign_reads_a_file_and_two_are_one(tmp_path: Path) -> None:
