@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import CATALOGUE, KIND_INDEX, MAX_PARAMETERS
-from polyworld.parameters import object_mass, specification, torsional_radius
+from polyworld.parameters import object_mass, parameter_paths, specification, torsional_radius
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -86,8 +86,13 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
             [[e.objects is None or o.name in e.objects for o in objects] for e in effects], dtype=np.int32
         ).reshape(len(effects), len(objects)),
     )
-    if overrides:
-        _apply(world, arrays, overrides)
+    return with_overrides(world, arrays, overrides) if overrides else arrays
+
+
+def with_overrides(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) -> RigidArrays:
+    """A copy of a world's arrays with some parameters given per world; raises as `rigid_arrays` does."""
+    arrays = replace(arrays, **{name: field.copy() for name, field in vars(arrays).items()})
+    _apply(world, arrays, overrides)
     return arrays
 
 
@@ -100,10 +105,11 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
     static_columns = {s.name: i for i, s in enumerate(world.statics)}
     effect_columns = {e.name: i for i, e in enumerate(e for e in world.effects if e.enabled)}
     effect_kinds = {e.name: e.kind for e in world.effects}
+    known = parameter_paths(world)
     turns: dict[str, Array] = {}
     for path, given in overrides.items():
         values = np.asarray(given, dtype=float)
-        spec = specification(world, path)
+        spec = known.get(path) or specification(world, path)  # the latter raises, naming the choices
         if not (np.all(np.isfinite(values)) and values.min() >= spec.lower and values.max() <= spec.upper):
             raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
         parts = path.split(".")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
-from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.arrays import RigidArrays, rigid_arrays, with_overrides
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
 from polyworld.solver.planar.scene import build_scene, time_table
@@ -64,6 +64,7 @@ class PlanarSimulator:
         self.sample_times = sample_times
         self.record_events = record_events
         self.threads = threads or len(os.sched_getaffinity(0))
+        self._arrays = rigid_arrays(world)
         self._table = time_table(world, sample_times)
         self._scene, self._all_names = build_scene(world, self._table)
         self._axes = geometry.plane_axes(world.environment.motion_plane)
@@ -83,7 +84,7 @@ class PlanarSimulator:
         count = len(self.sample_times) if samples is None else samples
         if not 1 <= count <= len(self.sample_times):
             raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
-        arrays = rigid_arrays(self.world, overrides)
+        arrays = with_overrides(self.world, self._arrays, overrides) if overrides else self._arrays
         lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
         if lengths and lengths != {self.n_worlds}:
             raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
