@@ -19,6 +19,7 @@ import numpy as np
 from tests.benchmarks.clevrer_data import available_scenes, default_folder, default_world, read_scene
 from tests.benchmarks.clevrer_events import EventScore
 from tests.benchmarks.clevrer_fit import Budget, Row, rows
+from tests.benchmarks.clevrer_video import TrackScore, observe_scene
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     budget = Budget(generations=options.generations, population=options.population)
     table: list[Row] = []
+    scores: list[TrackScore] = []
     for number in scenes:
         try:
             scene = read_scene(folder, number)
@@ -48,12 +50,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 number, "annotations", world, scene.tracks, scene.tracks, scene.collisions, budget, holdout, say
             )
             table += made
+        if scene.video is None or options.no_video:
+            continue
+        video, score = observe_scene(scene, folder, say)
+        scores.append(score)
+        world = default_world(video.tracks, video.kinds)
+        for holdout in (None, int(0.75 * len(scene.tracks.frames))):
+            made, _ = rows(number, "video", world, video.tracks, video.truth, video.collisions, budget, holdout, say)
+            table += made
     if options.json:
-        print(json.dumps({"fits": [_json(row) for row in table], "seconds": time.perf_counter() - begun}, indent=1))
+        data = {
+            "tracks": [_finite(asdict(s)) for s in scores],
+            "fits": [_json(row) for row in table],
+            "seconds": time.perf_counter() - begun,
+        }
+        print(json.dumps(data, indent=1))
     else:
+        print_tracks(scores, print)
         print_fits(table, print)
         print(f"\n{time.perf_counter() - begun:.0f} s in all")
     return 0
+
+
+def print_tracks(scores: list[TrackScore], out: Callable[[str], None]) -> None:
+    """The table of tracks from video."""
+    if not scores:
+        return
+    out(
+        f"{'scene':>7} {'median error m':>14} {'worst object m':>14} {'swaps':>5} {'objects':>7} {'found':>5} {'extra':>5} "
+        f"{'colour':>6} {'shape':>5} {'material':>8} {'coverage':>8} {'seconds':>7}"
+    )
+    for s in scores:
+        out(
+            f"{s.scene:>7} {s.median_error:14.4f} {s.worst_object:14.4f} {s.swaps:5d} {s.objects:7d} {s.found:5d} "
+            f"{s.extra:5d} {s.colours:6d} {s.shapes:5d} {s.materials:8d} {s.coverage:8.2f} {s.seconds:7.1f}"
+        )
+    out("")
 
 
 def print_fits(table: list[Row], out: Callable[[str], None]) -> None:
@@ -103,7 +135,8 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--data", type=Path, default=default_folder(), help="a CLEVRER folder (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", metavar="N", help="five-digit scene numbers (default: all there are)")
     parser.add_argument("--generations", type=int, default=160, help="generations of a search (default: %(default)s)")
-    parser.add_argument("--population", type=int, default=128, help="rollouts a generation (default: %(default)s)")
+    parser.add_argument("--population", type=int, default=192, help="rollouts a generation (default: %(default)s)")
+    parser.add_argument("--no-video", action="store_true", help="fit the annotations only")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     return parser.parse_args(arguments)
 

@@ -49,7 +49,7 @@ class Budget:
     """Rollouts of one search: generations times population."""
 
     generations: int = 160
-    population: int = 128
+    population: int = 192
 
     @property
     def rollouts(self) -> int:

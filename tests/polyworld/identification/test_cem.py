@@ -130,7 +130,7 @@ def test_random_search_fills_the_box_evenly() -> None:
     assert bowl(best[:1])[0] == losses[0]
 
 
-@pytest.mark.parametrize("wrong", [{"elites": 1}, {"elites": 65}, {"carried": 9}, {"smoothing": 1.0}, {"floor": -0.1}])
+@pytest.mark.parametrize("wrong", [{"elites": 1}, {"elites": 65}, {"carried": 13}, {"smoothing": 1.0}, {"floor": -0.1}])
 def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         CemSettings(**wrong)
