@@ -105,9 +105,13 @@ def next_impact(
     half: wp.int32,
     rows: wp.int32,
     near_count: wp.int32,
+    reach: wp.float64,
     h: wp.float64,
 ) -> wp.float64:
-    """Time of the first new contact within a step of length h whose paths are set; h if there is none."""
+    """Time of the first new contact within a step of length h whose paths are set; h if there is none.
+
+    No two points of any pair approach by more than `reach` in the step.
+    """
     time = h
     for k in range(near_count):
         gap = contacts.near_gap[w, k]
@@ -115,7 +119,9 @@ def next_impact(
             pair = contacts.near[w, k]
             a = pair[0]
             b = pair[1]
-            bound = path_bound(scene, bodies, w, a, b, h)
+            bound = reach
+            if bound >= gap - scene.touch:
+                bound = path_bound(scene, bodies, w, a, b, h)
             if bound >= gap - scene.touch:
                 gap = gap_at(scene, bodies, w, a, b, ZERO, h)
                 contacts.near_gap[w, k] = gap
@@ -148,11 +154,10 @@ def next_impact(
 
 
 @wp.func
-def lower_gaps(
-    scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, near_count: wp.int32, time: wp.float64, h: wp.float64
-) -> None:
-    """Keep the near list's gaps lower bounds after moving `time` into the step."""
-    for k in range(near_count):
-        pair = contacts.near[w, k]
-        bound = path_bound(scene, bodies, w, pair[0], pair[1], h) * (time / h)
-        contacts.near_gap[w, k] = contacts.near_gap[w, k] - bound
+def longest_path(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.float64:
+    """No point of body i moves further than this during the step whose path is set [m]."""
+    first = bodies.rate[w, i]
+    last = bodies.shift[w, i] * (wp.float64(2.0) / h) - first
+    spin = wp.max(wp.abs(first[2]), wp.abs(last[2])) * (scene.bound[i] - scene.sweep[i])
+    speed2 = wp.max(first[0] * first[0] + first[1] * first[1], last[0] * last[0] + last[1] * last[1])
+    return (wp.sqrt(speed2) + spin) * h

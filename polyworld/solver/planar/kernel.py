@@ -12,7 +12,7 @@ from polyworld.solver.planar.contact import (
     part_overlaps,
     resolve_impacts,
 )
-from polyworld.solver.planar.impact_time import lower_gaps, next_impact
+from polyworld.solver.planar.impact_time import longest_path, next_impact
 from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Samples, Scene
@@ -172,9 +172,8 @@ def rollout(
                 if dead == 1:
                     break
                 if room < TWO * fastest * h:
-                    reach = scene.skin + wp.float64(8.0) * fastest * h
-                    near_count = find_near(scene, bodies, contacts, w, segment, reach)
-                    room = reach
+                    room = scene.skin + wp.float64(8.0) * fastest * h
+                    near_count = find_near(scene, bodies, contacts, w, segment, room)
                 half = 1 - half
                 rows = find_rows(scene, bodies, contacts, samples, w, half, near_count, row_count, h / old_h)
                 row_count = rows
@@ -203,10 +202,15 @@ def rollout(
                         find_shift(bodies, w, i, h)
                 if rows > 0:
                     part_overlaps(scene, bodies, contacts, w, half, rows, PARTING * h / step)
+                reach = ZERO
+                for i in range(n):
+                    if scene.joins[i] <= segment:
+                        reach = wp.max(reach, TWO * longest_path(scene, bodies, w, i, h))
                 part = h
                 if splits < SPLITS:
-                    part = next_impact(scene, bodies, contacts, w, half, rows, near_count, h)
-                lower_gaps(scene, bodies, contacts, w, near_count, part, h)
+                    part = next_impact(scene, bodies, contacts, w, half, rows, near_count, reach, h)
+                for k in range(near_count):  # the gaps stay lower bounds
+                    contacts.near_gap[w, k] = contacts.near_gap[w, k] - reach * (part / h)
                 if log.record == 1:
                     for k in range(rows):
                         row = contacts.rows[w, half, k]

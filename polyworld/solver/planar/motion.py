@@ -94,26 +94,50 @@ def stiffness_of(bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.float64:
 
 
 @wp.func
+def asleep(bodies: Bodies, w: wp.int32, i: wp.int32) -> bool:
+    """Whether a body is at rest and what pushes it is less than the supporting plane holds."""
+    v = bodies.rate[w, i]
+    if v[0] != ZERO or v[1] != ZERO or v[2] != ZERO:
+        return False
+    a = bodies.push[w, i]
+    return a[2] == ZERO and a[0] * a[0] + a[1] * a[1] <= bodies.hold[w, i] * bodies.hold[w, i]
+
+
+@wp.func
+def pressed_speed(v: wp.vec3d, r: wp.float64) -> wp.float64:
+    """The speed that friction of a patch of radius r opposes: sqrt(v^2 + (r omega)^2)."""
+    return wp.sqrt(v[0] * v[0] + v[1] * v[1] + r * r * v[2] * v[2])
+
+
+@wp.func
 def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
     """Rate after h without contact: the direction of sliding friction is taken at the middle of the step."""
-    unheld = unheld_rate(bodies, w, i, h)
     hold = bodies.hold[w, i]
+    if hold > ZERO and asleep(bodies, w, i):
+        return wp.vec3d(ZERO, ZERO, ZERO)
+    unheld = unheld_rate(bodies, w, i, h)
     if hold <= ZERO:
         return unheld
     r = bodies.patch[w, i]
     k = stiffness_of(bodies, w, i)
     limit = hold * h * bodies.linear_decay[w, i][1]
-    after = slide(unheld, limit, r, k)
-    if after[0] == ZERO and after[1] == ZERO:
-        return after
     v = bodies.rate[w, i]
-    if (bodies.push[w, i][0] == ZERO and bodies.push[w, i][1] == ZERO) and (r == ZERO or v[2] == ZERO):
-        return after  # the direction does not change: already exact
-    middle = slide(v + bodies.push[w, i] * (HALF * h), HALF * hold * h, r, k)
-    sigma = wp.sqrt(middle[0] * middle[0] + middle[1] * middle[1] + r * r * middle[2] * middle[2])
-    if sigma <= limit:
-        return after  # about to stop
-    lost = limit / sigma
+    half_push = bodies.push[w, i] * (HALF * h)
+    sigma = pressed_speed(v, r)
+    middle = v
+    if sigma > wp.float64(4.0) * limit:  # far from stopping: an explicit half step finds the direction
+        lost = HALF * limit / sigma
+        middle = v + half_push - wp.vec3d(lost * v[0], lost * v[1], lost * k * v[2])
+    else:
+        after = slide(unheld, limit, r, k)
+        if after[0] == ZERO and after[1] == ZERO:
+            return after
+        if half_push[0] == ZERO and half_push[1] == ZERO and (r == ZERO or v[2] == ZERO):
+            return after  # the direction does not change: already exact
+        middle = slide(v + half_push, HALF * limit, r, k)
+        if pressed_speed(middle, r) <= limit:
+            return after  # about to stop
+    lost = limit / pressed_speed(middle, r)
     return wp.vec3d(unheld[0] - lost * middle[0], unheld[1] - lost * middle[1], unheld[2] - lost * k * middle[2])
 
 
