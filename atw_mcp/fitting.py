@@ -23,7 +23,7 @@ from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 
-Method = Literal["cem", "random_search", "refine"]
+Method = Literal["cem_refined", "cem", "random_search", "refine"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Override:
 class FitRequest:
     """Everything that determines the outcome of a fit, beside the world and the tracks."""
 
-    method: Method = "cem"
+    method: Method = "cem_refined"
     first_frame: int | None = None
     last_frame: int | None = None
     holdout_from: int | None = None
@@ -101,37 +101,73 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
 
 def run_fit(
     world: World, tracks: ObservedTracks, parameters: list[FitParameter], request: FitRequest, progress: Progress
-) -> FitResult:
-    """Search; a cancelled search returns the best found so far, with status `cancelled`."""
-    objective = ObjectiveSettings(position_tolerance=request.position_tolerance)
+) -> list[FitResult]:
+    """Search: the results of its stages, the last of which counts.
+
+    `cem_refined` has two stages: the cross-entropy method finds the basin, least squares its bottom. A cancelled
+    search returns the best found so far, with status `cancelled`.
+    """
     if request.method == "refine":
-        progress.report(0, None, "refining")
-        settings = RefineSettings(objective=objective, holdout_from=request.holdout_from)
-        return refine(
-            world, tracks, _at_present_values(world, parameters), settings=settings, cancelled=progress.cancelled
-        )
+        return [_refined(world, tracks, parameters, request, progress)]
 
     def tell(step: FitProgress) -> None:
-        progress.note(
-            step.done, step.total, f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
-        )
+        message = f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
+        progress.note(step.done, step.total, message)
 
+    elites = max(2, request.population // 8)
     search = FitSettings(
         generations=request.generations,
-        cem=CemSettings(population=request.population, elites=max(2, request.population // 8)),
+        cem=CemSettings(population=request.population, elites=elites, carried=min(4, elites)),
         restarts=request.restarts,
         seed=request.seed,
-        objective=objective,
+        objective=ObjectiveSettings(position_tolerance=request.position_tolerance),
         holdout_from=request.holdout_from,
     )
-    method = fit if request.method == "cem" else fit_by_random_search
-    return method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled)
+    method = fit_by_random_search if request.method == "random_search" else fit
+    found = method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled)
+    if request.method != "cem_refined" or found.status == "cancelled":
+        return [found]
+    refined = _refined(found.world, tracks, parameters, request, progress)
+    return [found, refined] if refined.loss < found.loss else [found]
 
 
-def digest(result: FitResult) -> dict[str, Any]:
-    """A fit's outcome without wall time, so that equal fits give equal records."""
-    document = result.to_dict()
+def _refined(
+    world: World, tracks: ObservedTracks, parameters: list[FitParameter], request: FitRequest, progress: Progress
+) -> FitResult:
+    progress.note(progress.done, progress.total, "refining")
+    settings = RefineSettings(
+        objective=ObjectiveSettings(position_tolerance=request.position_tolerance), holdout_from=request.holdout_from
+    )
+    here = _at_present_values(world, parameters)
+    return refine(world, tracks, here, settings=settings, cancelled=progress.cancelled)
+
+
+def digest(stages: list[FitResult]) -> dict[str, Any]:
+    """A fit's outcome without wall time, so that equal fits give equal records.
+
+    What is counted or compared with the start is of all stages; the spread of a value is that of the search.
+    """
+    first, last = stages[0], stages[-1]
+    document = last.to_dict()
     document.pop("seconds")
+    begin = first.to_dict()
+    for key in ("loss_start", "accuracy_start", "held_out_start"):
+        document[key] = begin[key]
+    document["rollouts"] = sum(stage.rollouts for stage in stages)
+    document["seed"] = first.seed
+    spread = {value.name: value.spread for value in first.values}
+    for value in document["values"]:
+        value["spread"] = spread.get(value["name"])
+    document["stages"] = [
+        {
+            "method": stage.method,
+            "loss": stage.loss,
+            "position_rmse": None if stage.accuracy is None else stage.accuracy.to_dict()["position_rmse"],
+            "rollouts": stage.rollouts,
+        }
+        for stage in stages
+    ]
+    document["history"] = begin["history"]
     return document
 
 

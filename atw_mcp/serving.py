@@ -6,7 +6,6 @@ import json
 from typing import Any
 
 import anyio
-import uvicorn
 from mcp.server import MCPServer
 from mcp.server.runner import serve_loop
 from mcp.server.stdio import stdio_server
@@ -36,6 +35,8 @@ def serve_http(server: MCPServer[App], *, host: str = "127.0.0.1", port: int = 8
 
     The default host is loopback: whoever can reach the port can read files that this process can read.
     """
+    import uvicorn  # only this transport needs it
+
     app = http_app(server, host=host, legacy_only=legacy_only)
     uvicorn.run(app, host=host, port=port, log_level="warning")
 

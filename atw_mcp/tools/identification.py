@@ -30,12 +30,12 @@ def fit_world(
     case: CaseId,
     world: Annotated[str | None, Field(description="world id to start from; default: the latest draft")] = None,
     method: Annotated[
-        Literal["cem", "random_search", "refine"],
+        Literal["cem_refined", "cem", "random_search", "refine"],
         Field(
-            description="cem: cross-entropy method, global; refine: least squares from where the world is, to polish "
-            "a fitted world; random_search: for comparison"
+            description="cem: cross-entropy method, global; refine: least squares from where the world is; "
+            "cem_refined: both, one after the other; random_search: for comparison"
         ),
-    ] = "cem",
+    ] = "cem_refined",
     fit_seconds_per_frame: Annotated[
         bool, Field(description="also fit the physical time between frames, where the file's rate is not trusted")
     ] = False,
@@ -78,7 +78,7 @@ def fit_world(
     """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new
     world, its error on the frames (position_rmse [m]), every fitted value with its uncertainty, and what the data
     cannot determine. The same request is never computed twice. Next: InspectRollout to see it over the frames,
-    FitWorld(method="refine") to polish, CommitWorld when it follows the video."""
+    CommitWorld when it follows the video; else FitWorld again with more generations, restarts or other parameters."""
     found = app.case_to_model(case, "FitWorld")
     start = app.world(found, world)
     with explained(f"BuildWorld(case={found.id!r})"):
@@ -120,8 +120,8 @@ def fit_world(
 
     def work(progress: Progress) -> Answer:
         with explained():
-            result = run_fit(start, tracks, unknowns, request, progress)
-        return _keep_fit(app, found, start, result, inputs, tracks, record.id)
+            stages = run_fit(start, tracks, unknowns, request, progress)
+        return _keep_fit(app, found, start, stages, inputs, tracks, record.id)
 
     return LongWork(
         key=app.store.fits.key("fit", inputs) + found.id,
@@ -142,19 +142,20 @@ def _keep_fit(
     app: App,
     case: Case,
     start: World,
-    result: FitResult,
+    stages: list[FitResult],
     inputs: dict[str, Any],
     tracks: ObservedTracks,
     observation: str,
 ) -> Answer:
-    document = plain(digest(result))
+    result = stages[-1]
+    document = plain(digest(stages))
     with app.store.transaction():
         app.keep_world(
             case,
             result.world,
             how="fitted",
             parent=start,
-            detail={"fit": app.store.fits.key("fit", inputs), "method": result.method, "seed": result.seed},
+            detail={"fit": app.store.fits.key("fit", inputs), **inputs["request"]},
             observation=observation,
         )
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
@@ -184,7 +185,7 @@ def _fit_answer(
     shown = {
         "world": fitted.id,
         "from_world": start.id,
-        "method": document["method"],
+        "stages": document["stages"],
         "position_rmse": after,
         "position_rmse_before": before,
         "position_rmse_held_out": held,

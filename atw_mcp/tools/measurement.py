@@ -21,12 +21,11 @@ from atw_mcp.perception.calibration import (
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.observation import observed_answer
-from atw_mcp.tools.world_arguments import Argument, CaseId, Point
+from atw_mcp.tools.world_arguments import Argument, CaseId, Pixel, Point
 from atw_mcp.track_records import TrackRecord
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
-Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
 
 

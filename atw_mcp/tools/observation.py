@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
@@ -10,13 +12,14 @@ from pydantic import Field
 from atw_mcp import cases
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import image_observation, keep_image_observation, video_file
+from atw_mcp.observing import image_observation, keep_image_observation, latest_image_observation, video_file
+from atw_mcp.perception.correction import correct, correction_of
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import probe
 from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
-from atw_mcp.tools.world_arguments import CaseId, Patience
+from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Pixel
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
@@ -74,6 +77,34 @@ def open_case(
     return _case_answer(app, found)
 
 
+class MaskArgument(Argument):
+    """A mask of the whole image as a COCO run-length record."""
+
+    size: Annotated[list[Annotated[int, Field(gt=0, le=16384)]], Field(min_length=2, max_length=2)] = Field(
+        description="height, width [px]"
+    )
+    counts: str = Field(max_length=1_000_000, description="COCO's compressed text")
+
+
+class CorrectionArgument(Argument):
+    """One correction of what was observed. outline: object, frame and box, positive, negative or mask say where a known
+    object is, add: the same for one that was missed; merge: first, second are one object; split: object is another one
+    called name from frame on; rename: object, name; drop: object is none."""
+
+    kind: Literal["outline", "add", "merge", "split", "rename", "drop"]
+    object: str | None = Field(default=None, max_length=64, description="the object concerned")
+    frame: int | None = Field(default=None, ge=0, description="frame number")
+    box: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
+        default=None, description="left, top, width, height [px]"
+    )
+    positive: list[Pixel] | None = Field(default=None, max_length=50, description="pixels u, v inside the object")
+    negative: list[Pixel] | None = Field(default=None, max_length=50, description="pixels u, v outside it")
+    mask: MaskArgument | None = Field(default=None, description="its mask in that frame")
+    first: str | None = Field(default=None, max_length=64, description="merge: the name that stays")
+    second: str | None = Field(default=None, max_length=64, description="merge: the name that goes")
+    name: str | None = Field(default=None, max_length=64, description="split, rename: the new name")
+
+
 @GROUP.tool("ObserveObjects", title="Find and follow objects", read_only=False)
 def observe_objects(
     app: App,
@@ -91,13 +122,25 @@ def observe_objects(
         int | None, Field(ge=4, le=10_000_000, description="smallest region taken for an object [px]")
     ] = None,
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,
+    corrections: Annotated[
+        list[CorrectionArgument] | None,
+        Field(
+            min_length=1,
+            max_length=50,
+            description="what is wrong in the latest observation, as InspectFrames shows it; applied in order. The "
+            "other arguments then do not matter",
+        ),
+    ] = None,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Find every moving or distinct object in the video and follow it: masks, colour, material and shape, when it is
-    visible, hidden, enters or leaves. The camera must not move. Next: InspectFrames to check, then CalibrateCamera."""
+    visible, hidden, enters or leaves. The camera must not move. Next: InspectFrames to check, ObserveObjects with
+    corrections where it is wrong, then CalibrateCamera."""
     found = app.case_to_model(case, "ObserveObjects")
     with explained(f"OpenCase(video=PATH) or ImportObservation(case={found.id!r})"):
         path = video_file(found)
+    if corrections is not None:
+        return _correction(app, found, path, corrections, patience_seconds)
     inputs = {
         "video": found.content,
         "expected": expected,
@@ -105,30 +148,71 @@ def observe_objects(
         "min_area": min_area,
         "stride": stride,
     }
-    kept = app.store.observations.find("observe", inputs)
+
+    def look(progress: Progress) -> ImageObservation:
+        return observe(
+            path,
+            max_objects=max_objects,
+            min_area=min_area,
+            expected=expected,
+            stride=stride,
+            progress=lambda share, what: progress.report(share, 1.0, what),
+            cancelled=progress.cancelled,
+        )
+
+    return _observation(app, found, "observe", inputs, look, f"observing {path.name}", patience_seconds)
+
+
+def _correction(
+    app: App, case: Case, path: Path, corrections: list[CorrectionArgument], patience: float
+) -> Answer | LongWork:
+    latest = latest_image_observation(app, case)
+    if latest is None:
+        raise ToolError(f"nothing to correct yet. Next: ObserveObjects(case={case.id!r}) without corrections")
+    base, seen = latest
+    said = [item.model_dump(exclude_none=True) for item in corrections]
+    with explained(f"InspectFrames(case={case.id!r}) shows the objects and their names"):
+        asked = [correction_of(item) for item in said]
+
+    def look(progress: Progress) -> ImageObservation:
+        return correct(
+            seen,
+            path,
+            asked,
+            progress=lambda share, what: progress.report(share, 1.0, what),
+            cancelled=progress.cancelled,
+        )
+
+    inputs = {"observation": base, "corrections": said}
+    return _observation(app, case, "correct", inputs, look, f"{len(asked)} corrections", patience)
+
+
+def _observation(
+    app: App,
+    case: Case,
+    kind: str,
+    inputs: dict[str, Any],
+    look: Callable[[Progress], ImageObservation],
+    doing: str,
+    patience: float,
+) -> Answer | LongWork:
+    """The observation of these inputs: as stored, or computed now and made the case's latest."""
+    kept = app.store.observations.find(kind, inputs)
     if kept is not None:
-        app.store.cases.add_observation(found.id, "objects", kept.id)
-        return observed_answer(found, kept.id, image_observation(kept))
+        app.store.cases.add_observation(case.id, "objects", kept.id)
+        return observed_answer(case, kept.id, image_observation(kept))
 
     def work(progress: Progress) -> Answer:
         with explained():
-            seen = observe(
-                path,
-                max_objects=max_objects,
-                min_area=min_area,
-                expected=expected,
-                stride=stride,
-                progress=lambda share, what: progress.report(share, 1.0, what),
-                cancelled=progress.cancelled,
-            )
-        content = keep_image_observation(app, found, seen, "observe", inputs)
-        return observed_answer(found, content.id, seen)
+            seen = look(progress)
+        content = keep_image_observation(app, case, seen, kind, inputs)
+        return observed_answer(case, content.id, seen)
 
     return LongWork(
-        key=app.store.observations.key("observe", inputs) + found.id,
+        key=app.store.observations.key(kind, inputs) + case.id,
         work=work,
-        draft=Answer(summary=f"observing {path.name}", data={}, case=found.id),
-        patience=patience_seconds,
+        draft=Answer(summary=doing, data={}, case=case.id),
+        patience=patience,
     )
 
 

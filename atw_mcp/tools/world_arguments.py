@@ -23,6 +23,7 @@ from polyworld.world import (
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
+Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
 Length = Annotated[float, Field(gt=0, le=1e4)]
 CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
 Patience = Annotated[

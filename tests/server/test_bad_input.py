@@ -2,56 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sqlite3
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import anyio
 import pytest
-from mcp import Client
 
 from atw_mcp.server import build_server
 from evidence_store import EvidenceStore, NotAStore
+from tests.server.calls import Session
 from tests.server.clips import FRAMES, write_clip, write_tracks
-
-Call = Callable[..., dict[str, Any]]
-
-
-class Session:
-    """Calls on one server, each over its own connection; refusals come back as text."""
-
-    def __init__(self, store: Path) -> None:
-        self.store = store
-        self.server = build_server(store)
-
-    def _call(self, tool: str, arguments: dict[str, Any]) -> Any:
-        async def call() -> Any:
-            async with Client(self.server) as client:
-                return await client.call_tool(tool, arguments)
-
-        return anyio.run(call)
-
-    def __call__(self, tool: str, /, **arguments: Any) -> dict[str, Any]:
-        result = self._call(tool, arguments)
-        assert not result.is_error, result.content[0].text
-        body: dict[str, Any] = json.loads(result.content[0].text)
-        return body
-
-    def refused(self, tool: str, /, **arguments: Any) -> str:
-        """The text of the refusal; evidence, cases and worlds must be as before."""
-        before = self._state()
-        result = self._call(tool, arguments)
-        assert result.is_error, result.content[0].text
-        assert self._state() == before
-        return str(result.content[0].text)
-
-    def _state(self) -> list[Any]:
-        with sqlite3.connect(self.store) as database:
-            tables = ("cases", "case_worlds", "case_observations", "evidence", "bindings", "answers")
-            return [database.execute(f"SELECT * FROM {table}").fetchall() for table in tables]
 
 
 @pytest.fixture

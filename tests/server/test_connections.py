@@ -50,8 +50,7 @@ def test_a_case_is_opened_refused_and_read_again(
         anyio.run(session, client)
 
 
-@pytest.mark.parametrize("transport", ["stdio", "http"])
-@pytest.mark.parametrize("mode", ["auto", "legacy"])
+@pytest.mark.parametrize(("transport", "mode"), [("stdio", "auto"), ("http", "auto"), ("http", "legacy")])
 def test_a_legacy_only_server_serves_clients_that_probe_the_newer_era(
     transport: str, mode: Mode, tmp_path: Path, measurements: Path
 ) -> None:
