@@ -25,7 +25,7 @@ ONE = wp.float64(1.0)
 TWO = wp.float64(2.0)
 SPLITS = 64
 ABSURD = wp.float64(1.0e6)  # [m/s]; initial speeds are bounded by 1e5
-PARTING = wp.float64(0.1)  # share of an overlap undone in a step
+PARTING = wp.float64(0.02)  # time in which an overlap shrinks to 1/e [s]
 
 
 def law_chain() -> Any:
@@ -201,7 +201,7 @@ def rollout(
                     if scene.joins[i] <= segment:
                         find_shift(bodies, w, i, h)
                 if rows > 0:
-                    part_overlaps(scene, bodies, contacts, w, half, rows, PARTING * h / step)
+                    part_overlaps(scene, bodies, contacts, w, half, rows, ONE - wp.exp(-h / PARTING))
                 reach = ZERO
                 for i in range(n):
                     if scene.joins[i] <= segment:
