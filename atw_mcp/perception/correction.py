@@ -215,8 +215,11 @@ def _outline(
     for other, series in masks.items():
         if other != name:
             others |= series[row]
-    mask = refine_outline(frames[row], masks[name][row], others, correction)
     propagation = Propagation(frames, masks, name, cancelled)
+    current = masks[name][row]
+    if not current.any() and correction.box is None and correction.mask is None:
+        current = propagation.regions_at(row, correction.positive) & ~others
+    mask = refine_outline(frames[row], current, others, correction)
     changed = propagation.spread(row, mask)
     return _rebuilt(observation, frames, propagation.masks, changed)
 

@@ -34,6 +34,16 @@ class Propagation:
         self.was_known = any(m.any() for m in masks[name])
         self.changed = {name}
 
+    def regions_at(self, row: int, points: tuple[tuple[float, float], ...]) -> Mask:
+        """What stands out from the background at some points of a frame; empty where nothing does."""
+        labels = segment(self.frames[row], self.background, min_area=self.min_area).labels
+        width, height = self.size
+        touched = {
+            int(labels[round(y), round(x)]) for x, y in points if 0 <= round(x) < width and 0 <= round(y) < height
+        }
+        regions: Mask = np.isin(labels, sorted(touched - {0}))
+        return regions
+
     def spread(self, row: int, mask: Mask) -> set[str]:
         """Take `mask` as the object in one row and follow it both ways; returns the objects whose masks changed."""
         self.colours = histogram(colour_bins(self.frames[row])[mask])

@@ -24,6 +24,7 @@ Solid = Sphere | Box | Cylinder
 TURN_STARTS = 4
 SIZE_FRAMES = 14
 LEAST_POINTS = 10  # outline points below which a frame says too little
+HEIGHT_ERROR = 0.02  # of a solid's height above its plane: rounded edges make solids look smaller than they stand
 LEAST_ANGLE = np.deg2rad(100)  # of outline about the centre: less does not fix a pose
 DEFAULT_PLANE = MotionPlane()
 
@@ -124,7 +125,7 @@ def world_tracks(
 
     solids: shape and size of objects by name; those not given are estimated. Frames are fitted one by one, so
     that collisions stay sharp: noise is left to whoever fits a model, with position_sigma to weigh it by.
-    position_sigma [m] includes a floor of 0.3 px; confidence is the observation's, lowered where little of the
+    position_sigma [m] includes a floor of 0.3 px and 2% of the centre's height; confidence is the observation's, lowered where little of the
     outline is trustworthy or the fit is poor. A turn is continuous over time; a cube's is known up to quarter
     turns (symmetry 4), a ball's or upright cylinder's not at all (symmetry 0).
     """
@@ -393,6 +394,7 @@ def _tracks(
         around = _angle_seen(stage, fit.poses, lift_of(size), evidence)
         # A short arc of the outline fixes the pose through its own errors of shape, all of one sign.
         spread *= np.maximum(np.pi / np.maximum(around, 0.1), 1.0) ** 2
+        spread = np.hypot(spread, _from_height(stage, fit.poses, lift_of(size)))
         quality *= 1 / (1 + (spread / (0.5 * float(size.max()))) ** 2)
         good = np.isfinite(fit.poses).all(axis=1) & (spread < float(size.max())) & (fit.cost < 20.0)
         good &= around > LEAST_ANGLE
@@ -418,6 +420,20 @@ def _tracks(
         orientation_confidence=turn_confidence,
         symmetry=tuple(symmetry),
     )
+
+
+def _from_height(stage: Stage, poses: Floats, lift: float) -> Floats:
+    """What an error of HEIGHT_ERROR in the centre's height amounts to along the plane (F,) [m].
+
+    A ray that comes in flat meets a plane that is a little higher much nearer.
+    """
+    if not stage.plane.supports:
+        return np.zeros(len(poses))
+    offset = stage.centres(poses, lift) - stage.camera.centre
+    down = np.abs(offset @ stage.axes[2])
+    along = np.sqrt(np.maximum((offset**2).sum(axis=1) - down**2, 0.0))
+    amount: Floats = HEIGHT_ERROR * lift * along / np.maximum(down, 1e-9)
+    return amount
 
 
 def _angle_seen(stage: Stage, poses: Floats, lift: float, evidence: _Evidence) -> Floats:

@@ -33,10 +33,10 @@ def tilted_camera(focal: float = 525.0) -> Camera:
 
 
 FLOOR = np.array([(x, y, 0.0) for x in (-1.5, 0.0, 1.5) for y in (-1.0, 0.0, 1.0)])
-SPACE = np.concatenate([FLOOR, FLOOR[::2] + [0.1, 0.2, 0.8]])
+SPACE = np.concatenate([FLOOR, FLOOR[::2] + np.array([0.1, 0.2, 0.8])])
 
 
-@pytest.mark.parametrize("points", [FLOOR, FLOOR + [0.3, -0.2, 0.2], SPACE])
+@pytest.mark.parametrize("points", [FLOOR, FLOOR + np.array([0.3, -0.2, 0.2]), SPACE])
 def test_exact_points_give_back_the_camera(points: np.ndarray) -> None:
     truth = tilted_camera()
     found = calibrate_from_points(points, truth.project(points), SIZE)

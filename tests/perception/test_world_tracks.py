@@ -57,15 +57,16 @@ def test_outlines_agree_with_dense_projected_surfaces() -> None:
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     angle = np.linspace(0, 2 * np.pi, 2000)
     ring = np.stack([0.06 * np.cos(angle), 0.06 * np.sin(angle), np.zeros(2000)], axis=1)
+    lift_up = np.array([0, 0, 0.04])
     corners = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * 0.05
     turned = corners @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
     surfaces: list[tuple[Any, np.ndarray, np.ndarray, float]] = [
         ("sphere", np.array([0.06]), 0.06 * direction, 0.06),
-        ("cylinder", np.array([0.06, 0.04]), np.concatenate([ring + [0, 0, 0.04], ring - [0, 0, 0.04]]), 0.04),
+        ("cylinder", np.array([0.06, 0.04]), np.concatenate([ring + lift_up, ring - lift_up]), 0.04),
         ("cube", np.array([0.05]), turned, 0.05),
     ]
     for kind, size, surface, lift in surfaces:
-        projected = stage.camera.project(surface + [0.1, 0.05, lift])
+        projected = stage.camera.project(surface + np.array([0.1, 0.05, lift]))
         centre = projected.mean(axis=0)
         points = centre + rng.uniform(-1, 1, (60, 2)) * 25
         expected = hull_distance(projected, points)
