@@ -33,7 +33,10 @@ def in_view(world: World, positions: Array) -> Bools | None:
 
 
 def view_events(world: World, trajectory: Trajectory) -> list[Event]:
-    """Entries and exits of object centres; the time between two samples is found on the straight line."""
+    """Entries and exits of object centres; the time between two samples is found on the straight line.
+
+    An object that is in view at the first sample has no entry; one that joins in view enters when it joins.
+    """
     inside = in_view(world, trajectory.positions)
     if inside is None:
         return []
@@ -44,13 +47,16 @@ def view_events(world: World, trajectory: Trajectory) -> list[Event]:
             if trajectory.active[k, i]:
                 time, spot = _crossing(world, trajectory, i, int(k))
             else:  # it joined in view: that is its entry
-                time, spot = float(trajectory.times[k + 1]), trajectory.positions[k + 1, i]
+                time, spot = world.object(name).start_time, np.asarray(world.object(name).position)
             events.append(Event("entry" if seen[k + 1] else "exit", time, (name,), _point(spot)))
     return events
 
 
 def rest_events(trajectory: Trajectory) -> list[Event]:
-    """Ends of motion: slow from there for REST_TIME or to the end of the trajectory, after having moved."""
+    """Ends of motion: slow from there for REST_TIME or to the end of the trajectory, after having moved.
+
+    The time is that of the first slow sample.
+    """
     events: list[Event] = []
     times = trajectory.times
     for i, name in enumerate(trajectory.names):

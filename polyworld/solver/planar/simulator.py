@@ -47,7 +47,13 @@ BODY_FIELDS = {
 
 
 class PlanarSimulator:
-    """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run."""
+    """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run.
+
+    Bodies and statics are their outlines on the motion plane. A pair can meet only if their extents along the
+    plane's normal overlap at the start; a static plane counts where it cuts the motion plane. Pressing on the
+    motion plane is not a contact event; touching a static is. A contact that opens for less than MERGE
+    seconds and closes again is one contact.
+    """
 
     def __init__(
         self,
