@@ -86,23 +86,25 @@ async def _check(session: Session, results: dict[str, Reply], narrator: Narrator
     )
     narrator.say(f"   (Taking the removal for no change at all would put red_cylinder {1000 * moved:.0f} mm off.)")
     for label, reply, truth in (
-        ("As filmed", results["filmed"], filmed),
-        ("Without the blue cube", results["without"], what_if),
+        ("Collisions as filmed", results["filmed"], filmed),
+        ("Collisions without the blue cube", results["without"], what_if),
     ):
         found = [
             Collision(frozenset(row["objects"]), row["time"])
             for row in reply.body["data"]["timeline"]
             if row["what"] == "collision"
         ]
-        narrator.say(f"   {label}, collisions found: {_told(found)}", indent="     ")
-        narrator.say(f"   {' ' * len(label)}       in truth: {_told(truth.collisions)}", indent="     ")
+        narrator.say(f"   {label}")
+        narrator.say(f"      found:    {_told(found)}", indent=" " * 16)
+        narrator.say(f"      in truth: {_told(truth.collisions)}", indent=" " * 16)
+    narrator.say("   Answers")
     touch = frozenset({"red_cylinder", "yellow_cylinder"})
     for name, truth in (("answer_filmed", filmed), ("answer_what_if", what_if)):
         data = results[name].body["data"]
         true_answer = "true" if any(c.pair == touch for c in truth.collisions) else "false"
         verdict = "right" if data["answer"] == true_answer else "WRONG"
         ids = ", ".join(item["evidence"] for item in data["evidence"])
-        narrator.say(f"   {data['question']} {data['answer']} - {verdict}, on {ids}", indent="     ")
+        narrator.say(f"      {data['question']} {data['answer']} - {verdict} ({ids})", indent=" " * 8)
 
 
 async def _tracked_error(session: Session, case: str, name: str, truth: TrueRun) -> float:

@@ -348,8 +348,10 @@ def compare_worlds(
         "gone": readouts.timeline(base_world, _with_events(first, result.events_only_in_base), span),
         "new": readouts.timeline(world, _with_events(second, result.events_only_in_other), span),
     }
-    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in rows.items() if found) or "same events"
-    changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved) or "no object"
+    # where things come to rest differs whenever they move differently: the summary leaves it to the data
+    striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
+    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in striking.items() if found)
+    changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved)
     data = {
         "events": {
             "gone": rows["gone"],
@@ -379,7 +381,9 @@ def compare_worlds(
         "tolerance": tolerance,
     }
     return Answer(
-        summary=f"over {span.start:.4g} to {span.end:.4g} s {changed} moves differently. Events: {told}",
+        summary=f"until {span.end:.4g} s: "
+        + (f"displaced: {changed}" if changed else f"nothing displaced by more than {tolerance:g} m")
+        + (f". Events {told}" if told else ". The same events"),
         data=data,
         case=case.id,
         world=world.id,

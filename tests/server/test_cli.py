@@ -128,3 +128,10 @@ def test_version_is_told_without_a_server(capfd: pytest.CaptureFixture[str]) -> 
     code, out, _ = run(capfd, "--version")
     assert code == 0
     assert out.startswith("atw-mcp ")
+
+
+def test_warmup_names_what_it_compiled(capfd: pytest.CaptureFixture[str]) -> None:
+    code, _, err = run(capfd, "warmup")
+    assert code == 0
+    for name in ("planar worlds", "spatial worlds", "pictures"):
+        assert f"{name}: " in err

@@ -26,7 +26,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def test_demo_answers_both_questions_as_the_simulator_does(demo: tuple[str, Path]) -> None:
     text, _ = demo
     assert "WRONG" not in text
-    assert len(re.findall(r"- right, on\s+ev-\d+", text)) == 2
+    assert len(re.findall(r"- right\s+\(ev-\d+", text)) == 2
 
 
 def test_demo_worlds_are_close_to_the_truth(demo: tuple[str, Path]) -> None:

@@ -1,0 +1,63 @@
+"""The client: work that outlives its call is waited for, failures carry the tool's own words."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import anyio
+import pytest
+from mcp import Client
+
+from atw_mcp import server
+from atw_mcp.client import Session, ToolFailed
+from atw_mcp.demo.truth import FOLDER
+from tests.server.stdio_process import SLOW
+
+Work = Callable[[Session, str], Awaitable[None]]
+
+
+def with_session(store: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float | None, str]]:
+    """Run `work` with a session on a server that also has a slow tool; returns the progress that was told."""
+    monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, SLOW))
+    told: list[tuple[float, float | None, str]] = []
+
+    async def run() -> None:
+        async with Client(server.build_server(store)) as client:
+            tools = (await client.list_tools()).tools
+            session = Session(client, tools, lambda *progress: told.append(progress))
+            opened = await session.call("OpenCase", {"video": str(FOLDER / "collision.mp4")})
+            await work(session, opened.body["case"])
+
+    anyio.run(run)
+    return told
+
+
+def test_work_that_outlives_its_call_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(session: Session, case: str) -> None:
+        reply = await session.call("WorkSlowly", {"case": case, "seconds": 1.5, "patience_seconds": 0.1})
+        assert reply.tool == "WorkSlowly"
+        assert reply.body["status"] == "completed"
+        assert reply.body["data"] == {"steps": 15}
+
+    told = with_session(tmp_path / "atw.db", work, monkeypatch)
+    assert any(total == 15 for _, total, _ in told)
+
+
+def test_work_that_fails_after_its_call_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(session: Session, case: str) -> None:
+        arguments = {"case": case, "seconds": 0.5, "patience_seconds": 0.1, "fail": "broken"}
+        with pytest.raises(ToolFailed, match="WorkSlowly"):
+            await session.call("WorkSlowly", arguments)
+
+    with_session(tmp_path / "atw.db", work, monkeypatch)
+
+
+def test_refusal_carries_the_tools_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(session: Session, case: str) -> None:
+        with pytest.raises(ToolFailed, match="BuildWorld"):
+            await session.call("Rollout", {"case": case})
+        frames = await session.call("InspectFrames", {"case": case, "frames": [0, 1]})
+        assert [ending for ending, _ in frames.pictures] == ["jpg", "jpg"]
+
+    with_session(tmp_path / "atw.db", work, monkeypatch)
