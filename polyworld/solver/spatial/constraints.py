@@ -62,7 +62,7 @@ def push(state: State, w: int, a: int, b: int, r: int, impulse: wp.float64) -> N
     state.rows[w, r].impulse += impulse
 
 
-@wp.func(inline=False)
+@wp.func
 def build_rows(state: State, w: int, half: int) -> None:
     """Write the rows of all contacts in this half. Friction acts at the anchors, normal forces at the points."""
     base = half * state.max_manifolds
@@ -108,7 +108,7 @@ def build_rows(state: State, w: int, half: int) -> None:
                 )
 
 
-@wp.func(inline=False)
+@wp.func
 def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64) -> wp.float64:
     """Bring the two-dimensional velocity of rows r, r + 1 towards zero with an impulse of at most `bound`.
 
@@ -188,7 +188,7 @@ def clear_impulses(state: State, w: int, r: int) -> None:
         state.rows[w, r + k].impulse = wp.float64(0.0)
 
 
-@wp.func(inline=False)
+@wp.func
 def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> int:
     """Newton's impact law for all touching pairs that approach faster than the threshold; returns how many there were.
 
@@ -240,7 +240,7 @@ def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> i
     return resolved
 
 
-@wp.func(inline=False)
+@wp.func
 def solve_velocities(state: State, w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
     """Change the bodies' free velocities at the end of a step of length h into admissible ones.
 
@@ -287,7 +287,7 @@ def solve_velocities(state: State, w: int, half: int, h: wp.float64, threshold: 
             ) * rate
 
 
-@wp.func(inline=False)
+@wp.func
 def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
     """Move overlapping bodies apart by a fraction of the overlap, without giving them velocity.
 
@@ -325,7 +325,7 @@ def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
                     state.bodies[w, m.b].turn -= state.rows[w, r].wb * move
 
 
-@wp.func(inline=False)
+@wp.func
 def time_to_impact(
     state: State, w: int, half: int, h: wp.float64, threshold: wp.float64, gravity: wp.vec3d
 ) -> wp.float64:

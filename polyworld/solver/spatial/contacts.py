@@ -32,7 +32,7 @@ def paired(a: wp.float64, b: wp.float64) -> wp.float64:
     return wp.sqrt(a * b)
 
 
-@wp.func(inline=False)
+@wp.func
 def near(sa: Shape, xa: wp.vec3d, sb: Shape, b: Body, reach: wp.float64) -> bool:
     """Whether a's bounding sphere comes within reach of b."""
     c = xa - b.x
@@ -52,7 +52,7 @@ def near(sa: Shape, xa: wp.vec3d, sb: Shape, b: Body, reach: wp.float64) -> bool
     return wp.dot(c, c) <= far * far
 
 
-@wp.func(inline=False)
+@wp.func
 def remember(state: State, w: int, new: int, first: int, count: int, reach: wp.float64) -> None:
     """Give a contact the forces of the last step's closest contact among [first, first + count), if close."""
     best = wp.int32(-1)
@@ -178,7 +178,7 @@ def touch(
     state.contact_count[w, half] = first + count
 
 
-@wp.func(inline=False)
+@wp.func
 def find_contacts(geometry: Geometry, state: State, w: int, half: int) -> None:
     """Fill the given half of manifolds and contacts with all pairs that may touch before the step ends.
 

@@ -202,7 +202,7 @@ def crossing(p: wp.vec3d, p2: wp.vec3d, q: wp.vec3d, q2: wp.vec3d) -> wp.vec3d:
     return wp.vec3d(p[0] + r[0] * t, p[1] + r[1] * t, wp.float64(0.0))
 
 
-@wp.func(inline=False)
+@wp.func
 def touching_points(
     geometry: Geometry,
     sa: Shape,

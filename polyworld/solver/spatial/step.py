@@ -32,7 +32,7 @@ MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then i
 SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
 
 
-@wp.func(inline=False)
+@wp.func
 def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int) -> None:
     """Bodies of world w in their initial state; objects start inactive."""
     one = wp.float64(1.0)
@@ -77,7 +77,7 @@ def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int
     state.contact_count[w, 1] = 0
 
 
-@wp.func(inline=False)
+@wp.func
 def sweep_bodies(geometry: Geometry, state: State, w: int, fall: wp.float64, h: wp.float64) -> None:
     """How far any point of each body may move within h."""
     for i in range(state.objects):
@@ -86,7 +86,7 @@ def sweep_bodies(geometry: Geometry, state: State, w: int, fall: wp.float64, h: 
         )
 
 
-@wp.func(inline=False)
+@wp.func
 def predict(parameters: Parameters, state: State, w: int, gravity: wp.vec3d, time: wp.float64, h: wp.float64) -> None:
     """Free motion of all bodies over h; effects act with their values at the middle of the step."""
     half = wp.float64(0.5) * h
