@@ -23,7 +23,9 @@ NOISE_FLOOR = 1e-4  # [m] and [rad]; no track is taken to be more exact than thi
 SLOWEST = 0.03  # [m/s]; an object slower than this and indistinguishable from rest is at rest
 SLOWEST_TURN = 0.1  # [rad/s]; the same for rotation
 SHORTEST = 5  # samples a path is fitted to at least
-MISFIT = 2.5  # mean squared residual, in units of the noise variance, at which free motion has ended
+KEPT = 0.8  # share of a stretch that is kept when something ended it
+BIAS = 2.0  # factor on standard deviations: a stretch is long enough for its quadratic to be biased by about one
+MISFIT = 4.0  # standard deviations by which a mean squared residual exceeds the noise where free motion has ended
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,8 @@ class InitialState:
     frame: number of the first observation. position (3,) [m], velocity (3,) [m/s], orientation (4,) w, x, y, z
     or None where none was observed, angular_velocity (3,) [rad/s], deceleration [m/s^2] along the velocity.
     The *_sd are standard deviations, the largest over the axes. moves: whether the object moves (or turns) in
-    the free stretch, which ends at frame `free_until`; noise [m] is the track's own scatter. samples counts
-    the observations of the stretch.
+    the free stretch, which ends at frame `free_until`; noise [m] is the track's own scatter about smooth
+    motion. samples counts the observations of the stretch.
     """
 
     name: str
@@ -54,16 +56,17 @@ class InitialState:
     samples: int
 
 
-def track_noise(values: Array) -> float:
-    """Standard deviation of white noise on a smooth series (T, d), from its third differences.
+def track_noise(values: Array) -> Array:
+    """Standard deviations (d,) of white noise on a smooth series (T, d), from its third differences.
 
     The third difference of white noise has variance 20 sigma^2 and that of smooth motion is near zero; the
     median absolute value is not disturbed by the few samples around a collision. NaN for fewer than 7 samples.
     """
     if len(values) < 7:
-        return float("nan")
+        return np.full(values.shape[1], np.nan)
     third = np.diff(values, n=3, axis=0)
-    return float(np.median(np.abs(third)) / 0.6745 / np.sqrt(20.0))
+    noise: Array = np.median(np.abs(third), axis=0) / 0.6745 / np.sqrt(20.0)
+    return noise
 
 
 def initial_states(tracks: ObservedTracks, *, seconds_per_frame: float | None = None) -> dict[str, InitialState]:
@@ -118,12 +121,13 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
     times = (tracks.frames[rows] - tracks.frames[rows[0]]) * step
     points = tracks.positions[rows, column]
     stated = float(np.median(tracks.position_sigma[rows, column]))
-    own = track_noise(points)
-    noise = max(NOISE_FLOOR, min(stated, own) if np.isfinite(own) and stated > 0.0 else max(stated, 0.0))
+    scatter, varied = _scatter(points, stated)
+    # Errors that drift slowly do not show in the scatter: the stated deviation says how well a state is known.
+    noise = max(NOISE_FLOOR, stated)
     weight = np.sqrt(tracks.confidence[rows, column])
-    count = free_stretch(times, points, weight, noise)
+    count = free_stretch(times, points, weight, scatter, varied)
     path, covariance = _polynomial(times[:count], points[:count], weight[:count], noise)
-    position_sd, velocity_sd = np.sqrt(np.diag(covariance)[:2])
+    position_sd, velocity_sd = BIAS * np.sqrt(np.diag(covariance)[:2])
     velocity = path[1] if len(path) > 1 else np.zeros(3)
     speed = float(np.linalg.norm(velocity))
     resting = speed < max(SLOWEST, 4.0 * velocity_sd) and _stays(points[:count], noise)
@@ -150,28 +154,40 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
         deceleration=max(slowing, 0.0),
         moves=not resting or turning,
         free_until=int(tracks.frames[rows[count - 1]]),
-        noise=noise,
+        noise=scatter,
         samples=count,
     )
 
 
-def free_stretch(times: Array, points: Array, weight: Array, noise: float) -> int:
+def free_stretch(times: Array, points: Array, weight: Array, noise: float, varied: int) -> int:
     """How many leading samples one quadratic in time describes within the noise.
 
     The stretch is grown sample by sample and ends before the fit's mean squared residual, or that of its last
-    three samples, exceeds `MISFIT` noise variances: a collision, or drag that a quadratic cannot follow.
+    three samples, exceeds what `noise` allows by `MISFIT` standard deviations of a mean of squares: a
+    collision, or drag that a quadratic cannot follow. varied: how many components carry noise.
     """
     count = min(SHORTEST, len(times))
-    for end in range(count, len(times) + 1):
+    for end in range(count + 1, len(times) + 1):
         path, _ = _polynomial(times[:end], points[:end], weight[:end], noise)
-        residual = (_at(path, times[:end]) - points[:end]) * weight[:end, None] / noise
-        freedom = max(end - len(path), 1) / end
-        last = np.mean(residual[-3:] ** 2)
-        if end > SHORTEST and (np.mean(residual**2) / freedom > MISFIT or last > 3.0 * MISFIT):
+        squares = ((_at(path, times[:end]) - points[:end]) * weight[:end, None] / noise) ** 2
+        freedom = max(end - len(path), 1) * varied
+        last = 3 * varied
+        if squares.sum() / freedom > 1.0 + MISFIT * np.sqrt(2.0 / freedom) or squares[
+            -3:
+        ].sum() / last > 1.0 + 1.5 * MISFIT * np.sqrt(2.0 / last):
             break
         count = end
-    # The last samples accepted may already have been touched by the event that follows.
-    return count if count == len(times) else max(min(SHORTEST, len(times)), count - 2)
+    # An event shows only some samples after it began: what was accepted last may belong to it.
+    return count if count == len(times) else max(min(SHORTEST, len(times)), int(KEPT * count))
+
+
+def _scatter(values: Array, stated: float) -> tuple[float, int]:
+    # Components that were never measured, such as a height taken from the floor, are constant and carry no noise.
+    own = track_noise(values)
+    varied = max(1, int(np.count_nonzero(own > 0.1 * np.max(own)))) if np.all(np.isfinite(own)) else values.shape[1]
+    if np.all(np.isfinite(own)):
+        return max(NOISE_FLOOR, min(stated, float(own.max())) if stated > 0.0 else float(own.max())), varied
+    return max(NOISE_FLOOR, stated), varied
 
 
 def _polynomial(times: Array, points: Array, weight: Array, noise: float) -> tuple[Array, Array]:
@@ -212,12 +228,11 @@ def _initial_rotation(
     increments = rotation_between(q[1:], q[:-1], tracks.symmetry[column])
     angles = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
     times = (tracks.frames[rows] - tracks.frames[first]) * step
-    own = track_noise(angles)
-    noise = max(NOISE_FLOOR, own if np.isfinite(own) else float(np.std(np.diff(angles, axis=0))))
+    noise, varied = _scatter(angles, float(np.std(np.diff(angles, axis=0))))
     weight = np.sqrt(tracks.orientation_confidence[rows, column])
-    count = free_stretch(times, angles, weight, noise)
+    count = free_stretch(times, angles, weight, noise, varied)
     path, covariance = _polynomial(times[:count], angles[:count], weight[:count], noise)
-    orientation_sd, spin_sd = np.sqrt(np.diag(covariance))
+    orientation_sd, spin_sd = BIAS * np.sqrt(np.diag(covariance))
     spin = path[1]
     if np.linalg.norm(spin) <= max(SLOWEST_TURN, 4.0 * float(spin_sd)):
         path = angles.mean(axis=0)[None]

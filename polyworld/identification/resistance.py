@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.identification.free_parameters import FitParameter
-from polyworld.initial_states import MISFIT, InitialState
+from polyworld.initial_states import InitialState
 from polyworld.parameters import object_mass, read_parameter
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
@@ -22,6 +22,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 WINDOW = 9  # samples of one estimate
+MISFIT = 2.5  # mean squared residual, in noise variances, of a window in which something touched the object
 SLOW = 0.15  # [m/s]; slower than this, an object may come to rest within the window
 CAUTION = 2.0  # factor on the regression's standard deviations: spinning and light touches are in the windows too
 

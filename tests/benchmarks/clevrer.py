@@ -77,8 +77,8 @@ def print_tracks(scores: list[TrackScore], out: Callable[[str], None]) -> None:
     if not scores:
         return
     out(
-        f"{'scene':>7} {'median error m':>14} {'worst object m':>14} {'swaps':>5} {'objects':>7} {'found':>5} {'extra':>5} "
-        f"{'colour':>6} {'shape':>5} {'material':>8} {'coverage':>8} {'seconds':>7}"
+        f"{'scene':>7} {'median error m':>14} {'worst object m':>14} {'swaps':>5} {'objects':>7} {'found':>5} "
+        f"{'extra':>5} {'colour':>6} {'shape':>5} {'material':>8} {'coverage':>8} {'seconds':>7}"
     )
     for s in scores:
         out(
