@@ -61,33 +61,35 @@ class Answer:
         )
 
 
+_TEXT_OR_NULL = {"anyOf": [{"type": "string"}, {"type": "null"}]}  # some clients refuse a list of types
+
 RESULT_SCHEMA: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
     "required": ["evidence", "tool", "status", "summary", "case", "source", "objects", "interval", "data"],
     "properties": {
-        "evidence": {"type": ["string", "null"], "description": "id of this result; ReadEvidence returns it again"},
+        "evidence": {**_TEXT_OR_NULL, "description": "id of this result; ReadEvidence returns it again"},
         "tool": {"type": "string"},
         "status": {"type": "string", "enum": ["running", "completed", "failed", "cancelled", "diverged"]},
         "summary": {"type": "string"},
-        "case": {"type": ["string", "null"]},
+        "case": _TEXT_OR_NULL,
         "source": {
             "type": "object",
             "additionalProperties": False,
             "required": ["world", "rollout", "observation"],
             "properties": {
-                "world": {"type": ["string", "null"]},
-                "rollout": {"type": ["string", "null"]},
-                "observation": {"type": ["string", "null"]},
+                "world": _TEXT_OR_NULL,
+                "rollout": _TEXT_OR_NULL,
+                "observation": _TEXT_OR_NULL,
             },
             "description": "what the result was computed from",
         },
         "objects": {"type": "array", "items": {"type": "string"}},
         "interval": {
-            "type": ["array", "null"],
-            "items": {"type": "number"},
-            "minItems": 2,
-            "maxItems": 2,
+            "anyOf": [
+                {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+                {"type": "null"},
+            ],
             "description": "seconds the result covers: start, end",
         },
         "data": {"type": "object", "description": "the result itself"},

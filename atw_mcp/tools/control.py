@@ -83,6 +83,9 @@ def read_evidence(
     ] = None,
     cursor: Annotated[int, Field(ge=0, description="first item of a list to return")] = 0,
     limit: Annotated[int, Field(ge=1, le=1000, description="how many items of a list to return")] = 100,
+    wait_seconds: Annotated[
+        float, Field(ge=0, le=600, description="of running work: how long to wait for its result before telling")
+    ] = 0.0,
     cancel: Annotated[bool, Field(description="stop the work if it is still running")] = False,
 ) -> CallToolResult:
     """Return an earlier result without running anything again. Of work still running it tells how far it is
@@ -101,6 +104,8 @@ def read_evidence(
             raise ToolError(f"{evidence} is {record.status} already: there is nothing to cancel")
         app.jobs.cancel(evidence)
         record = app.jobs.wait_for(evidence, seconds=5.0)
+    if record.status == "running" and wait_seconds > 0:
+        record = app.jobs.wait_for(evidence, wait_seconds)
     if path is not None:
         return to_result(page(record, path, cursor, limit))
     return app.evidence_result(evidence)
