@@ -1,4 +1,4 @@
-"""Contact forces: non-penetration, exact Coulomb friction, rolling and spinning resistance; impacts; overlaps.
+"""Contact forces: non-penetration, exact Coulomb friction, rolling and spinning resistance; overlaps.
 
 Projected Gauss-Seidel over contacts (Moreau 1988; Jourdan, Alart & Jean 1998, Comput. Methods Appl. Mech. Eng.
 155, 31), warm started and stopped when it has converged. Friction projects on the disc, not on a pyramid, and its
@@ -10,13 +10,10 @@ import warp as wp
 from polyworld.solver.spatial.layout import Body, Row, State
 
 ITERATIONS = 200
-IMPACT_ITERATIONS = 200
 CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts as none [m/s]
-IMPACT_CONVERGED = wp.float64(1.0e-11)
 OVERLAP_SWEEPS = 3
 OVERLAP_SHARE = wp.float64(0.05)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
-AIM = wp.float64(0.1)  # an impact is looked for where the gap is this fraction of what counts as touching
 NO_TARGET = wp.float64(-1.0e30)  # a normal velocity that is always reached
 ROWS = 6  # normal, two tangents, spin, two of rolling
 
@@ -189,58 +186,6 @@ def clear_impulses(state: State, w: int, r: int) -> None:
 
 
 @wp.func
-def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> int:
-    """Newton's impact law for all touching pairs that approach faster than the threshold; returns how many there were.
-
-    Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
-    of one pair are resolved together, each rebounding with the pair's restitution times its own approach speed.
-    """
-    base = half * state.max_manifolds
-    offset = half * state.max_contacts
-    count = state.manifold_count[w, half]
-    resolved = wp.int32(0)
-    sweep = wp.int32(0)
-    active = wp.int32(0)
-    for i in range(base, base + count):
-        start = state.manifolds[w, i].first
-        for c in range(start, start + state.manifolds[w, i].count):
-            if state.contacts[w, c].gap <= state.manifolds[w, i].close:
-                fast = -state.contacts[w, c].speed
-                state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fast)
-                if fast > threshold:
-                    active = 1
-    while active == 1 and sweep < 8 + 4 * count:
-        active = wp.int32(0)
-        sweep += 1
-        for i in range(base, base + count):
-            a = state.manifolds[w, i].a
-            b = state.manifolds[w, i].b
-            close = state.manifolds[w, i].close
-            start = state.manifolds[w, i].first
-            fastest = wp.float64(0.0)
-            for c in range(start, start + state.manifolds[w, i].count):
-                if state.contacts[w, c].gap <= close:
-                    fastest = wp.max(fastest, -velocity_along(state, w, a, b, ROWS * (c - offset)))
-            if fastest <= threshold:
-                continue
-            state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
-            active = wp.int32(1)
-            resolved += 1
-            for c in range(start, start + state.manifolds[w, i].count):
-                r = ROWS * (c - offset)
-                clear_impulses(state, w, r)
-                speed = velocity_along(state, w, a, b, r)
-                # Moreau's form of the law, also for points that just touch: energy is kept where it is 1.
-                state.contacts[w, c].target = -state.manifolds[w, i].restitution * speed
-                if state.contacts[w, c].gap > close:
-                    state.contacts[w, c].target = NO_TARGET
-            solve_manifolds(state, w, i, i + 1, offset, IMPACT_ITERATIONS, IMPACT_CONVERGED)
-            for c in range(start, start + state.manifolds[w, i].count):
-                state.manifolds[w, i].impact += state.rows[w, ROWS * (c - offset)].impulse
-    return resolved
-
-
-@wp.func
 def solve_velocities(state: State, w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
     """Change the bodies' free velocities at the end of a step of length h into admissible ones.
 
@@ -323,37 +268,3 @@ def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
                     state.bodies[w, m.a].turn += state.rows[w, r].wa * move
                     state.bodies[w, m.b].shift -= m.normal * (move * state.bodies[w, m.b].inverse_mass)
                     state.bodies[w, m.b].turn -= state.rows[w, r].wb * move
-
-
-@wp.func
-def time_to_impact(
-    state: State, w: int, half: int, h: wp.float64, threshold: wp.float64, gravity: wp.vec3d
-) -> wp.float64:
-    """Time until the first open contact closes faster than the threshold, at most h.
-
-    Two convex bodies cannot meet before they meet along a direction that separates them now, so no impact is
-    passed over; where the first guess falls short the next part of the step brings the rest.
-    """
-    zero = wp.float64(0.0)
-    base = half * state.max_manifolds
-    earliest = h
-    for i in range(base, base + state.manifold_count[w, half]):
-        b = state.manifolds[w, i].b
-        close = state.manifolds[w, i].close
-        pull = zero
-        if b >= state.objects:
-            pull = wp.dot(gravity, state.manifolds[w, i].normal)
-        start = state.manifolds[w, i].first
-        for c in range(start, start + state.manifolds[w, i].count):
-            gap = state.contacts[w, c].gap
-            if gap > close:
-                speed = state.contacts[w, c].speed
-                distance = gap - AIM * close
-                # distance + speed t + pull t^2 / 2 = 0, in the form that does not cancel
-                root = speed * speed - wp.float64(2.0) * pull * distance
-                if root > threshold * threshold:
-                    root = wp.sqrt(root)
-                    if root > speed:
-                        t = wp.float64(2.0) * distance / (root - speed)
-                        earliest = wp.min(earliest, t)
-    return earliest

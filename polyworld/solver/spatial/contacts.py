@@ -21,6 +21,7 @@ from polyworld.solver.spatial.shapes import extent
 
 # Contacts are closed below this gap, as a fraction of the smaller body's bounding radius.
 TOUCHING = wp.float64(1.0e-4)
+FLAT = wp.float64(0.999999)  # cosine of an angle to a triangle's normal that is taken for none
 SAME_POINT = wp.float64(0.05)  # how far a point may wander and still be the same, per radius
 
 
@@ -126,10 +127,10 @@ def touch(
         n = separating_direction(geometry, sa, ra, sb, rb, c)
         if sb.kind == TRIANGLE:
             face = rb * geometry.face_normals[sb.first_face]
-            if wp.dot(face, n) < wp.float64(0.999999) and inactive_edge(geometry, sb.first_face, wp.transpose(rb) * n):
-                if wp.dot(face, n) < wp.float64(0.0):
-                    return
+            if wp.dot(face, n) > FLAT:
                 n = face
+            elif inactive_edge(geometry, sb.first_face, wp.transpose(rb) * n):
+                return  # the surface goes on behind this edge: the neighbour is closer
         gap = separation(geometry.vertices, sa, ra, sb, rb, c, n)
     if gap > reach:
         return

@@ -5,13 +5,12 @@ import warp as wp
 from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.spatial.constraints import (
     build_rows,
-    resolve_impacts,
     separate_overlaps,
     solve_velocities,
-    time_to_impact,
 )
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
+from polyworld.solver.spatial.impacts import resolve_impacts, time_to_impact
 from polyworld.solver.spatial.layout import (
     DIVERGED,
     OPTIONS,

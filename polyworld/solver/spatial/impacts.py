@@ -1,0 +1,137 @@
+"""Impacts: Newton's law of restitution at the moment of touching, and when that will be."""
+
+import warp as wp
+
+from polyworld.solver.spatial.constraints import (
+    NO_TARGET,
+    ROWS,
+    clear_impulses,
+    push,
+    solve_manifolds,
+    velocity_along,
+)
+from polyworld.solver.spatial.layout import Body, State
+
+ITERATIONS = 200
+CONVERGED = wp.float64(1.0e-11)  # [m/s]
+AIM = wp.float64(0.1)  # an impact is looked for where the gap is this fraction of what counts as touching
+TRIALS = 12
+LESS = wp.float64(0.7)  # factor on the restitution from trial to trial
+ENERGY_ROUNDING = wp.float64(1.0 + 1.0e-9)
+
+
+@wp.func
+def kinetic_energy(b: Body) -> wp.float64:
+    """Kinetic energy [J]; zero for statics, whose mass is not given."""
+    w = wp.transpose(b.rotation) * b.w
+    return wp.float64(0.5) * b.mass * (wp.dot(b.v, b.v) + wp.dot(w, b.inertia * w))
+
+
+@wp.func(inline=False)
+def rebound(state: State, w: int, i: int, offset: int) -> wp.float64:
+    """Resolve the impact of one pair; returns its normal impulse [N s].
+
+    All points rebound with the restitution times their own approach speed (Moreau's form of Newton's law, which
+    for frictionless bodies keeps the energy where it is 1). With friction Newton's law can create energy in
+    oblique impacts of slender bodies (Kane 1984; Stronge 1990, Proc. R. Soc. A 431, 169): the restitution is
+    then lowered until it does not.
+    """
+    a = state.manifolds[w, i].a
+    b = state.manifolds[w, i].b
+    start = state.manifolds[w, i].first
+    end = start + state.manifolds[w, i].count
+    restitution = state.manifolds[w, i].restitution
+    allowed = (kinetic_energy(state.bodies[w, a]) + kinetic_energy(state.bodies[w, b])) * ENERGY_ROUNDING
+    for trial in range(TRIALS):
+        for c in range(start, end):
+            r = ROWS * (c - offset)
+            clear_impulses(state, w, r)
+            state.contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
+            if state.contacts[w, c].gap > state.manifolds[w, i].close:
+                state.contacts[w, c].target = NO_TARGET
+        solve_manifolds(state, w, i, i + 1, offset, ITERATIONS, CONVERGED)
+        if kinetic_energy(state.bodies[w, a]) + kinetic_energy(state.bodies[w, b]) <= allowed or trial == TRIALS - 1:
+            break
+        restitution = restitution * LESS
+        for r in range(ROWS * (start - offset), ROWS * (end - offset)):
+            push(state, w, a, b, r, -state.rows[w, r].impulse)
+    impulse = wp.float64(0.0)
+    for c in range(start, end):
+        impulse += state.rows[w, ROWS * (c - offset)].impulse
+    return impulse
+
+
+@wp.func
+def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> int:
+    """Newton's impact law for all touching pairs that approach faster than the threshold; returns how many there were.
+
+    Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
+    of one pair are resolved together, each rebounding with the pair's restitution times its own approach speed.
+    """
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    count = state.manifold_count[w, half]
+    resolved = wp.int32(0)
+    sweep = wp.int32(0)
+    active = wp.int32(0)
+    for i in range(base, base + count):
+        start = state.manifolds[w, i].first
+        for c in range(start, start + state.manifolds[w, i].count):
+            if state.contacts[w, c].gap <= state.manifolds[w, i].close:
+                fast = -state.contacts[w, c].speed
+                state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fast)
+                if fast > threshold:
+                    active = 1
+    while active == 1 and sweep < 8 + 4 * count:
+        active = wp.int32(0)
+        sweep += 1
+        for i in range(base, base + count):
+            a = state.manifolds[w, i].a
+            b = state.manifolds[w, i].b
+            close = state.manifolds[w, i].close
+            start = state.manifolds[w, i].first
+            fastest = wp.float64(0.0)
+            for c in range(start, start + state.manifolds[w, i].count):
+                if state.contacts[w, c].gap <= close:
+                    fastest = wp.max(fastest, -velocity_along(state, w, a, b, ROWS * (c - offset)))
+            if fastest <= threshold:
+                continue
+            state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
+            active = wp.int32(1)
+            resolved += 1
+            state.manifolds[w, i].impact += rebound(state, w, i, offset)
+    return resolved
+
+
+@wp.func
+def time_to_impact(
+    state: State, w: int, half: int, h: wp.float64, threshold: wp.float64, gravity: wp.vec3d
+) -> wp.float64:
+    """Time until the first open contact closes faster than the threshold, at most h.
+
+    Two convex bodies cannot meet before they meet along a direction that separates them now, so no impact is
+    passed over; where the first guess falls short the next part of the step brings the rest.
+    """
+    zero = wp.float64(0.0)
+    base = half * state.max_manifolds
+    earliest = h
+    for i in range(base, base + state.manifold_count[w, half]):
+        b = state.manifolds[w, i].b
+        close = state.manifolds[w, i].close
+        pull = zero
+        if b >= state.objects:
+            pull = wp.dot(gravity, state.manifolds[w, i].normal)
+        start = state.manifolds[w, i].first
+        for c in range(start, start + state.manifolds[w, i].count):
+            gap = state.contacts[w, c].gap
+            if gap > close:
+                speed = state.contacts[w, c].speed
+                distance = gap - AIM * close
+                # distance + speed t + pull t^2 / 2 = 0, in the form that does not cancel
+                root = speed * speed - wp.float64(2.0) * pull * distance
+                if root > threshold * threshold:
+                    root = wp.sqrt(root)
+                    if root > speed:
+                        t = wp.float64(2.0) * distance / (root - speed)
+                        earliest = wp.min(earliest, t)
+    return earliest
