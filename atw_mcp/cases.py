@@ -20,6 +20,16 @@ def content_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
+def path_hash(path: Path) -> str:
+    """SHA-256 of a file, or of the names and contents of all files of a folder."""
+    if path.is_file():
+        return content_hash(path)
+    digest = hashlib.sha256()
+    for file in sorted(p for p in path.rglob("*") if p.is_file()):
+        digest.update(f"{file.relative_to(path).as_posix()}\0{content_hash(file)}\n".encode())
+    return digest.hexdigest()
+
+
 def existing_file(text: str) -> Path:
     """The absolute path of a readable, non-empty file; raises ValueError saying what is wrong with it."""
     path = Path(text).expanduser().absolute()

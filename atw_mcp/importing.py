@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from atw_mcp.app import App
 from atw_mcp.building import ObservedObject
-from atw_mcp.cases import content_hash
+from atw_mcp.cases import path_hash
 from atw_mcp.observing import keep_calibration, keep_image_observation, video_file
 from atw_mcp.perception.calibration import Calibration
 from atw_mcp.perception.import_images import import_camera, import_depth, import_masks, import_mesh
@@ -34,16 +33,6 @@ def existing_path(text: str) -> Path:
         near = sorted(p.name for p in path.parent.glob("*"))[:10] if path.parent.is_dir() else []
         raise ImportDataError(f"nothing at {path}; {f'that folder has {near}' if near else 'nor is there its folder'}")
     return path
-
-
-def path_hash(path: Path) -> str:
-    """SHA-256 of a file, or of the names and contents of all files of a folder."""
-    if path.is_file():
-        return content_hash(path)
-    digest = hashlib.sha256()
-    for file in sorted(p for p in path.rglob("*") if p.is_file()):
-        digest.update(f"{file.relative_to(path).as_posix()}\0{content_hash(file)}\n".encode())
-    return digest.hexdigest()
 
 
 # --- tracks ---

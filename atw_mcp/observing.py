@@ -10,15 +10,18 @@ from typing import Any
 
 from atw_mcp.app import App
 from atw_mcp.building import ObservedObject
-from atw_mcp.cases import content_hash, existing_file
+from atw_mcp.cases import content_hash, existing_file, path_hash
 from atw_mcp.jobs import Progress
 from atw_mcp.perception.calibration import Calibration
+from atw_mcp.perception.depth_tracks import depth_tracks
+from atw_mcp.perception.import_images import import_depth
 from atw_mcp.perception.observation import ImageObservation
+from atw_mcp.perception.observation import ObservedObject as SeenObject
 from atw_mcp.perception.tracks import estimate_sizes, world_tracks
 from atw_mcp.track_records import TrackRecord, read_record, to_document
 from evidence_store import Case, Content
 from polyworld.camera import Camera
-from polyworld.world import Box, Cylinder, MotionPlane, Sphere, World
+from polyworld.world import BodyShape, Box, Cylinder, MotionPlane, Sphere, World
 
 SIDE_VIEW = MotionPlane(point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), supports=False)
 UNKNOWN_RATE = 0.04  # [s] between frames of a file that states no rate; BuildWorld says so
@@ -104,6 +107,7 @@ class Derivation:
     plane: MotionPlane
     solids: dict[str, Sphere | Box | Cylinder]
     seconds_per_frame: float
+    depth: str | None = None
 
     def inputs(self) -> dict[str, Any]:
         """What determines the tracks."""
@@ -113,6 +117,7 @@ class Derivation:
             "plane": self.plane.model_dump(mode="json"),
             "solids": {name: solid.model_dump(mode="json") for name, solid in sorted(self.solids.items())},
             "seconds_per_frame": self.seconds_per_frame,
+            "depth": self.depth,
         }
 
 
@@ -144,7 +149,15 @@ def derivation(
     rate = float(case.facts.get("frames_per_second") or 0.0)
     seen = app.store.observations.get(identifier).document["names"]
     known = {name: solid for name, solid in solids.items() if name in seen}
-    return Derivation(identifier, camera.id, plane, known, 1.0 / rate if rate > 0 else UNKNOWN_RATE)
+    depth = app.store.cases.observations(case.id, "depth")
+    return Derivation(
+        identifier,
+        camera.id,
+        plane,
+        known,
+        1.0 / rate if rate > 0 else UNKNOWN_RATE,
+        depth[0][1] if depth else None,
+    )
 
 
 def derived_tracks(app: App, case: Case, how: Derivation, progress: Progress | None) -> TrackRecord | None:
@@ -162,6 +175,9 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
     seen = image_observation(app.store.observations.get(how.observation))
     camera = Camera.model_validate(app.store.observations.get(how.camera).document["camera"])
 
+    if how.depth is not None:
+        return _derive_from_depth(app, how, seen, camera, progress)
+
     def tell(begin: float) -> Callable[[float, str], None]:
         return lambda share, what: progress.report(begin + 0.5 * share, 1.0, what)
 
@@ -176,13 +192,36 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
         progress=tell(0.5),
         cancelled=progress.cancelled,
     )
-    objects = [
-        ObservedObject(item.name, solids.get(item.name), _named(item.colour.name), _named(item.material.name))
-        for item in seen.objects
-    ]
     sizes = {name: found.to_dict() for name, found in estimates.items()}
     source = {"kind": "derived", "objects": how.observation, "camera": how.camera, "sizes": sizes}
+    objects = [_looks(item, solids.get(item.name)) for item in seen.objects]
     return to_document(tracks, objects, heights_assumed=True, source=source, plane=how.plane)
+
+
+def _derive_from_depth(
+    app: App, how: Derivation, seen: ImageObservation, camera: Camera, progress: Progress
+) -> dict[str, Any]:
+    assert how.depth is not None
+    kept = app.store.observations.get(how.depth)
+    path = Path(kept.document["path"])
+    if not path.exists() or path_hash(path) != kept.inputs["file"]:
+        raise ValueError(f"the depth maps {path} are gone or changed: import them again")
+    tracks, shapes = depth_tracks(
+        seen,
+        camera,
+        import_depth(path, metres_per_unit=kept.inputs["metres_per_unit"]),
+        how.solids,
+        seconds_per_frame=how.seconds_per_frame,
+        progress=lambda share, what: progress.report(share, 1.0, what),
+        cancelled=progress.cancelled,
+    )
+    source = {"kind": "derived", "objects": how.observation, "camera": how.camera, "depth": how.depth}
+    objects = [_looks(item, shapes.get(item.name)) for item in seen.objects]
+    return to_document(tracks, objects, heights_assumed=False, source=source)
+
+
+def _looks(seen: SeenObject, shape: BodyShape | None) -> ObservedObject:
+    return ObservedObject(seen.name, shape, _named(seen.colour.name), _named(seen.material.name))
 
 
 def _named(cue: str) -> str | None:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import anyio
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -142,6 +143,39 @@ def test_an_imported_camera_is_used_by_the_world(session: Session, tmp_path: Pat
     (tmp_path / "wide.json").write_text(json.dumps(camera))
     text = session.refused("ImportObservation", case=case, kind="camera", path=str(tmp_path / "wide.json"))
     assert "160 x 120" in text
+
+
+def test_masks_depth_and_camera_from_elsewhere_make_a_world_without_assumptions(
+    session: Session, tmp_path: Path
+) -> None:
+    # A camera at y = -3 m that looks along +y, 1 m above the floor: a pixel is 1.5 cm wide at 3 m.
+    clip = write_clip(tmp_path / "discs.mp4")
+    labels, depth = tmp_path / "labels", np.full((24, 120, 160), np.nan, dtype=np.float32)
+    labels.mkdir()
+    for t in range(24):
+        image = np.zeros((120, 160), dtype=np.uint8)
+        cv2.circle(image, (25 + 2 * t, 60), 9, 1, -1)
+        cv2.circle(image, (135 - 2 * t, 62), 9, 2, -1)
+        cv2.imwrite(str(labels / f"{t:04d}.png"), image)
+        depth[t][image == 1], depth[t][image == 2] = 3.0, 3.5
+    np.savez(tmp_path / "depth.npz", depth=depth)
+    camera = {
+        "width": 160, "height": 120, "intrinsics": [[200, 0, 80], [0, 200, 60], [0, 0, 1]],
+        "rotation": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "translation": [0, 1, 3.0],
+    }  # fmt: skip
+    (tmp_path / "camera.json").write_text(json.dumps(camera))
+    case = session("OpenCase", video=str(clip))["case"]
+    session("ImportObservation", case=case, kind="masks", path=str(labels))
+    session("ImportObservation", case=case, kind="depth", path=str(tmp_path / "depth.npz"))
+    session("ImportObservation", case=case, kind="camera", path=str(tmp_path / "camera.json"))
+    ball = {"kind": "sphere", "radius": 0.15}
+    objects = [{"name": f"object_{n}", "shape": ball} for n in (1, 2)]
+    built = session("BuildWorld", case=case, objects=objects, floor="none", representation="spatial")
+    near = next(item for item in built["data"]["objects"] if item["name"] == "object_1")
+    assert near["position"] == pytest.approx([(25 - 80) / 200 * 3.0, 0.1, 1.0], abs=0.06)  # 0.1: 2/3 of the radius
+    assert near["velocity"][0] == pytest.approx(2 / 200 * 3.0 / 0.04, rel=0.05)
+    far = next(item for item in built["data"]["objects"] if item["name"] == "object_2")
+    assert far["position"][1] - near["position"][1] == pytest.approx(0.5, abs=0.02)
 
 
 def test_equal_requests_give_equal_worlds_on_different_stores(tmp_path: Path) -> None:
