@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
+import textwrap
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +32,9 @@ def main(arguments: list[str] | None = None) -> int:
         return int(options.command(options))
     except KeyboardInterrupt:
         return INTERRUPTED
+    except BrokenPipeError:  # whoever read the output has seen enough, as in `atw-mcp tools | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
     except ScriptError as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return USAGE
@@ -135,7 +140,7 @@ def _tools(options: argparse.Namespace) -> int:
     tools = {tool.name: tool for tool in all_tools()}
     if options.tool is None:
         for tool in tools.values():
-            print(f"{tool.name:24}{(tool.description or '').splitlines()[0]}")
+            print(f"{tool.name:24}{textwrap.shorten(tool.description or '', 120, placeholder=' ...')}")
         return OK
     if options.tool not in tools:
         raise ScriptError(f"there is no tool {options.tool!r}; tools: {', '.join(tools)}")

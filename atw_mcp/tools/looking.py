@@ -15,7 +15,7 @@ from atw_mcp.app import App
 from atw_mcp.intervals import FrameRange, Seconds, chosen_span
 from atw_mcp.names import chosen_names, object_name
 from atw_mcp.observing import latest_image_observation, modelled_tracks, video_file
-from atw_mcp.overlay import OBSERVED, SIMULATED, Canvas, encoded
+from atw_mcp.overlay import OBSERVED, SIMULATED, Canvas, Color, encoded
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
 from atw_mcp.results import Answer, explained
@@ -273,8 +273,7 @@ class _View:
             if observed is not None and real:
                 _draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
             about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
-            for name in names:  # on top of every outline
-                canvas.name(name, picture.mask(trajectory.index(name)), SIMULATED)
+            _write_names(canvas, {name: picture.mask(trajectory.index(name)) for name in names}, SIMULATED)
             time = frame * self.frame_time
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
             drawn[f"frame {frame}"] = canvas.image
@@ -370,9 +369,15 @@ def _draw_observed(
             about["area"] = int(seen.area[row])
             about["confidence"] = round(float(seen.confidence[row]), 3)
         told.append(about)
-    for name in names if label else ():  # on top of every outline
-        canvas.name(name, observation.mask(name, frame), OBSERVED)
+    if label:
+        _write_names(canvas, {name: observation.mask(name, frame) for name in names}, OBSERVED)
     return told
+
+
+def _write_names(canvas: Canvas, masks: dict[str, NDArray[np.bool_]], color: Color) -> None:
+    """Names on top of every outline, from the top of the picture down: most then find room above their object."""
+    for name, mask in sorted(masks.items(), key=lambda item: int(np.argmax(item[1].any(axis=1)))):
+        canvas.name(name, mask, color)
 
 
 def _measured(image: ImageObservation | None, name: str, frame: int) -> list[Any]:

@@ -105,7 +105,7 @@ def test_tools_lists_each_tool_with_its_purpose(capfd: pytest.CaptureFixture[str
     code, out, _ = run(capfd, "tools")
     assert code == 0
     assert {"OpenCase", "Rollout", "Finish"} <= {line.split()[0] for line in out.splitlines()}
-    assert all(len(line.split()) > 3 for line in out.splitlines())
+    assert all(40 < len(line) < 150 for line in out.splitlines())
     assert "horizon_seconds" in run(capfd, "tools", "Rollout")[1]
 
 
@@ -135,3 +135,10 @@ def test_warmup_names_what_it_compiled(capfd: pytest.CaptureFixture[str]) -> Non
     assert code == 0
     for name in ("planar worlds", "spatial worlds", "pictures"):
         assert f"{name}: " in err
+
+
+def test_output_may_be_cut_off_by_its_reader() -> None:
+    command = f"{sys.executable} -m atw_mcp schema world | head -1"
+    finished = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120, check=True)
+    assert finished.stdout == "{\n"
+    assert "Traceback" not in finished.stderr
