@@ -25,6 +25,9 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
+# Factors on the step of the differences, tried in turn while no trial improves: a collision puts kinks into the
+# residuals, which a smaller step looks between and a larger one looks across.
+SPANS = (1.0, 0.3, 3.0, 0.1, 10.0)
 # Trial dampings of one iteration, as factors of the last successful one: tried in a single batch.
 TRIALS = 10.0 ** np.arange(-3.0, 5.0)
 
@@ -69,13 +72,14 @@ def refine(
     at = space.mean if start is None else space.coordinates(start)
     width = space.upper - space.lower
     loss = problem.loss(at)
-    damping, step = 1e-2, settings.step
+    damping, span = 1e-2, 0
     history: list[LossPoint] = []
     stopped = False
     for iteration in range(settings.iterations):
         if cancelled is not None and cancelled():
             stopped = True
             break
+        step = settings.step * SPANS[span]
         jacobian = difference_quotients(forward, at, step * width, forward.samples) * width
         weights = forward.huber_weights(at, forward.samples)
         residual = forward.residuals(at[None], forward.samples)[0]
@@ -92,14 +96,14 @@ def refine(
         losses = forward.losses(candidates, forward.samples)
         best = int(np.argmin(losses))
         history.append(LossPoint(iteration, 0, forward.samples, float(losses[best]), float(np.median(losses))))
-        if losses[best] >= loss:
-            if step <= 0.1 * settings.step:
-                break
-            step *= 0.3  # the differences may span a collision's kink: look closer
-            continue
-        gain = (loss - losses[best]) / loss
-        at, loss = candidates[best], float(losses[best])
-        damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
+        gain = (loss - losses[best]) / loss if loss > 0.0 else 0.0
+        if losses[best] < loss:
+            at, loss = candidates[best], float(losses[best])
+            damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
         if gain < settings.tolerance:
-            break
+            span += 1
+            if span == len(SPANS):
+                break
+        else:
+            span = 0
     return problem.finish("refine", "cancelled" if stopped else "completed", at, None, history, 0)
