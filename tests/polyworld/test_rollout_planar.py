@@ -311,3 +311,13 @@ def test_environment_without_support_lets_objects_slide_for_ever() -> None:
     free = world.environment.motion_plane.model_copy(update={"supports": False})
     world = world.model_copy(update={"environment": Environment(motion_plane=free)})
     assert run(world, 2.0).positions[0, -1, 0, 0] == pytest.approx(2.0, abs=1e-12)
+
+
+def test_a_force_that_overflows_stops_the_world_and_not_the_program() -> None:
+    """Quadratic drag far too strong for the step: the speed overflows; another body is near enough to be tested."""
+    drag = Effect(name="air", kind="quadratic_drag", parameters={"coefficient": 1e6})
+    fast = body("fast", Sphere(radius=0.1), (0.0, 0.0, 0.1), velocity=(1e5, 0.0, 0.0), mass=1e-6)
+    near = body("near", Box(half_extents=(0.1, 0.1, 0.1)), (0.21, 0.0, 0.1))
+    result = rollout(top_view(fast, near, effects=(drag,)), 1.0)
+    assert result.status == "diverged"
+    assert result.diverged_object == "fast"

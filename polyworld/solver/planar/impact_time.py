@@ -11,6 +11,7 @@ wp.set_module_options({"enable_backward": False})
 ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
+MARCHES = 1_000_000  # never reached: at 1e6 m/s a body of 1 cm is followed for half a second
 
 
 @wp.func
@@ -44,56 +45,64 @@ def path_bound(scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int
 def first_touch(
     scene: Scene,
     bodies: Bodies,
+    contacts: Contacts,
     w: wp.int32,
-    a: wp.int32,
-    b: wp.int32,
-    gap: wp.float64,
+    slot: wp.int32,
     bound: wp.float64,
     h: wp.float64,
     until: wp.float64,
 ) -> wp.float64:
-    """First time in 0..until at which the gap of a pair, `gap` now, has fallen to contact; h + 1 if it does not."""
-    # March so far at a time that the pair can neither pass through nor touch and part unseen by much.
+    """First time in 0..until at which a near pair touches; h + 1 if it does not. Notes the pair's gap at time 0.
+
+    Marches so far at a time that the pair can neither pass through nor touch and part unseen by much, then
+    closes in by regula falsi (Illinois) on the middle of the contact band 0..touch.
+    """
+    a = contacts.near[w, slot][0]
+    b = contacts.near[w, slot][1]
     leap = scene.depth[a]
     if scene.first[b + 1] > scene.first[b]:
         leap = wp.min(leap, scene.depth[b])
+    close = HALF * HALF * scene.touch
+    time = ZERO
     early = ZERO
-    early_gap = gap
-    late = ZERO
-    late_gap = gap
-    while late < until and late_gap > scene.touch:
-        early = late
-        early_gap = late_gap
-        late = wp.min(until, early + h * (early_gap + leap) / bound)
-        late_gap = gap_at(scene, bodies, w, a, b, late, h)
-    if late_gap > scene.touch:
-        return h + ONE
-    # Regula falsi (Illinois) for the middle of the contact band 0..touch.
-    target = HALF * scene.touch
-    f0 = early_gap - target
-    f1 = late_gap - target
+    late = until
+    early_offset = ZERO
+    late_offset = ZERO
+    bracketed = wp.int32(0)
     side = wp.int32(0)
-    for _ in range(60):
-        if wp.abs(f1) < HALF * HALF * scene.touch or late - early < wp.float64(1.0e-15) * h:
-            break
-        t = (f0 * late - f1 * early) / (f0 - f1)
-        g = gap_at(scene, bodies, w, a, b, t, h)
-        f = g - target
-        if wp.abs(f) < HALF * HALF * scene.touch:
-            return t
-        if f > ZERO:
-            early = t
-            f0 = f
-            if side == 1:
-                f1 = f1 * HALF
-            side = wp.int32(1)
+    for _ in range(MARCHES):
+        gap = gap_at(scene, bodies, w, a, b, time, h)
+        if gap != gap:  # not a number: the world is about to be stopped as diverged
+            return h + ONE
+        offset = gap - HALF * scene.touch
+        if time == ZERO:
+            contacts.near_gap[w, slot] = gap
+            if bound < gap - scene.touch:
+                return h + ONE
+        if bracketed == 0 and gap > scene.touch:
+            if time >= until:
+                return h + ONE
+            early = time
+            early_offset = offset
+            time = wp.min(until, time + h * (gap + leap) / bound)
         else:
-            late = t
-            f1 = f
-            if side == -1:
-                f0 = f0 * HALF
-            side = wp.int32(-1)
-    return late
+            if wp.abs(offset) < close or late - early < wp.float64(1.0e-15) * h:
+                return time
+            if bracketed == 0 or offset <= ZERO:
+                late = time
+                late_offset = offset
+                if side == -1:
+                    early_offset = early_offset * HALF
+                side = wp.int32(-1)
+            else:
+                early = time
+                early_offset = offset
+                if side == 1:
+                    late_offset = late_offset * HALF
+                side = wp.int32(1)
+            bracketed = wp.int32(1)
+            time = (early_offset * late - late_offset * early) / (early_offset - late_offset)
+    return h + ONE
 
 
 @wp.func
@@ -119,16 +128,10 @@ def next_impact(
             pair = contacts.near[w, k]
             a = pair[0]
             b = pair[1]
-            bound = reach
-            if bound >= gap - scene.touch:
+            if reach >= gap - scene.touch:
                 bound = path_bound(scene, bodies, w, a, b, h)
-            if bound >= gap - scene.touch:
-                gap = gap_at(scene, bodies, w, a, b, ZERO, h)
-                contacts.near_gap[w, k] = gap
-                if bound >= gap - scene.touch and gap > scene.touch:
-                    t = first_touch(scene, bodies, w, a, b, gap, bound, h, time)
-                    if t < time:
-                        time = t
+                if bound >= gap - scene.touch:
+                    time = wp.min(time, first_touch(scene, bodies, contacts, w, k, bound, h, time))
     # The second corner of a pair that touches with one: its gap along the normal, to second order.
     for k in range(rows):
         row = contacts.rows[w, half, k]

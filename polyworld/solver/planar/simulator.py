@@ -46,6 +46,11 @@ BODY_FIELDS = {
 }
 
 
+def available_cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class PlanarSimulator:
     """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run.
 
@@ -69,7 +74,7 @@ class PlanarSimulator:
         self.n_worlds = n_worlds
         self.sample_times = sample_times
         self.record_events = record_events
-        self.threads = threads or len(os.sched_getaffinity(0))
+        self.threads = threads or available_cores()
         self._arrays = rigid_arrays(world)
         self._table = time_table(world, sample_times)
         self._scene, self._all_names = build_scene(world, self._table)
