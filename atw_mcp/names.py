@@ -1,33 +1,26 @@
-"""Names as agents use them: an object's own, or one that UpdateBindings has tied to it."""
+"""Names as agents use them: an object's own, one that UpdateBindings has tied to it, or its own written otherwise."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import BaseModel
 
 from atw_mcp.app import App
 from evidence_store import Case
 from polyworld.world import World
 
-Edit = TypeVar("Edit", bound=BaseModel)
-
-NAME_FIELDS = ("object", "a", "b")
+NAME_FIELDS = ("object", "a", "b")  # of edits and predicates
 
 
 def object_name(app: App, case: Case, name: str, known: Sequence[str]) -> str:
     """The one of `known` that a name means; raises ToolError naming them where it means none."""
-    if name in known:
-        return name
-    binding = app.store.cases.bindings(case.id).get(name)
-    if binding is not None:
-        for bound in (binding.object, binding.track):
-            if bound in known:
-                return str(bound)
-    close = difflib.get_close_matches(name, known, n=1)
+    meant = _meant(app, case, name, known)
+    if meant is not None:
+        return meant
+    close = difflib.get_close_matches(_plain(name), known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     raise ToolError(f"no object {name!r}{hint}; objects: {list(known)}. UpdateBindings ties other names to them")
 
@@ -41,13 +34,27 @@ def chosen_names(app: App, case: Case, names: Sequence[str] | None, known: Seque
     return list(dict.fromkeys(object_name(app, case, name, known) for name in names))
 
 
-def renamed(app: App, case: Case, world: World, item: Edit) -> Edit:
-    """An edit or a predicate with bound names replaced by the world's own; unknown names are left as they are."""
-    known = {o.name for o in world.objects} | {s.name for s in world.statics}
-    bindings = app.store.cases.bindings(case.id)
-    changes = {}
+def with_own_names(app: App, case: Case, world: World, item: Mapping[str, Any]) -> dict[str, Any]:
+    """An edit or a predicate with names replaced by the world's own; those that mean nothing are left as they are."""
+    known = [o.name for o in world.objects] + [s.name for s in world.statics]
+    changed = dict(item)
     for field in NAME_FIELDS:
-        name = getattr(item, field, None)
-        if isinstance(name, str) and name not in known and name in bindings and bindings[name].object in known:
-            changes[field] = bindings[name].object
-    return item.model_copy(update=changes) if changes else item
+        if isinstance(item.get(field), str):
+            changed[field] = _meant(app, case, item[field], known) or item[field]
+    return changed
+
+
+def _meant(app: App, case: Case, name: str, known: Sequence[str]) -> str | None:
+    if name in known:
+        return name
+    binding = app.store.cases.bindings(case.id).get(name)
+    if binding is not None:
+        for bound in (binding.object, binding.track):
+            if bound in known:
+                return str(bound)
+    alike = [own for own in known if _plain(own) == _plain(name)]  # "Red cylinder" for red_cylinder
+    return alike[0] if len(alike) == 1 else None
+
+
+def _plain(name: str) -> str:
+    return "_".join(name.lower().replace("-", " ").replace("_", " ").split())

@@ -10,7 +10,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.app import App
 from evidence_store import Case, Content, UnknownRecord
-from polyworld.rollout import rollout
+from polyworld.rollout import MAX_SUBSTEPS, rollout
 from polyworld.trajectory import Event, Rollout, Trajectory
 from polyworld.world import World
 
@@ -18,23 +18,24 @@ KIND = "rollout"
 ENGINE = 1  # raise when the engine's results change: stored rollouts then no longer answer for new ones
 MAX_SAMPLES = 20_000  # frames in one rollout
 
-_SERIES = ("times", "positions", "orientations", "velocities", "angular_velocities", "active")
+SERIES = ("times", "positions", "orientations", "velocities", "angular_velocities", "active")
 
 
 def checked_horizon(world: World, seconds: float | None) -> float:
     """The horizon to roll out to [s]: as asked, else the observed stretch; raises ToolError when it cannot be."""
     frame = world.time.seconds_per_frame
+    longest = min(MAX_SAMPLES * frame, MAX_SUBSTEPS * min(world.time.substep, frame))
     if seconds is None:
         if world.time.frame_count < 2:
             raise ToolError(
                 "this world has no observed frames, so horizon_seconds must be given: "
-                f"any value above 0 up to {MAX_SAMPLES * frame:g} s"
+                f"any value above 0 up to {longest:g} s"
             )
-        return (world.time.frame_count - 1) * frame
-    if not (math.isfinite(seconds) and 0 < seconds <= MAX_SAMPLES * frame):
+        seconds = (world.time.frame_count - 1) * frame
+    if not (math.isfinite(seconds) and 0 < seconds <= longest):
         raise ToolError(
-            f"horizon_seconds must be above 0 and at most {MAX_SAMPLES * frame:g} s "
-            f"({MAX_SAMPLES} frames of {frame:g} s), got {seconds:g}"
+            f"horizon_seconds must be above 0 and at most {longest:g} s ({round(longest / frame)} frames of "
+            f"{frame:g} s in steps of {world.time.substep:g} s), got {seconds:g}"
         )
     return seconds
 
@@ -88,7 +89,7 @@ def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[A
         "diverged_time": result.diverged_time,
         "diverged_object": result.diverged_object,
     }
-    return document, {name: getattr(result.trajectory, name) for name in _SERIES}
+    return document, {name: getattr(result.trajectory, name) for name in SERIES}
 
 
 def _from_content(content: Content) -> Rollout:
@@ -96,7 +97,7 @@ def _from_content(content: Content) -> Rollout:
     return Rollout(
         world_id=document["world"],
         horizon=document["horizon"],
-        trajectory=Trajectory(names=tuple(document["names"]), **{name: content.arrays[name] for name in _SERIES}),
+        trajectory=Trajectory(names=tuple(document["names"]), **{name: content.arrays[name] for name in SERIES}),
         events=tuple(_event(item) for item in document["events"]),
         status=document["status"],
         diverged_time=document["diverged_time"],

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field, WithJsonSchema
+from pydantic import Field, TypeAdapter, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
 from atw_mcp.flat_unions import flat_schema
 from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.names import chosen_names, object_name, renamed
+from atw_mcp.names import chosen_names, object_name, with_own_names
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
 from atw_mcp.toolbox import ToolGroup
@@ -29,9 +29,12 @@ GROUP = ToolGroup("world experimentation")
 CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
 RolloutId = Annotated[str, Field(description="rollout id, as Rollout returned it", pattern=r"^rollout-[0-9a-f]+$")]
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
-Edit = Annotated[Intervention, WithJsonSchema(flat_schema(Intervention, "action"))]
+# Checked after names have been replaced, so that a name of a binding may be any text.
+Edit = Annotated[dict[str, Any], WithJsonSchema(flat_schema(Intervention, "action"))]
 STATEMENTS = flat_schema(Predicate, "predicate")
-Statement = Annotated[Predicate, WithJsonSchema(STATEMENTS)]
+Statement = Annotated[dict[str, Any], WithJsonSchema(STATEMENTS)]
+INTERVENTIONS: TypeAdapter[list[Intervention]] = TypeAdapter(list[Intervention])
+PREDICATE: TypeAdapter[Predicate] = TypeAdapter(Predicate)
 PATIENCE = 40.0  # [s]
 
 
@@ -63,14 +66,16 @@ def roll_out(
     """
     found, committed = app.case_to_probe(case, "Rollout")
     base = committed if world == "committed" else app.world(found, world)
+    with explained("DescribeTool(tool='Rollout') lists every edit"):
+        wanted = INTERVENTIONS.validate_python([with_own_names(app, found, base, edit) for edit in edits or []])
     with explained("InspectWorld(case=CASE) lists objects, statics and effects"):
-        branched = branch(base, [renamed(app, found, base, edit) for edit in edits or []])
+        branched = branch(base, wanted)
     if horizon_seconds is not None and horizon_frames is not None:
         raise ToolError("give horizon_seconds or horizon_frames, not both")
     if horizon_frames is not None:
         horizon_seconds = horizon_frames * branched.time.seconds_per_frame
     horizon = checked_horizon(branched, horizon_seconds)
-    edited = [edit.model_dump(mode="json", exclude_none=True) for edit in edits or []]
+    edited = [edit.model_dump(mode="json", exclude_none=True) for edit in wanted]
     if branched.id != base.id:
         app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": edited})
     known = find_rollout(app, branched, horizon)
@@ -290,7 +295,8 @@ def query_world(
     if interval is not None and frames is not None:
         raise ToolError("give interval (seconds) or frames, not both")
     asked = interval if interval is not None else None if frames is None else [frames[0] * frame, frames[1] * frame]
-    asked_of = renamed(app, case, world, predicate)
+    with explained("DescribeTool(tool='QueryWorld') lists every predicate"):
+        asked_of = PREDICATE.validate_python(with_own_names(app, case, world, predicate))
     with explained():
         answer = query(result, world, asked_of, None if asked is None else (asked[0], asked[1]), aggregation)
     span = Span(*(answer.covered or (0.0, _end(result))), frame)

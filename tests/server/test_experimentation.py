@@ -8,20 +8,17 @@ from typing import Any
 
 import pytest
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import TypeAdapter
 
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.results import Answer
+from atw_mcp.rollouts import KIND, SERIES
 from atw_mcp.tools import experimentation as tools
 from evidence_store import Binding
-from polyworld.interventions import Intervention
-from polyworld.predicates import Predicate
+from polyworld.rollout import rollout
 from tests.server.probing import FRAME, GAP, MEETING, SPEED, case_with, two_discs
 
 END = 60 * FRAME
-EDITS: TypeAdapter[list[Intervention]] = TypeAdapter(list[Intervention])
-PREDICATE: TypeAdapter[Predicate] = TypeAdapter(Predicate)
 
 
 @pytest.fixture
@@ -42,14 +39,13 @@ def done(app: App, tool: str, outcome: Any) -> Answer:
 @pytest.fixture
 def roll(app: App) -> Callable[..., Answer]:
     def run(edits: list[dict[str, Any]] | None = None, **arguments: Any) -> Answer:
-        given = None if edits is None else EDITS.validate_python(edits)
-        return done(app, "Rollout", tools.roll_out(app, "discs", edits=given, **arguments))
+        return done(app, "Rollout", tools.roll_out(app, "discs", edits=edits, **arguments))
 
     return run
 
 
 def ask(app: App, rollout: str, predicate: dict[str, Any], **arguments: Any) -> dict[str, Any]:
-    return tools.query_world(app, rollout, PREDICATE.validate_python(predicate), **arguments).data
+    return tools.query_world(app, rollout, predicate, **arguments).data
 
 
 def test_rollout_tells_the_collision_and_covers_the_observed_stretch(roll: Callable[..., Answer]) -> None:
@@ -148,6 +144,33 @@ def test_bound_name_stands_for_its_object(app: App, roll: Callable[..., Answer])
     app.store.cases.bind("discs", Binding("the left puck", None, "striker", "it is on the left"))
     rollout = roll().rollout or ""
     assert tools.read_trajectory(app, rollout, "the left puck").objects == ("striker",)
+    assert ask(app, rollout, {"predicate": "collides", "a": "the left puck", "b": "Target"})["verdict"] == "true"
+    assert roll([{"action": "remove", "object": "the left puck"}]).objects == ("target",)
+
+
+def test_nothing_is_known_after_a_divergence(app: App) -> None:
+    world = two_discs()
+    whole = rollout(world, END)
+    cut = {name: getattr(whole.trajectory, name)[:11] for name in SERIES}
+    document = {
+        "world": world.id,
+        "horizon": END,
+        "names": ["striker", "target"],
+        "events": [],
+        "status": "diverged",
+        "diverged_time": 10.5 * FRAME,
+        "diverged_object": "target",
+    }
+    identifier = app.store.rollouts.put(KIND, {"world": world.id, "horizon": END, "engine": "test"}, document, cut).id
+    collides = {"predicate": "collides", "a": "striker", "b": "target"}
+    assert ask(app, identifier, collides)["verdict"] == "unknown"
+    assert ask(app, identifier, collides, interval=[0.0, 0.1])["verdict"] == "false"
+    timeline = tools.read_timeline(app, identifier)
+    assert timeline.status == "diverged"
+    assert "nothing after that is known" in timeline.summary
+    assert timeline.interval == pytest.approx((0.0, 10 * FRAME))
+    with pytest.raises(ToolError, match="reaches outside"):
+        tools.read_trajectory(app, identifier, "striker", interval=[0.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -167,9 +190,7 @@ def test_bound_name_stands_for_its_object(app: App, roll: Callable[..., Answer])
         (lambda app, _: tools.roll_out(app, "discs", world="world-0"), "its worlds"),
         (lambda app, _: tools.roll_out(app, "disks"), "no case 'disks'"),
         (
-            lambda app, _: tools.roll_out(
-                app, "discs", edits=EDITS.validate_python([{"action": "remove", "object": "x"}])
-            ),
+            lambda app, _: tools.roll_out(app, "discs", edits=[{"action": "remove", "object": "x"}]),
             r"objects: \['striker', 'target'\]",
         ),
         (lambda app, r: tools.compare_worlds(app, r, r, ["ghost"]), "no object 'ghost'"),
