@@ -4,7 +4,6 @@ import warp as wp
 
 from polyworld.solver.spatial.layout import (
     BOX,
-    CONTACTS_OVERFLOWED,
     MAX_MANIFOLD_POINTS,
     MESH,
     PLANE,
@@ -137,7 +136,7 @@ def touch(
     index = state.manifold_count[w, half]
     first = state.contact_count[w, half]
     if index >= state.max_manifolds or first + MAX_MANIFOLD_POINTS > state.max_contacts:
-        state.status[w] = state.status[w] | CONTACTS_OVERFLOWED
+        state.crowded[w] = 1
         return
     t1 = tangent(n)
     t2 = wp.cross(n, t1)

@@ -7,26 +7,26 @@ from polyworld.solver.spatial.layout import Episode, Log, State
 
 
 @wp.func(inline=False)
-def record_contacts(log: Log, state: State, w: int, half: int, time: wp.float64, h: wp.float64) -> None:
+def record_contacts(log: Log, state: State, w: int, k: int, half: int, time: wp.float64, h: wp.float64) -> None:
     """Note every pair that carried a normal impulse in the step of length h that begins at `time`."""
     base = half * state.max_manifolds
     offset = half * state.max_contacts
-    for i in range(base, base + state.manifold_count[w, half]):
-        m = state.manifolds[w, i]
+    for i in range(base, base + state.manifold_count[k, half]):
+        m = state.manifolds[k, i]
         impulse = wp.float64(0.0)
         centre = wp.vec3d()
         touching = wp.float64(0.0)
         for c in range(m.first, m.first + m.count):
-            impulse += state.rows[w, ROWS * (c - offset)].impulse
-            if state.contacts[w, c].gap <= m.close:
-                centre += state.contacts[w, c].point
+            impulse += state.rows[k, ROWS * (c - offset)].impulse
+            if state.contacts[k, c].gap <= m.close:
+                centre += state.contacts[k, c].point
                 touching += wp.float64(1.0)
         last = time
         if impulse > wp.float64(0.0):
             last = time + h
         impulse += m.impact
-        state.manifolds[w, i].impact = wp.float64(0.0)
-        state.manifolds[w, i].approach = wp.float64(0.0)
+        state.manifolds[k, i].impact = wp.float64(0.0)
+        state.manifolds[k, i].approach = wp.float64(0.0)
         if impulse <= wp.float64(0.0):
             continue
         episode = log.open[w, m.a, m.b]
@@ -50,6 +50,6 @@ def record_contacts(log: Log, state: State, w: int, half: int, time: wp.float64,
             if touching > wp.float64(0.0):
                 e.position = centre / touching
             else:
-                e.position = state.contacts[w, m.first].point
+                e.position = state.contacts[k, m.first].point
             log.episodes[w, slot] = e
             log.open[w, m.a, m.b] = slot

@@ -54,7 +54,8 @@ def rebound(state: State, w: int, i: int, offset: int) -> wp.float64:
             break
         restitution = restitution * LESS
         for r in range(ROWS * (start - offset), ROWS * (end - offset)):
-            push(state, w, a, b, r, -state.rows[w, r].impulse)
+            if state.rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
+                push(state, w, a, b, r, -state.rows[w, r].impulse)
     impulse = wp.float64(0.0)
     for c in range(start, end):
         impulse += state.rows[w, ROWS * (c - offset)].impulse

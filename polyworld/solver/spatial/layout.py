@@ -22,10 +22,6 @@ MAX_FACE_POINTS = 16  # corners of one supporting face that are looked at
 MAX_CLIPPED_POINTS = 48  # a convex polygon of 16 corners clipped by another has at most 32
 MAX_MANIFOLD_POINTS = 8  # contact points kept of one pair
 
-# Reasons for which a world stops being trusted, as bits of `status`.
-DIVERGED = 1
-CONTACTS_OVERFLOWED = 2
-
 
 @wp.struct
 class Shape:
@@ -161,19 +157,19 @@ class Manifold:
 
 @wp.struct
 class State:
-    """All that changes while W worlds run, and room to work in.
+    """All that changes while a world runs, and room to work in: one row for each of K launches at a time.
 
     Contacts and manifolds are kept twice, in two halves of their arrays: those of this step and of the one before.
     """
 
-    bodies: wp.array2d[Body]  # (W, n + s)
-    manifolds: wp.array2d[Manifold]  # (W, 2 M)
-    contacts: wp.array2d[Contact]  # (W, 2 C)
-    rows: wp.array2d[Row]  # (W, 6 C)
-    scratch: wp.array2d[wp.vec3d]  # (W, corners of the two faces being clipped)
-    manifold_count: wp.array2d[wp.int32]  # (W, 2)
-    contact_count: wp.array2d[wp.int32]  # (W, 2)
-    status: wp.array[wp.int32]  # (W,) bits DIVERGED, ...
+    bodies: wp.array2d[Body]  # (K, n + s)
+    manifolds: wp.array2d[Manifold]  # (K, 2 M)
+    contacts: wp.array2d[Contact]  # (K, 2 C)
+    rows: wp.array2d[Row]  # (K, 6 C)
+    scratch: wp.array2d[wp.vec3d]  # (K, corners of the two faces being clipped)
+    manifold_count: wp.array2d[wp.int32]  # (K, 2)
+    contact_count: wp.array2d[wp.int32]  # (K, 2)
+    crowded: wp.array[wp.int32]  # (K,) 1 where a contact found no room
     objects: int
     statics: int
     max_manifolds: int
@@ -216,7 +212,7 @@ class Schedule:
 
 @wp.struct
 class Samples:
-    """States at the sample times (W, T, n), and where a world diverged (W,)."""
+    """States at the sample times (W, T, n), and where a world diverged or ran out of room for contacts (W,)."""
 
     position: wp.array3d[wp.vec3d]
     orientation: wp.array3d[wp.quatd]
@@ -224,6 +220,7 @@ class Samples:
     angular_velocity: wp.array3d[wp.vec3d]
     diverged_object: wp.array[wp.int32]
     diverged_time: wp.array[wp.float64]
+    crowded: wp.array[wp.int32]
 
 
 @wp.struct

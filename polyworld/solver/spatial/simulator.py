@@ -23,7 +23,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
-EPISODES = 4096  # contact episodes kept for a world; more is an error, not a silence
+EPISODES = 1024  # contact episodes kept for a world; more is an error, not a silence
 MESH_TRIANGLES = 24  # triangles of a mesh that one body is taken to touch at once, at most
 
 
@@ -51,6 +51,8 @@ class SpatialSimulator:
         self._schedule = layout.Schedule()
         for name, dtype in (("end", wp.float64), ("steps", wp.int32), ("sample", wp.int32), ("joins", wp.int32)):
             setattr(self._schedule, name, wp.array(getattr(self._table, name), dtype=dtype, device="cpu"))
+        # More launches than threads, so that a thread whose worlds are quick takes over from one whose are not.
+        self._pieces = min(n_worlds, 1 if self.threads == 1 else 4 * self.threads)
         self._parameters: Any = None
         self._state: Any
         self._samples: Any
@@ -72,20 +74,21 @@ class SpatialSimulator:
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, len(self.names), len(self.world.statics)
+        k = self._pieces
         meshes = sum(static.shape.kind == "triangle_mesh" for static in self.world.statics)
         pairs = n * (n - 1) // 2 + n * (s - meshes) + n * meshes * MESH_TRIANGLES
         # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
         manifolds = max(1, min(pairs, 12 * n + n * s + n * meshes * MESH_TRIANGLES))
         contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
         state = layout.State()
-        state.bodies = _zeros((w, n + s), layout.Body)
-        state.manifolds = _zeros((w, 2 * manifolds), layout.Manifold)
-        state.contacts = _zeros((w, 2 * contacts), layout.Contact)
-        state.rows = _zeros((w, ROWS * contacts), layout.Row)
-        state.scratch = _zeros((w, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
-        state.manifold_count = _zeros((w, 2), wp.int32)
-        state.contact_count = _zeros((w, 2), wp.int32)
-        state.status = _zeros((w,), wp.int32)
+        state.bodies = _zeros((k, n + s), layout.Body)
+        state.manifolds = _zeros((k, 2 * manifolds), layout.Manifold)
+        state.contacts = _zeros((k, 2 * contacts), layout.Contact)
+        state.rows = _zeros((k, ROWS * contacts), layout.Row)
+        state.scratch = _zeros((k, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
+        state.manifold_count = _zeros((k, 2), wp.int32)
+        state.contact_count = _zeros((k, 2), wp.int32)
+        state.crowded = _zeros((k,), wp.int32)
         state.objects, state.statics = n, s
         state.max_manifolds, state.max_contacts = manifolds, contacts
         samples = layout.Samples()
@@ -96,6 +99,7 @@ class SpatialSimulator:
         samples.angular_velocity = _zeros(shape, wp.vec3d)
         samples.diverged_object = _zeros((w,), wp.int32)
         samples.diverged_time = _zeros((w,), wp.float64)
+        samples.crowded = _zeros((w,), wp.int32)
         log = layout.Log()
         log.record = int(self.record_events)
         log.merge = MERGE
@@ -123,15 +127,14 @@ class SpatialSimulator:
             getattr(self._samples, field).numpy()[:] = np.nan
         self._samples.diverged_object.numpy()[:] = -1
         self._samples.diverged_time.numpy()[:] = np.nan
-        self._state.status.numpy()[:] = 0
+        self._samples.crowded.numpy()[:] = 0
         self._log.open.numpy()[:] = -1
         self._log.count.numpy()[:] = 0
 
     def _launch(self, segments: int) -> None:
         if not self.names:
             return
-        pieces = min(self.n_worlds, 1 if self.threads == 1 else 4 * self.threads)
-        edges = np.linspace(0, self.n_worlds, pieces + 1).astype(int)
+        edges = np.linspace(0, self.n_worlds, self._pieces + 1).astype(int)
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
@@ -146,21 +149,22 @@ class SpatialSimulator:
                     self._samples,
                     self._log,
                     first,
+                    index,
                     segments,
                 ],
                 device="cpu",
             )
 
         roll_out.module.load("cpu", block_dim=1)  # before the threads ask for it
-        if pieces == 1:
+        if self._pieces == 1:
             piece(0)
             return
-        with ThreadPoolExecutor(min(self.threads, pieces)) as pool:
-            list(pool.map(piece, range(pieces)))
+        with ThreadPoolExecutor(min(self.threads, self._pieces)) as pool:
+            list(pool.map(piece, range(self._pieces)))
 
     def _read(self, arrays: RigidArrays, count: int) -> BatchTrajectory:
         out = self._samples
-        crowded = self._state.status.numpy() & layout.CONTACTS_OVERFLOWED
+        crowded = out.crowded.numpy()
         if crowded.any():
             raise RuntimeError(
                 f"{np.count_nonzero(crowded)} of {self.n_worlds} worlds had more than "

@@ -12,7 +12,6 @@ from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
 from polyworld.solver.spatial.impacts import resolve_impacts, time_to_impact
 from polyworld.solver.spatial.layout import (
-    DIVERGED,
     OPTIONS,
     Body,
     Geometry,
@@ -32,8 +31,8 @@ SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
 
 
 @wp.func
-def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int) -> None:
-    """Bodies of world w in their initial state; objects start inactive."""
+def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int, k: int) -> None:
+    """Row k of the state: the bodies of world w in their initial state; objects start inactive."""
     one = wp.float64(1.0)
     for i in range(state.objects):
         b = Body()
@@ -59,7 +58,7 @@ def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int
         b.torsion = parameters.torsional_radius[w % parameters.torsional_radius.shape[0], i]
         b.linear_damping = parameters.linear_damping[w % parameters.linear_damping.shape[0], i]
         b.angular_damping = parameters.angular_damping[w % parameters.angular_damping.shape[0], i]
-        state.bodies[w, i] = b
+        state.bodies[k, i] = b
     for s in range(state.statics):
         b = Body()
         b.x = geometry.fixed_position[s]
@@ -69,28 +68,31 @@ def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int
         b.restitution = parameters.static_restitution[w % parameters.static_restitution.shape[0], s]
         b.isotropic = 1
         b.active = 1
-        state.bodies[w, state.objects + s] = b
-    state.manifold_count[w, 0] = 0
-    state.manifold_count[w, 1] = 0
-    state.contact_count[w, 0] = 0
-    state.contact_count[w, 1] = 0
+        state.bodies[k, state.objects + s] = b
+    state.manifold_count[k, 0] = 0
+    state.manifold_count[k, 1] = 0
+    state.contact_count[k, 0] = 0
+    state.contact_count[k, 1] = 0
+    state.crowded[k] = 0
 
 
 @wp.func
-def sweep_bodies(geometry: Geometry, state: State, w: int, fall: wp.float64, h: wp.float64) -> None:
+def sweep_bodies(geometry: Geometry, state: State, k: int, fall: wp.float64, h: wp.float64) -> None:
     """How far any point of each body may move within h."""
     for i in range(state.objects):
-        state.bodies[w, i].swept = h * (
-            wp.length(state.bodies[w, i].v) + wp.length(state.bodies[w, i].w) * geometry.shapes[i].bound + fall
+        state.bodies[k, i].swept = h * (
+            wp.length(state.bodies[k, i].v) + wp.length(state.bodies[k, i].w) * geometry.shapes[i].bound + fall
         )
 
 
 @wp.func
-def predict(parameters: Parameters, state: State, w: int, gravity: wp.vec3d, time: wp.float64, h: wp.float64) -> None:
+def predict(
+    parameters: Parameters, state: State, w: int, k: int, gravity: wp.vec3d, time: wp.float64, h: wp.float64
+) -> None:
     """Free motion of all bodies over h; effects act with their values at the middle of the step."""
     half = wp.float64(0.5) * h
     for i in range(state.objects):
-        b = state.bodies[w, i]
+        b = state.bodies[k, i]
         if b.active == 0:
             continue
         force = wp.vec3d()
@@ -117,7 +119,68 @@ def predict(parameters: Parameters, state: State, w: int, gravity: wp.vec3d, tim
                 )
                 force = wp.spatial_top(wrench)
                 torque = wp.spatial_bottom(wrench)
-        state.bodies[w, i] = move_freely(b, force, torque, gravity, h)
+        state.bodies[k, i] = move_freely(b, force, torque, gravity, h)
+
+
+@wp.func
+def advance(
+    geometry: Geometry,
+    parameters: Parameters,
+    state: State,
+    log: Log,
+    w: int,
+    k: int,
+    previous_half: int,
+    gravity: wp.vec3d,
+    begin: wp.float64,
+    h: wp.float64,
+) -> int:
+    """One step of length h from time `begin`, in as many parts as impacts cut it into.
+
+    Returns which half of the contact arrays holds the step's contacts.
+    """
+    fall = wp.length(gravity) * h
+    threshold = fall + SLOWEST_IMPACT
+    time = begin
+    left = h
+    impacts = wp.int32(0)
+    half = wp.int32(previous_half)
+    while left > wp.float64(0.0):
+        sweep_bodies(geometry, state, k, fall, left)
+        half = 1 - half
+        find_contacts(geometry, state, k, half)
+        build_rows(state, k, half)
+        part = left
+        slowest = threshold
+        if impacts < MAX_IMPACTS:
+            if resolve_impacts(state, k, half, threshold) > 0:
+                impacts += 1
+                continue  # the bodies now move elsewhere: look again what they may hit
+            part = time_to_impact(state, k, half, left, threshold, gravity)
+            if part < left:
+                impacts += 1
+        else:
+            slowest = FASTEST
+        predict(parameters, state, w, k, gravity, time, part)
+        solve_velocities(state, k, half, part, slowest)
+        separate_overlaps(state, k, half, part)
+        if log.record == 1:
+            record_contacts(log, state, w, k, half, time, part)
+        for i in range(state.objects):
+            if state.bodies[k, i].active == 1:
+                state.bodies[k, i] = place(state.bodies[k, i], part)
+        left -= part
+        time += part
+    return half
+
+
+@wp.func
+def first_diverged(state: State, k: int) -> int:
+    """Index of the first object whose state cannot be trusted, -1 for none."""
+    for i in range(state.objects):
+        if out_of_bounds(state.bodies[k, i]):
+            return i
+    return -1
 
 
 @wp.kernel
@@ -129,65 +192,43 @@ def roll_out(
     samples: Samples,
     log: Log,
     first: int,
+    slot: int,
     segments: int,
 ) -> None:
-    """Roll world first + tid out through the given number of segments of the schedule."""
+    """Roll world first + tid out through the given number of segments, working in row `slot` of the state.
+
+    On a CPU the threads of a launch run one after the other, so one row serves them all and stays in the cache.
+    """
     w = first + wp.tid()
+    k = slot
     scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
     gravity = parameters.gravity[w % parameters.gravity.shape[0]]
-    load_bodies(geometry, parameters, state, w)
+    load_bodies(geometry, parameters, state, w, k)
     time = wp.float64(0.0)
     half = wp.int32(0)
     for segment in range(segments):
         for i in range(state.objects):
             if schedule.joins[i] == segment:
-                state.bodies[w, i].active = 1
+                state.bodies[k, i].active = 1
         end = schedule.end[segment] * scale
         steps = schedule.steps[segment]
         for step in range(steps):
             h = (end - time) / wp.float64(steps - step)
-            fall = wp.length(gravity) * h
-            threshold = fall + SLOWEST_IMPACT
-            impacts = wp.int32(0)
-            left = h
-            while left > wp.float64(0.0):
-                sweep_bodies(geometry, state, w, fall, left)
-                half = 1 - half
-                find_contacts(geometry, state, w, half)
-                build_rows(state, w, half)
-                part = left
-                rebound = threshold
-                if impacts < MAX_IMPACTS:
-                    if resolve_impacts(state, w, half, threshold) > 0:
-                        impacts += 1
-                        continue  # the bodies now move elsewhere: look again what they may hit
-                    part = time_to_impact(state, w, half, left, threshold, gravity)
-                    if part < left:
-                        impacts += 1
-                else:
-                    rebound = FASTEST
-                predict(parameters, state, w, gravity, time, part)
-                solve_velocities(state, w, half, part, rebound)
-                separate_overlaps(state, w, half, part)
-                if log.record == 1:
-                    record_contacts(log, state, w, half, time, part)
-                for i in range(state.objects):
-                    if state.bodies[w, i].active == 1:
-                        state.bodies[w, i] = place(state.bodies[w, i], part)
-                left -= part
-                time += part
-            if step == steps - 1:
-                time = end
-            for i in range(state.objects):
-                if out_of_bounds(state.bodies[w, i]):
-                    state.status[w] = state.status[w] | DIVERGED
-                    samples.diverged_object[w] = i
-                    samples.diverged_time[w] = time
-                    return
+            half = advance(geometry, parameters, state, log, w, k, half, gravity, time, h)
+            time += h
+            lost = first_diverged(state, k)
+            if lost >= 0:
+                samples.diverged_object[w] = lost
+                samples.diverged_time[w] = time
+                return
+            if state.crowded[k] == 1:
+                samples.crowded[w] = 1
+                return
+        time = end
         sample = schedule.sample[segment]
         if sample >= 0:
             for i in range(state.objects):
-                samples.position[w, sample, i] = state.bodies[w, i].x
-                samples.orientation[w, sample, i] = state.bodies[w, i].q
-                samples.velocity[w, sample, i] = state.bodies[w, i].v
-                samples.angular_velocity[w, sample, i] = state.bodies[w, i].w
+                samples.position[w, sample, i] = state.bodies[k, i].x
+                samples.orientation[w, sample, i] = state.bodies[k, i].q
+                samples.velocity[w, sample, i] = state.bodies[k, i].v
+                samples.angular_velocity[w, sample, i] = state.bodies[k, i].w
