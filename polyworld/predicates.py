@@ -19,7 +19,10 @@ class InContact(Description):
 
 
 class Collides(Description):
-    """A contact of a begins, with b or, when b is not given, with anything. True at instants."""
+    """A contact of a begins, with b or, when b is not given, with anything. True at instants.
+
+    Two that touch from the start begin their contact then.
+    """
 
     predicate: Literal["collides"] = "collides"
     a: Name

@@ -14,7 +14,8 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-MAX_SUBSTEPS = 2_000_000  # about a quarter of a minute for six planar bodies
+MAX_SUBSTEPS = 2_000_000  # a second or so for six planar bodies, half a minute for six spatial ones
+MAX_SAMPLES = 200_000  # some 100 bytes a sample and object
 
 
 class Simulator(Protocol):
@@ -67,7 +68,7 @@ def rollout(world: World, horizon: float, *, sample_interval: float | None = Non
     """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
 
     Samples are taken at 0, one interval, two, ... and at the horizon. Raises ValueError for a horizon that is
-    not positive or asks for more than MAX_SUBSTEPS substeps.
+    not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples.
     """
     interval = world.time.seconds_per_frame if sample_interval is None else sample_interval
     if not (np.isfinite(interval) and interval > 0):
@@ -78,6 +79,11 @@ def rollout(world: World, horizon: float, *, sample_interval: float | None = Non
     if horizon > longest:
         raise ValueError(
             f"a horizon of {horizon} s asks for more than {MAX_SUBSTEPS} substeps; the longest is {longest:.6g} s"
+        )
+    if horizon / interval > MAX_SAMPLES:
+        raise ValueError(
+            f"a horizon of {horizon} s makes more than {MAX_SAMPLES} samples: "
+            f"take a sample_interval of at least {horizon / MAX_SAMPLES:.6g} s"
         )
     whole = int(np.floor(horizon / interval * (1 + 1e-12)))
     times: Array = np.arange(whole + 1, dtype=np.float64) * interval

@@ -186,6 +186,7 @@ def test_samples_include_the_start_and_the_horizon() -> None:
         (float("nan"), None, "horizon must be positive"),
         (1e9, None, f"more than {MAX_SUBSTEPS} substeps; the longest is 4000 s"),
         (1.0, 0.0, "sample_interval must be positive"),
+        (1000.0, 0.002, "more than 200000 samples: take a sample_interval of at least 0.005 s"),
     ],
 )
 def test_an_impossible_horizon_is_refused(horizon: float, interval: float | None, message: str) -> None:

@@ -235,6 +235,8 @@ class PlanarSimulator:
         starts = np.array([o.start_time for o in self.world.objects])
         diverged = _view(out.diverged_object) >= 0
         times = self.sample_times[None, :count] * _view(self._bodies.time_scale)[:, None]
+        # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
+        ends = np.where(diverged, _view(out.diverged_time) - 2.0 * self.world.time.substep, times[:, -1])
         return BatchTrajectory(
             names=self.names,
             times=times,
@@ -246,7 +248,7 @@ class PlanarSimulator:
             diverged=diverged,
             diverged_time=_view(out.diverged_time).copy(),
             diverged_object=_view(out.diverged_object).astype(np.int64),
-            events=tuple(self._events(w, float(times[w, -1])) for w in range(self.n_worlds)),
+            events=tuple(self._events(w, float(ends[w])) for w in range(self.n_worlds)),
         )
 
     def _events(self, w: int, end: float) -> tuple[Event, ...]:
