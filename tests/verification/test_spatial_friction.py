@@ -172,3 +172,37 @@ def test_upright_cylinder_keeps_sliding_straight_and_upright() -> None:
     out = run(make_world(can, statics=(FLOOR,)), 1.0)
     assert (1 - geometry.quaternion_matrix(out.orientations[0, :, 0])[:, 2, 2]).max() < 1e-8
     assert np.linalg.norm(out.positions[0, -1, 0, :2]) == pytest.approx(5 / (2 * 0.4 * GRAVITY), rel=1e-3)
+
+
+def test_spinning_cube_feels_the_mean_distance_of_its_face() -> None:
+    """A square face under uniform pressure: M = mu N a (sqrt 2 + asinh 1) / 3, a half the edge."""
+    cube = body("b", CUBE, (0, 0, 0.1), angular_velocity=(0, 0, 12), friction=0.3)
+    out = run(make_world(cube), 0.4)
+    arm = 0.1 * (np.sqrt(2) + np.arcsinh(1)) / 3
+    rate = 0.3 * GRAVITY * arm / (2 / 3 * 0.1**2)
+    assert 12 - out.angular_velocities[0, -1, 0, 2] == pytest.approx(min(12, rate * 0.4), rel=2e-3)
+
+
+def test_spin_lengthens_the_slide_of_a_disc() -> None:
+    """Sliding and spinning share the friction: a spinning disc slides farther, and both end together.
+
+    Farkas, Bartels, Unger & Wolf (2003), Phys. Rev. Lett. 90, 248302: v and R omega reach zero at one moment.
+    """
+    radius = 0.2
+    ends = []
+    for spin in (0.0, 15.0):
+        disc = body(
+            "d",
+            Cylinder(radius=radius, half_height=0.01),
+            (0, 0, 0.01),
+            velocity=(1, 0, 0),
+            angular_velocity=(0, 0, spin),
+            friction=0.3,
+        )
+        out = run(make_world(disc), 2.0, samples=2001)
+        ends.append(float(np.linalg.norm(out.positions[0, -1, 0, :2])))
+    assert ends[1] > 1.1 * ends[0]
+    moving = np.linalg.norm(out.velocities[0, :, 0], axis=1) > 1e-6
+    turning = np.abs(out.angular_velocities[0, :, 0, 2]) > 1e-5
+    last = out.times[0][np.flatnonzero(moving)[-1]], out.times[0][np.flatnonzero(turning)[-1]]
+    assert last[0] == pytest.approx(last[1], abs=0.01)

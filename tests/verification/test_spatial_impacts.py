@@ -214,3 +214,29 @@ def test_rod_struck_at_its_end_turns_by_the_impulse() -> None:
     impulse = (1 + e) * v / (1 / 0.5 + 1 + d**2 / inertia)
     assert out.velocities[0, -1, 1, 0] == pytest.approx(impulse, rel=1e-6)
     assert out.angular_velocities[0, -1, 1, 2] == pytest.approx(-impulse * d / inertia, rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.1, 1.5, 8))
+def test_no_oblique_impact_with_friction_creates_energy(angle: float) -> None:
+    """A slender rod striking a rough floor with one end, where Newton's law alone would create energy (Kane 1984)."""
+    rod = Capsule(radius=0.02, half_height=0.5)
+    turn = (float(np.cos(angle / 2)), 0.0, float(np.sin(angle / 2)), 0.0)
+    height = 0.5 * np.cos(angle) + 0.02 + 0.01
+    for sideways in (-3.0, 0.0, 3.0):
+        item = body(
+            "rod", rod, (0, 0, height), orientation=turn, velocity=(sideways, 0, -2), restitution=0.9, friction=0.8
+        )
+        world = make_world(item, statics=(FLOOR,), gravity=SPACE)
+        out = run(world, 0.05, samples=26)
+        _, _, energy = _totals(world, out)
+        assert len(out.events[0]) > 0
+        assert energy.max() <= energy[0] * (1 + 1e-6)
+
+
+def test_two_balls_dropped_together_send_the_upper_one_high() -> None:
+    """A light ball on a heavy one: with e = 1 the light one leaves at v (3 M - m) / (M + m), here 2.5 v."""
+    heavy = body("heavy", Sphere(radius=0.2), (0, 0, 1.2), mass=5.0, restitution=1.0)
+    light = body("light", BALL, (0, 0, 1.5), mass=5 / 7, restitution=1.0)
+    out = run(make_world(heavy, light), np.sqrt(2 / GRAVITY) + 0.01)
+    v = np.sqrt(2 * GRAVITY)
+    assert out.velocities[0, -1, 1, 2] == pytest.approx(v * (3 * 5 - 5 / 7) / (5 + 5 / 7) - GRAVITY * 0.01, rel=1e-3)
