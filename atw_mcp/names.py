@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -35,12 +36,18 @@ def chosen_names(app: App, case: Case, names: Sequence[str] | None, known: Seque
 
 
 def with_own_names(app: App, case: Case, world: World, item: Mapping[str, Any]) -> dict[str, Any]:
-    """An edit or a predicate with names replaced by the world's own; those that mean nothing are left as they are."""
+    """An edit or a predicate with names replaced by the world's own; those that mean nothing are left as they are.
+
+    Raises ToolError for text that could not be the name of any object.
+    """
     known = [o.name for o in world.objects] + [s.name for s in world.statics]
     changed = dict(item)
     for field in NAME_FIELDS:
-        if isinstance(item.get(field), str):
-            changed[field] = _meant(app, case, item[field], known) or item[field]
+        name = item.get(field)
+        if isinstance(name, str):
+            could_be = re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_\-]*", name)
+            meant = _meant(app, case, name, known) if could_be else object_name(app, case, name, known)
+            changed[field] = meant or name
     return changed
 
 

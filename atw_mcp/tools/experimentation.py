@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field, TypeAdapter, WithJsonSchema
+from pydantic import BaseModel, Field, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
@@ -33,9 +33,15 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 Edit = Annotated[dict[str, Any], WithJsonSchema(flat_schema(Intervention, "action"))]
 STATEMENTS = flat_schema(Predicate, "predicate")
 Statement = Annotated[dict[str, Any], WithJsonSchema(STATEMENTS)]
-INTERVENTIONS: TypeAdapter[list[Intervention]] = TypeAdapter(list[Intervention])
-PREDICATE: TypeAdapter[Predicate] = TypeAdapter(Predicate)
 PATIENCE = 40.0  # [s]
+
+
+class _Edits(BaseModel):
+    edits: list[Intervention]
+
+
+class _Asked(BaseModel):
+    predicate: Predicate
 
 
 @GROUP.tool("Rollout", title="Run a world forward", read_only=False)
@@ -67,7 +73,7 @@ def roll_out(
     found, committed = app.case_to_probe(case, "Rollout")
     base = committed if world == "committed" else app.world(found, world)
     with explained("DescribeTool(tool='Rollout') lists every edit"):
-        wanted = INTERVENTIONS.validate_python([with_own_names(app, found, base, edit) for edit in edits or []])
+        wanted = _Edits.model_validate({"edits": [with_own_names(app, found, base, e) for e in edits or []]}).edits
     with explained("InspectWorld(case=CASE) lists objects, statics and effects"):
         branched = branch(base, wanted)
     if horizon_seconds is not None and horizon_frames is not None:
@@ -296,7 +302,7 @@ def query_world(
         raise ToolError("give interval (seconds) or frames, not both")
     asked = interval if interval is not None else None if frames is None else [frames[0] * frame, frames[1] * frame]
     with explained("DescribeTool(tool='QueryWorld') lists every predicate"):
-        asked_of = PREDICATE.validate_python(with_own_names(app, case, world, predicate))
+        asked_of = _Asked.model_validate({"predicate": with_own_names(app, case, world, predicate)}).predicate
     with explained():
         answer = query(result, world, asked_of, None if asked is None else (asked[0], asked[1]), aggregation)
     span = Span(*(answer.covered or (0.0, _end(result))), frame)

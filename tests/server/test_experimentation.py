@@ -194,6 +194,15 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
             r"objects: \['striker', 'target'\]",
         ),
         (lambda app, r: tools.compare_worlds(app, r, r, ["ghost"]), "no object 'ghost'"),
+        (lambda app, r: tools.query_world(app, r, {"predicate": "near", "a": "target"}), "predicate: .*'nearer_than'"),
+        (
+            lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "big disc"}),
+            "no object 'big disc'",
+        ),
+        (
+            lambda app, _: tools.roll_out(app, "discs", edits=[{"action": "remove"}]),
+            "edits.0.remove.object: is required",
+        ),
     ],
 )
 def test_refusals_name_the_valid_choices(
