@@ -38,7 +38,7 @@ Representation = Literal["auto", "planar", "spatial"]
 # or than this many standard deviations of its measured position.
 HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
 MOST_VERTICES = 256  # of a convex mesh
-TRUST = 0.8  # an object begins at the first sample with this share of its median confidence
+TRUST = 0.5  # an object begins at the first sample with this share of its median confidence
 
 
 @dataclass(frozen=True)
