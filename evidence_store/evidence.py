@@ -73,10 +73,13 @@ class EvidenceTable:
         return _evidence(rows[0])
 
     def of_case(self, case: str, *, tool: str | None = None) -> list[Evidence]:
-        """The records of a case, oldest first."""
+        """The records of a case, oldest first, without payload and pictures."""
         with self._connection.read() as database:
             rows = database.query(
-                "SELECT * FROM evidence WHERE case_id = ? AND (? IS NULL OR tool = ?) ORDER BY seq", [case, tool, tool]
+                "SELECT seq, case_id, tool, arguments, world_id, rollout_id, observation_id, objects, interval, status, "
+                "summary, '{}' AS payload, NULL AS attachments FROM evidence "
+                "WHERE case_id = ? AND (? IS NULL OR tool = ?) ORDER BY seq",
+                [case, tool, tool],
             )
             return [_evidence(row) for row in rows]
 

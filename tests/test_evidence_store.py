@@ -63,7 +63,8 @@ def test_everything_is_there_again_after_reopening(store: EvidenceStore) -> None
         ("world-a", "fitted", {"loss": 0.5})
     ]
     assert again.read_evidence(kept.id) == replace(first, id=kept.id)
-    assert again.evidence.of_case("ball", tool="Rollout") == [kept]
+    assert again.evidence.of_case("ball", tool="Rollout") == [replace(kept, payload={}, pictures={})]
+    assert again.evidence.of_case("ball", tool="Finish") == []
 
 
 def test_equal_inputs_are_computed_once_and_give_equal_ids(store: EvidenceStore, tmp_path: Path) -> None:
