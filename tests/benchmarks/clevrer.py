@@ -19,6 +19,7 @@ import numpy as np
 from tests.benchmarks.clevrer_data import available_scenes, default_folder, default_world, read_scene
 from tests.benchmarks.clevrer_events import EventScore
 from tests.benchmarks.clevrer_fit import Budget, Row, rows
+from tests.benchmarks.clevrer_tools import ToolRun, through_tools
 from tests.benchmarks.clevrer_video import TrackScore, observe_scene
 
 
@@ -38,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     budget = Budget(generations=options.generations, population=options.population)
     table: list[Row] = []
     scores: list[TrackScore] = []
+    runs: list[ToolRun] = []
     for number in scenes:
         try:
             scene = read_scene(folder, number)
@@ -50,6 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 number, "annotations", world, scene.tracks, scene.tracks, scene.collisions, budget, holdout, say
             )
             table += made
+        if not options.no_tools:
+            runs.append(through_tools(scene, folder, say))
         if scene.video is None or options.no_video:
             continue
         video, score = observe_scene(scene, folder, say)
@@ -62,12 +66,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         data = {
             "tracks": [_finite(asdict(s)) for s in scores],
             "fits": [_json(row) for row in table],
+            "tools": [_json(run) for run in runs],
             "seconds": time.perf_counter() - begun,
         }
         print(json.dumps(data, indent=1))
     else:
         print_tracks(scores, print)
         print_fits(table, print)
+        print_tools(runs, print)
         print(f"\n{time.perf_counter() - begun:.0f} s in all")
     return 0
 
@@ -108,6 +114,26 @@ def print_fits(table: list[Row], out: Callable[[str], None]) -> None:
             out(_line("median", same[0], rmse, held, total))
 
 
+def print_tools(runs: list[ToolRun], out: Callable[[str], None]) -> None:
+    """Scenes worked on by nothing but MCP tools, and the answers read off the tools' events."""
+    if not runs:
+        return
+    out("\nthrough the MCP tools")
+    out(f"{'scene':>7} {'from':>11} {'RMSE m':>8} {'collisions P':>12} {'R':>5} {'calls':>5}")
+    for run in runs:
+        p, r = run.events.precision, run.events.recall
+        out(f"{run.scene:>7} {run.source:>11} {run.rmse:8.4f} {p:12.2f} {r:5.2f} {run.calls:5d}")
+    for run in runs:
+        for question in dict.fromkeys(a.question for a in run.answers):
+            mine = [a for a in run.answers if a.question == question]
+            right = sum(a.answered == a.right for a in mine)
+            out(f"{run.scene}: {question}: {right} of {len(mine)} choices right")
+            for a in mine:
+                said = {True: "correct", False: "wrong", None: "cannot be answered"}[a.answered]
+                truth = "correct" if a.right else "wrong"
+                out(f"    {a.choice}: {said} (reference: {truth}){'; ' + a.note if a.note else ''}")
+
+
 def _line(label: str, row: Row, rmse: float, held_out: float, events: EventScore) -> str:
     held = f"{held_out:10.4f}" if np.isfinite(held_out) else f"{'':>10}"
     return (
@@ -116,7 +142,7 @@ def _line(label: str, row: Row, rmse: float, held_out: float, events: EventScore
     )
 
 
-def _json(row: Row) -> dict[str, Any]:
+def _json(row: Row | ToolRun) -> Any:
     data = asdict(row)
     data["events"] |= {"precision": row.events.precision, "recall": row.events.recall}
     return _finite(data)
@@ -125,6 +151,8 @@ def _json(row: Row) -> dict[str, Any]:
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value
@@ -134,8 +162,9 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.clevrer", description=__doc__)
     parser.add_argument("--data", type=Path, default=default_folder(), help="a CLEVRER folder (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", metavar="N", help="five-digit scene numbers (default: all there are)")
-    parser.add_argument("--generations", type=int, default=160, help="generations of a search (default: %(default)s)")
-    parser.add_argument("--population", type=int, default=192, help="rollouts a generation (default: %(default)s)")
+    parser.add_argument("--generations", type=int, default=150, help="generations of a search (default: %(default)s)")
+    parser.add_argument("--population", type=int, default=160, help="rollouts a generation (default: %(default)s)")
+    parser.add_argument("--no-tools", action="store_true", help="leave out the runs through the MCP tools")
     parser.add_argument("--no-video", action="store_true", help="fit the annotations only")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     return parser.parse_args(arguments)

@@ -48,8 +48,8 @@ class Row:
 class Budget:
     """Rollouts of one search: generations times population."""
 
-    generations: int = 160
-    population: int = 192
+    generations: int = 150
+    population: int = 160
 
     @property
     def rollouts(self) -> int:
@@ -76,7 +76,9 @@ def rows(
     say: Callable[[str], None],
 ) -> tuple[list[Row], World]:
     """Default parameters, random search, CEM, and CEM followed by `refine`; returns the last one's world too."""
-    parameters = unknowns(world, tracks)
+    # What is left out must not tell where the search begins either.
+    seen = tracks if holdout_from is None else tracks.window(int(tracks.frames[0]), holdout_from - 1)
+    parameters = unknowns(world, seen)
     objective = ObjectiveSettings(position_tolerance=MODEL_TOLERANCE)
     settings = FitSettings(
         generations=budget.generations,
