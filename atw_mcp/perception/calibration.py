@@ -56,7 +56,8 @@ def calibrate_from_points(
 
     Points in one plane: at least 4, no three of them in a line. Points not in one plane: at least 6, or 4 when
     the intrinsics are given. Without intrinsics, pixels are taken as square and the principal point as the
-    image centre, ((width - 1) / 2, (height - 1) / 2) since the first pixel's centre is (0, 0). Raises CalibrationError for input that does not determine the camera.
+    image centre: ((width - 1) / 2, (height - 1) / 2), since (0, 0) is the centre of the first pixel. Raises
+    CalibrationError for input that does not determine the camera.
     """
     points, image = _correspondences(world_points, pixels)
     width, height = _size(image_size)

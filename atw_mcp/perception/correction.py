@@ -275,7 +275,7 @@ def refine_outline(frame: Frames, current: Mask, others: Mask, correction: Outli
 def grab_cut(image: Frames, guess: NDArray[np.uint8], iterations: int = 4) -> Mask:
     """Object pixels of an image given a first guess (cv2.GC_* labels); the guess itself where it is one-sided."""
     label = guess.copy()
-    inside = (label == cv2.GC_FGD) | (label == cv2.GC_PR_FGD)
+    inside: Mask = (label == cv2.GC_FGD) | (label == cv2.GC_PR_FGD)
     if inside.all() or not inside.any():
         return inside
     cv2.setRNGSeed(0)  # the colour clusters start at random: fixed, so that equal inputs give equal masks

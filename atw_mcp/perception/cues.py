@@ -102,13 +102,14 @@ def shape_cue(masks: list[Mask]) -> Cue:
 
     Each silhouette's widths in 36 directions are compared with those of a ball, of an upright cylinder and of
     an upright box in any view; measured holds each one's residual as a
-    share of the size, and solidity (area over that of the convex hull).
+    share of the size, solidity (area over that of the convex hull) and `roundness`.
     """
     residuals: dict[str, list[float]] = {"sphere": [], "cylinder": [], "box": []}
-    solidity, evenness = [], []
+    solidity, evenness, round_share = [], [], []
     for mask in masks:
         widths = silhouette_widths(mask)
         solidity.append(_solidity(mask))
+        round_share.append(roundness(mask))
         for kind, (error, even) in fit_solids(widths).items():
             residuals[kind].append(error)
             if kind == "box":
@@ -118,12 +119,14 @@ def shape_cue(masks: list[Mask]) -> Cue:
     measured = {k: float(np.median(v)) for k, v in residuals.items()}
     measured["solidity"] = float(np.median(solidity))
     measured["evenness"] = float(np.median(evenness))
+    measured["roundness"] = float(np.median(round_share))
     if measured["solidity"] < 0.88:
         return Cue("other", min(1.0, 0.5 + 3 * (0.88 - measured["solidity"])), measured)
     # A solid with more freedom must fit clearly better to be believed.
+    bonus = float(np.clip(0.1 * (measured["roundness"] - 0.5), -0.03, 0.03))
     penalised = {
-        "sphere": measured["sphere"],
-        "cylinder": measured["cylinder"] + 0.012,
+        "sphere": measured["sphere"] - bonus,
+        "cylinder": measured["cylinder"] + 0.006,
         "box": measured["box"] + 0.006,
     }
     order = sorted(penalised, key=lambda k: penalised[k])
@@ -198,6 +201,35 @@ def _evenness(edges: Floats) -> float:
     sine = min(float(np.hypot(edges[1, 1], edges[2, 1])) / base, 0.98)
     height = float(np.hypot(*edges[0])) / np.sqrt(1 - sine**2)
     return float(min(height / base, base / max(height, 1e-6)))
+
+
+def roundness(mask: Mask) -> float:
+    """Share of the outline that lies on one ellipse near a circle, contact shadows and the like apart.
+
+    In polar coordinates about the centroid the radius is fitted by 1, cos, sin (a shifted centre), cos 2, sin 2
+    (a stretch), robustly and more tolerant outwards than inwards.
+    """
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = max(contours, key=len)[:, 0, :].astype(float)
+    if len(outline) < 12:
+        return 0.0
+    offset = outline - outline.mean(axis=0)
+    for _ in range(2):
+        angle, radius = np.arctan2(offset[:, 1], offset[:, 0]), np.hypot(offset[:, 0], offset[:, 1])
+        design = np.stack(
+            [np.ones(len(angle)), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1
+        )
+        coefficients = np.array([float(np.median(radius)), 0.0, 0.0, 0.0, 0.0])
+        for _ in range(12):
+            error = radius - design @ coefficients
+            scale = np.where(error > 0, 0.5, 1.0)
+            weighted = design / (1 + (error / scale) ** 2)[:, None]
+            coefficients = np.linalg.solve(weighted.T @ design + 1e-6 * np.eye(5), weighted.T @ radius)
+            stretch, allowed = float(np.hypot(coefficients[3], coefficients[4])), 0.06 * float(coefficients[0])
+            if stretch > allowed:
+                coefficients[3:] *= allowed / stretch
+        offset = offset - coefficients[1:3]  # again about the fitted centre, where the harmonics are exact
+    return float(np.mean(np.abs(error) < max(0.6, 0.025 * float(coefficients[0]))))
 
 
 def _solidity(mask: Mask) -> float:

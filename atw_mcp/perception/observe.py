@@ -28,6 +28,7 @@ from atw_mcp.perception.tracking import Sweep, Sweeper, touches_border
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, VideoInfo, load
 
 MIN_LIFE = 5  # frames an object must be seen in
+ANALYSED_PIXELS = 230_000  # of a frame: larger frames are reduced for finding objects, and masks enlarged again
 CUE_SAMPLES = 12  # frames looked at for colour, material and shape
 
 
@@ -57,6 +58,9 @@ def observe(
     smallest = default_min_area(info) if min_area is None else min_area
     if smallest < 4:
         raise ObservationError(f"min_area must be 4 px or more, got {smallest}")
+    full = frames
+    frames = reduced(frames)
+    smallest = max(round(smallest * frames[0].size / full[0].size), 12)
     count = len(frames)
 
     def stop() -> None:
@@ -91,7 +95,7 @@ def observe(
             f"the background is textured (residual {background.texture:.1f} grey levels): objects that never move "
             "cannot be told from it"
         )
-    observation = assemble(frames, foregrounds, sweep, background, info, stride)
+    observation = assemble(full, foregrounds, sweep, background, info, stride)
     if expected:
         observation, missing = matched_to_expected(observation, tuple(expected))
         warnings += [f"expected {m!r} was not found" for m in missing]
@@ -99,6 +103,24 @@ def observe(
         warnings.append("no object was found: check that the camera is fixed, or lower min_area")
     tell(1.0, f"{len(observation.objects)} objects")
     return replace(observation, warnings=(*observation.warnings, *warnings))
+
+
+def reduced(frames: Frames) -> Frames:
+    """The frames, made smaller where they have many more pixels than finding objects needs."""
+    height, width = frames.shape[1:3]
+    share = np.sqrt(ANALYSED_PIXELS / (height * width))
+    if share > 0.85:
+        return frames
+    size = (round(width * share), round(height * share))
+    return np.stack([np.asarray(cv2.resize(f, size, interpolation=cv2.INTER_AREA), dtype=np.uint8) for f in frames])
+
+
+def enlarged(mask: Mask, height: int, width: int) -> Mask:
+    """A mask of a reduced frame in the size of the full one."""
+    if mask.shape == (height, width) or not mask.any():
+        return mask if mask.shape == (height, width) else np.zeros((height, width), dtype=bool)
+    large: Mask = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR) > 0.5
+    return large
 
 
 def default_min_area(info: VideoInfo) -> int:
@@ -114,7 +136,7 @@ def assemble(
     info: VideoInfo,
     stride: int,
 ) -> ImageObservation:
-    """The observation that a finished sweep amounts to."""
+    """The observation that a finished sweep, perhaps over reduced frames, amounts to; frames are the full ones."""
     white = float(np.percentile(background.image @ np.array([0.114, 0.587, 0.299], dtype=np.float32), 80))
     found: list[ObservedObject] = []
     for number in sorted(sweep.tracks):
@@ -141,6 +163,7 @@ def _object(
     for t in range(count):
         if masks[t].any():
             masks[t] = without_shadow(masks[t], foregrounds[t], has_hue=has_hue)
+    masks = [enlarged(m, frames.shape[1], frames.shape[2]) for m in masks]
     clarity = [1.0 if number in sweep.alone[t] else sweep.clarity.get((t, number), 0.0) for t in range(count)]
     return describe(masks, frames, clarity, [number in sweep.alone[t] for t in range(count)], white)
 

@@ -125,9 +125,10 @@ def world_tracks(
 
     solids: shape and size of objects by name; those not given are estimated. Frames are fitted one by one, so
     that collisions stay sharp: noise is left to whoever fits a model, with position_sigma to weigh it by.
-    position_sigma [m] includes a floor of 0.3 px and 2% of the centre's height; confidence is the observation's, lowered where little of the
-    outline is trustworthy or the fit is poor. A turn is continuous over time; a cube's is known up to quarter
-    turns (symmetry 4), a ball's or upright cylinder's not at all (symmetry 0).
+    position_sigma [m] includes a floor of 0.3 px and 2% of the centre's height; confidence is the
+    observation's, lowered where little of the outline is trustworthy or the fit is poor. A turn is continuous
+    over time; a cube's is known up to quarter turns (symmetry 4), a ball's or upright cylinder's not at all
+    (symmetry 0).
     """
     _check_camera(observation, camera)
     for name in solids or {}:
