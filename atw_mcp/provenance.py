@@ -31,7 +31,7 @@ def knowledge(app: App, case: Case, world: World, path: str) -> Knowledge:
         if not ancestry:
             break
         descent = ancestry[-1]
-        parent = app.world(case, descent.parent)
+        parent = World.model_validate_json(app.store.worlds.document(descent.parent))
         if descent.how == "fitted":
             found = _fitted(app, descent.detail, path)
             if found is not None:

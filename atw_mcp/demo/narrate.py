@@ -50,12 +50,13 @@ async def demo(session: Session, folder: Path, out: TextIO) -> None:
     began = time.perf_counter()
     narrator = Narrator(out)
     narrator.say(
-        "Asking the world: a video in, an answered what-if question out. Every line below is a tool call to an"
+        "Asking the World: a video in, an answered what-if question out. Each call below goes to the MCP server as an "
+        "LLM agent's would; ev-... is the evidence that it leaves."
     )
-    narrator.say("MCP server, such as an LLM agent would make; ev-... is the evidence it leaves.")
     results: dict[str, Reply] = {}
     steps = read_script(FOLDER / "collision.atw")
-    async for step, reply in run_script(steps, session, {"folder": str(FOLDER)}, narrator.begin):
+    variables = {"folder": str(FOLDER), "name": await _new_name(session)}
+    async for step, reply in run_script(steps, session, variables, narrator.begin):
         narrator.end(step, reply)
         results[step.name or step.tool] = reply
     await _check(session, results, narrator)
@@ -63,6 +64,12 @@ async def demo(session: Session, folder: Path, out: TextIO) -> None:
     for name, what in (("overlay", "the world over the video"), ("what_if", "without the blue cube")):
         narrator.say(f"Picture of {what}: {_write_sheet(results[name], folder / f'{name}.png')}")
     narrator.say(f"Done in {time.perf_counter() - began:.1f} s.")
+
+
+async def _new_name(session: Session) -> str:
+    """A name that no case of the store has: a committed case cannot be modelled again."""
+    taken = {case["case"] for case in (await session.call("OpenCase", {})).body["data"]["cases"]}
+    return next(name for number in range(1, len(taken) + 2) if (name := f"demo-{number}") not in taken)
 
 
 async def _check(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:

@@ -116,6 +116,7 @@ def fit_world(
     kept = app.store.fits.find("fit", inputs)
     if kept is not None:
         fitted = World.model_validate_json(app.store.worlds.document(kept.document["world"]))
+        _add_to_case(app, found, start, fitted, inputs, record.id)  # it may have been fitted for another case
         return _fit_answer(found, start, fitted, kept.document, tracks, record.id, again=True)
 
     def work(progress: Progress) -> Answer:
@@ -150,17 +151,21 @@ def _keep_fit(
     result = stages[-1]
     document = plain(digest(stages))
     with app.store.transaction():
-        app.keep_world(
-            case,
-            result.world,
-            how="fitted",
-            parent=start,
-            detail={"fit": app.store.fits.key("fit", inputs), **inputs["request"]},
-            observation=observation,
-        )
+        _add_to_case(app, case, start, result.world, inputs, observation)
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)
     return _fit_answer(case, start, result.world, document, tracks, observation, again=False)
+
+
+def _add_to_case(app: App, case: Case, start: World, fitted: World, inputs: dict[str, Any], observation: str) -> None:
+    app.keep_world(
+        case,
+        fitted,
+        how="fitted",
+        parent=start,
+        detail={"fit": app.store.fits.key("fit", inputs), **inputs["request"]},
+        observation=observation,
+    )
 
 
 def _fit_answer(

@@ -205,7 +205,7 @@ def inspect_rollout(
         data={
             "rollout": identifier,
             "world": shown_world.id,
-            "follows_video": view.follows,
+            "branch": not view.follows,
             "frames": rows,
             "error": None if fit is None else fit,
             "legend": "magenta: simulated outline and path; white dotted: observed outline",

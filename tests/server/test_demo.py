@@ -11,16 +11,23 @@ import pytest
 from atw_mcp.cli import main
 
 
+def printed(folder: Path, *options: str) -> str:
+    """What `atw-mcp demo` prints."""
+    with pytest.MonkeyPatch.context() as replaced, (folder / "out.txt").open("w") as out:
+        replaced.setattr("sys.stdout", out)
+        assert main(["demo", "--output", str(folder / "pictures"), *options]) == 0
+    return (folder / "out.txt").read_text()
+
+
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """What the demo prints, and the folder it writes to."""
-    folder = tmp_path_factory.mktemp("demo")
-    capture = pytest.MonkeyPatch()
-    with capture.context(), (folder / "out.txt").open("w") as out:
-        capture.setattr("sys.stdout", out)
-        assert main(["demo", "--output", str(folder / "pictures")]) == 0
-        capture.undo()
-    return (folder / "out.txt").read_text(), folder / "pictures"
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("demo")
+
+
+@pytest.fixture(scope="module")
+def demo(folder: Path) -> tuple[str, Path]:
+    """What the demo prints, and the folder of its pictures."""
+    return printed(folder, "--store", str(folder / "demo.db")), folder / "pictures"
 
 
 def test_demo_answers_both_questions_as_the_simulator_does(demo: tuple[str, Path]) -> None:
@@ -46,3 +53,12 @@ def test_demo_pictures_can_be_opened(demo: tuple[str, Path]) -> None:
         image = cv2.imread(str(folder / name))
         assert image is not None
         assert min(image.shape[:2]) > 600
+
+
+def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, Path], folder: Path) -> None:
+    def findings(text: str) -> str:
+        return text[text.index("distance to the truth") : text.index("Answers")]
+
+    again = printed(folder, "--store", str(folder / "demo.db"))
+    assert "case demo-2" in again
+    assert findings(again) == findings(demo[0])

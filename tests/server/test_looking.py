@@ -116,7 +116,7 @@ def test_branch_is_drawn_on_its_own_and_not_measured_against_the_video(app: App)
     without = branch(base, [Remove(object="blue_cube")])
     app.keep_world(case, without, how="intervention", parent=base, detail={"edits": []})
     answer = looking.inspect_rollout(app, CASE, world=without.id, frames=[40])
-    assert not answer.data["follows_video"]
+    assert answer.data["branch"]
     assert not answer.data["frames"][0]["over_video"]
     assert answer.data["error"] is None
     assert all("error_m" not in item for item in answer.data["frames"][0]["objects"])
