@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from polyworld import geometry
 from polyworld.world import (
     Box,
     Capsule,
@@ -182,6 +183,24 @@ def test_dropped_heap_comes_to_rest_without_sinking() -> None:
     assert out.positions[0, -1, :, 2].min() > 0.09
     assert np.abs(out.positions[0, -1, :, :2]).max() < 0.6
     assert np.linalg.norm(out.velocities[0, -1], axis=1).max() < 0.1
+
+
+@pytest.mark.parametrize("floor", ["plane", "box", "triangles", "mesh"])
+@pytest.mark.parametrize("seed", [1, 2, 9])
+def test_irregular_hull_tumbles_to_rest_without_sinking(seed: int, floor: str) -> None:
+    """No vertex of a thrown random hull, long and thin ones among them, gets below the floor by more than 0.1 mm."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(int(rng.integers(5, 40)), 3)) * rng.uniform(0.03, 0.25, 3)
+    shape = ConvexMesh(vertices=tuple(map(tuple, points.tolist())))
+    turn = np.roll(Rotation.random(random_state=seed).as_quat(), 1)
+    item = body(
+        "rock", shape, (0.3, 0.2, 1.0), orientation=turn, velocity=(0.5, 0, 0), angular_velocity=(3, 2, 1), friction=0.5
+    )
+    out = run(make_world(item, statics=(FLOORS[floor],)), 4.0, samples=401)
+    turns = geometry.quaternion_matrix(out.orientations[0, :, 0])
+    heights = np.einsum("tj,vj->tv", turns[:, 2], np.asarray(geometry.hull(shape).vertices))
+    assert (heights + out.positions[0, :, 0, 2:]).min() > -1e-4
+    assert np.abs(out.velocities[0, -1]).max() < 1e-4
 
 
 def test_overlapping_bodies_are_taken_apart_gently() -> None:

@@ -121,7 +121,8 @@ def touch(
     n = sb.size
     gap = wp.float64(0.0)
     if sb.kind == PLANE:
-        gap = wp.dot(n, xa) - sb.bound - extent(geometry.vertices, sa, wp.transpose(ra) * (-n))
+        c = n * (wp.dot(n, xa) - sb.bound)  # seen from the foot of the perpendicular on the plane
+        gap = wp.dot(n, c) - extent(geometry.vertices, sa, wp.transpose(ra) * (-n))
     else:
         n = separating_direction(geometry, sa, ra, sb, rb, c)
         if sb.kind == TRIANGLE:
@@ -143,6 +144,8 @@ def touch(
     frame = wp.mat33d(t1[0], t1[1], t1[2], t2[0], t2[1], t2[2], n[0], n[1], n[2])
     scratch = state.scratch[w]
     count = touching_points(geometry, sa, ra, sb, rb, c, frame, gap, reach, scratch)
+    if count == 0:
+        return
     base = half * state.max_contacts
     for k in range(count):
         p = scratch[k]

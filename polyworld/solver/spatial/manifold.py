@@ -20,9 +20,10 @@ from polyworld.solver.spatial.layout import (
     Geometry,
     Shape,
 )
-from polyworld.solver.spatial.shapes import CAP_COSINE, face_towards, radial, sign, support
+from polyworld.solver.spatial.shapes import CAP_COSINE, face_towards, radial, rounding, sign, support
 
 HALF_TURN = wp.float64(3.141592653589793)
+MISSED = wp.float64(1.0e-4)  # a gap this much above the separation, per radius, means that a corner is missing
 RIM_POINTS = 8  # corners of a cylinder's cap against another face
 PARALLEL_SINE = wp.float64(0.02)  # two edges closer to parallel than this touch along a line
 
@@ -230,29 +231,22 @@ def touching_points(
         rim = 4
     fa = write_face(geometry, sa, ra, wp.vec3d(), -normal, rim, frame, out, at)
     corner_a = out[at]
-    for k in range(1, int(fa[0])):  # the lowest corner is the point of last resort
-        if out[at + k][2] < corner_a[2]:
-            corner_a = out[at + k]
-    lowest = corner_a
     n = int(fa[0])
+    single = n == 1
     fb = wp.vec3d()
     corner_b = frame * (-c)
-    if sb.kind == PLANE:
-        corner_b = wp.vec3d(wp.float64(0.0), wp.float64(0.0), lowest[2] - gap)
-    else:
+    if sb.kind != PLANE:
         fb = write_face(geometry, sb, rb, -c, normal, rim, frame, out, q)
         m = int(fb[0])
         corner_b = out[q]
         if m == 1:
             out[at] = wp.vec3d(corner_b[0], corner_b[1], corner_b[2] + gap)
-            lowest = out[at]
-            n = 1
+            single = True
         elif n == 2 and m == 2:
             meet = crossing(out[at], out[at + 1], out[q], out[q + 1])
             if meet[2] < wp.float64(0.5):
                 out[at] = wp.vec3d(meet[0], meet[1], height(fa, corner_a, meet))
-                lowest = out[at]
-                n = 1
+                single = True
             else:
                 n = clip(out, at, n, q, m, spare)
         elif n >= 3 and m == 2:
@@ -262,13 +256,7 @@ def touching_points(
                 out[at + k] = wp.vec3d(p[0], p[1], height(fa, corner_a, p))
         elif n >= 2:
             n = clip(out, at, n, q, m, spare)
-        if n > 1 and m > 1:
-            for k in range(n):  # where both are faces, heights of a at points cut from a's own edges are a's
-                p = out[at + k]
-                out[at + k] = wp.vec3d(p[0], p[1], height(fa, corner_a, p))
-    if n <= 1:
-        if n == 0:
-            out[at] = lowest
+    if single:
         p = out[at]
         out[0] = wp.vec3d(p[0], p[1], p[2] - wp.float64(0.5) * gap)
         out[MAX_MANIFOLD_POINTS] = wp.vec3d(gap, wp.float64(0.0), wp.float64(0.0))
@@ -283,7 +271,19 @@ def touching_points(
             least = g
             deepest = k
     kept = wp.int32(0)
-    total = wp.min(n, MAX_MANIFOLD_POINTS)
+    slack = MISSED * sa.bound
+    if least > gap + slack:  # the face that looks along the normal best need not hold the corner that touches
+        p = frame * (ra * support(geometry.vertices, sa, wp.transpose(ra) * (-normal), wp.float64(0.0)))
+        p[2] = p[2] - rounding(sa)
+        if sb.kind != PLANE and wp.abs(p[2] - height(fb, corner_b, p) - gap) > slack:
+            v = frame * (rb * support(geometry.vertices, sb, wp.transpose(rb) * normal, wp.float64(0.0)) - c)
+            v[2] = v[2] + rounding(sb)
+            if wp.abs(height(fa, corner_a, v) - v[2] - gap) <= slack:
+                p = wp.vec3d(v[0], v[1], v[2] + gap)
+        out[0] = wp.vec3d(p[0], p[1], p[2] - wp.float64(0.5) * gap)
+        out[MAX_MANIFOLD_POINTS] = wp.vec3d(gap, wp.float64(0.0), wp.float64(0.0))
+        kept = 1
+    total = wp.min(n, MAX_MANIFOLD_POINTS - kept)
     for k in range(total):
         p = out[at + (deepest + k * n / total) % n]
         g = p[2] - height(fb, corner_b, p)
@@ -291,10 +291,6 @@ def touching_points(
             out[kept] = wp.vec3d(p[0], p[1], p[2] - wp.float64(0.5) * g)
             out[MAX_MANIFOLD_POINTS + kept] = wp.vec3d(g, wp.float64(0.0), wp.float64(0.0))
             kept += 1
-    if kept == 0:
-        out[0] = wp.vec3d(lowest[0], lowest[1], lowest[2] - wp.float64(0.5) * gap)
-        out[MAX_MANIFOLD_POINTS] = wp.vec3d(gap, wp.float64(0.0), wp.float64(0.0))
-        kept = 1
     return kept
 
 

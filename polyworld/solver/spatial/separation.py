@@ -204,7 +204,6 @@ def best_candidate(
     second = candidate_count(sb)
     if sb.kind == TRIANGLE:  # any other way out would lead through the surface
         first = 0
-        second = 0
     for i in range(first + second + 2):
         n = best
         if i < first:
