@@ -179,7 +179,10 @@ def _physical(
         return FitParameter(name, paths, centre / 5.0, centre * 5.0, centre, 0.3, scale="log", enters=begin)
     if field in ("friction", "linear_damping"):
         lower, upper, centre = _from_deceleration(world, field, objects, states, lower, upper, centre)
-    return FitParameter(name, paths, lower, upper, centre, OPENING * (upper - lower), enters=begin)
+    sd = OPENING * (upper - lower)
+    # A beginning on a bound would put half of the first samples on it.
+    centre = float(np.clip(centre, lower + 0.5 * sd, upper - 0.5 * sd))
+    return FitParameter(name, paths, lower, upper, centre, sd, enters=begin)
 
 
 def _from_deceleration(
