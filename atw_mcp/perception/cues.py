@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.background import Mask
 from atw_mcp.perception.observation import Cue
+from atw_mcp.perception.partition import solidity as solidity_of
 from atw_mcp.perception.video import Frames
 
 Floats = NDArray[np.float64]
@@ -108,7 +109,7 @@ def shape_cue(masks: list[Mask]) -> Cue:
     solidity, evenness, round_share = [], [], []
     for mask in masks:
         widths = silhouette_widths(mask)
-        solidity.append(_solidity(mask))
+        solidity.append(solidity_of(mask))
         round_share.append(roundness(mask))
         for kind, (error, even) in fit_solids(widths).items():
             residuals[kind].append(error)
@@ -230,10 +231,3 @@ def roundness(mask: Mask) -> float:
                 coefficients[3:] *= allowed / stretch
         offset = offset - coefficients[1:3]  # again about the fitted centre, where the harmonics are exact
     return float(np.mean(np.abs(error) < max(0.6, 0.025 * float(coefficients[0]))))
-
-
-def _solidity(mask: Mask) -> float:
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    largest = max(contours, key=cv2.contourArea)
-    hull = cv2.contourArea(cv2.convexHull(largest))
-    return float(cv2.contourArea(largest) / hull) if hull > 0 else 1.0

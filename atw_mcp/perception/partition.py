@@ -81,6 +81,25 @@ class Share:
     clarity: float
 
 
+def renewed(expected: Template, mask: Mask, clarity: float) -> Template:
+    """The outline to go on with: the mask's own if the whole object seems to be seen, else the expected one.
+
+    A mask that is less convex than expected has taken in a reflection or lost a part to one.
+    """
+    seen = template_of(mask)
+    if not (0.93 < seen.area / max(expected.area, 1) < 1.12 and clarity > 0.9):
+        return expected
+    return seen if solidity(seen.mask) > solidity(expected.mask) - 0.01 else expected
+
+
+def solidity(mask: Mask) -> float:
+    """Area of a mask's largest part over that of its convex hull."""
+    contours, _ = cv2.findContours(np.pad(mask, 1).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(contours, key=cv2.contourArea)
+    hull = cv2.contourArea(cv2.convexHull(largest))
+    return float(cv2.contourArea(largest) / hull) if hull > 0 else 1.0
+
+
 def partition(
     region: Mask, bins: Bins, left: int, top: int, members: list[Member], image_size: tuple[int, int]
 ) -> list[Share]:
@@ -105,7 +124,9 @@ def partition(
             w * _signed_distance(t.drawn(left, top, width, height))
             for t, w in zip(where, weights / weights.sum(), strict=True)
         )
-        prior[k] = np.clip(np.asarray(depth) / 1.2, -3.5, 1.5)
+        # Near the outline colour decides; well outside it even a fitting colour is more likely a reflection.
+        inside = np.asarray(depth)
+        prior[k] = np.clip(inside / 1.2, -3.5, 1.5) + np.clip((inside + 4.2) / 2.0, -4.0, 0.0)
     score = smooth + prior
     choice = np.argmax(score, axis=0)
     choice = _without_specks(choice, region, len(members))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.appearance import Bins, colour_bins, histogram, log_likelihood
 from atw_mcp.perception.background import Mask
-from atw_mcp.perception.partition import Member, Template, partition, template_of
+from atw_mcp.perception.partition import Member, Template, partition, renewed, template_of
 from atw_mcp.perception.segmentation import Foreground
 from atw_mcp.perception.tracking import Sweep, touches_border, whole, window_of
 from atw_mcp.perception.video import Frames
@@ -81,8 +81,7 @@ def resweep(frames: Frames, foregrounds: list[Foreground], sweep: Sweep, stop: C
                 labels[t][mask] = number
                 placed[t, number] = share.placed[0]
                 clarity[t, number] = share.clarity
-                clear = 0.93 < area / max(share.placed[0].area, 1) < 1.12 and share.clarity > 0.9
-                _follow(ahead, number, t, template_of(mask) if clear else share.placed[-1])
+                _follow(ahead, number, t, renewed(share.placed[-1], mask, share.clarity))
     _own_leftovers(labels, foregrounds)
     return Sweep(
         labels=labels,

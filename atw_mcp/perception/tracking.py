@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from atw_mcp.perception.appearance import Bins, Histogram, colour_bins, histogram, log_likelihood, similarity
 from atw_mcp.perception.background import Mask
-from atw_mcp.perception.partition import Member, Share, Template, partition, template_of
+from atw_mcp.perception.partition import Member, Share, Template, partition, renewed, template_of
 from atw_mcp.perception.segmentation import Foreground
 from atw_mcp.perception.video import Frames
 
@@ -250,12 +250,11 @@ class Sweeper:
         self.result.labels[t][share.mask] = track.number
         self.result.placed[t, track.number] = outline
         self.result.clarity[t, track.number] = share.clarity
-        whole_again = 0.93 < area / max(outline.area, 1) < 1.12 and share.clarity > 0.9
         if area > 0.25 * outline.area:
             step = t - track.last_seen
             shift = outline.centre - track.template.centre
             track.velocity = 0.6 * track.velocity + 0.4 * shift / max(step, 1)
-        track.template = template_of(share.mask) if whole_again else outline
+        track.template = renewed(outline, share.mask, share.clarity)
         track.last_seen, track.hidden = t, False
         track.at_border = touches_border(share.mask)
         return True
