@@ -5,17 +5,44 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import anyio
 from mcp.server import MCPServer
 from mcp.server.mcpserver.exceptions import ResourceError, ResourceNotFoundError
+from mcp_types import (
+    Completion,
+    CompletionArgument,
+    CompletionContext,
+    PromptReference,
+    ResourceTemplateReference,
+)
 
 from atw_mcp.app import App
 from atw_mcp.schemas import inlined
 from evidence_store import StoreError, UnknownRecord
 from polyworld.world import World
 
+MOST_COMPLETIONS = 100  # the protocol's limit
+
 
 def register(server: MCPServer[Any], app: App) -> None:
-    """Serve `atw://evidence/{id}` and `atw://schema/world`."""
+    """Serve `atw://evidence/{id}`, `atw://schema/world`, and completions of case and evidence ids."""
+
+    async def complete(
+        reference: PromptReference | ResourceTemplateReference,
+        argument: CompletionArgument,
+        context: CompletionContext | None,
+    ) -> Completion:
+        del reference, context
+        known: list[str] = []
+        if argument.name in ("case", "evidence"):
+            known = await anyio.to_thread.run_sync(_ids, app, argument.name)
+        fitting = [value for value in known if value.startswith(argument.value)]
+        return Completion(
+            values=fitting[:MOST_COMPLETIONS], total=len(fitting), has_more=len(fitting) > MOST_COMPLETIONS
+        )
+
+    completion: Any = server.completion  # the SDK leaves it untyped
+    completion()(complete)
 
     @server.resource(
         "atw://evidence/{evidence}",
@@ -53,3 +80,10 @@ def register(server: MCPServer[Any], app: App) -> None:
     )
     def world_schema() -> str:
         return json.dumps(inlined(World.model_json_schema()))
+
+
+def _ids(app: App, kind: str) -> list[str]:
+    cases = app.store.cases.all()[::-1]
+    if kind == "case":
+        return [case.id for case in cases]
+    return [record.id for case in cases for record in app.store.evidence.of_case(case.id)[::-1]]

@@ -27,15 +27,20 @@ else registers it.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import anyio
 import platformdirs
 from mcp.server import MCPServer
+from mcp.server.mcpserver.context import Context
+from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.tools import Tool
+from mcp_types import CallToolResult, InputRequiredResult
 
 from atw_mcp import resources
 from atw_mcp.app import App
@@ -78,6 +83,21 @@ def default_store() -> Path:
     return Path(platformdirs.user_data_dir("atw-mcp", appauthor=False)) / "atw.db"
 
 
+class WorldServer(PromptServer):
+    """The server; a call of a tool that does not exist is told which there are."""
+
+    async def call_tool(
+        self, name: str, arguments: dict[str, Any], context: Context[App, Any] | None = None
+    ) -> CallToolResult | InputRequiredResult:
+        """Call one tool; raises ToolError naming the tools for an unknown one."""
+        names = [tool.name for tool in await self.list_tools()]
+        if name not in names:
+            close = difflib.get_close_matches(name, names, n=1)
+            hint = f" (did you mean {close[0]}?)" if close else ""
+            raise ToolError(f"no tool {name!r}{hint}; tools: {', '.join(names)}")
+        return await super().call_tool(name, arguments, context)
+
+
 def build_server(store: Path | None = None) -> MCPServer[App]:
     """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used."""
     app = App(store or default_store())
@@ -91,7 +111,7 @@ def build_server(store: Path | None = None) -> MCPServer[App]:
             with anyio.CancelScope(shield=True):
                 await anyio.to_thread.run_sync(app.jobs.shutdown)
 
-    server = PromptServer(
+    server = WorldServer(
         "asking-the-world",
         title="Asking the World",
         instructions=INSTRUCTIONS,

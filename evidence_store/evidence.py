@@ -76,8 +76,8 @@ class EvidenceTable:
         """The records of a case, oldest first, without payload and pictures."""
         with self._connection.read() as database:
             rows = database.query(
-                "SELECT seq, case_id, tool, arguments, world_id, rollout_id, observation_id, objects, interval, status, "
-                "summary, '{}' AS payload, NULL AS attachments FROM evidence "
+                "SELECT seq, case_id, tool, arguments, world_id, rollout_id, observation_id, objects, interval, "
+                "status, summary, '{}' AS payload, NULL AS attachments FROM evidence "
                 "WHERE case_id = ? AND (? IS NULL OR tool = ?) ORDER BY seq",
                 [case, tool, tool],
             )

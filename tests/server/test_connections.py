@@ -8,6 +8,7 @@ from pathlib import Path
 import anyio
 import pytest
 from mcp import Client
+from mcp_types import PromptReference
 
 from tests.server.connections import TRANSPORTS, Mode, connection
 
@@ -41,10 +42,18 @@ def test_a_case_is_opened_refused_and_read_again(
             assert refused.is_error
             assert "did you mean 'name'" in refused.content[0].text
 
+            unknown = await client.call_tool("OpenCases", {})
+            assert unknown.is_error
+            assert "did you mean OpenCase" in unknown.content[0].text
+
             again = await client.call_tool("ReadEvidence", {"evidence": "ev-1"})
             assert json.loads(again.content[0].text) == body
             whole = await client.read_resource("atw://evidence/ev-1")
             assert json.loads(whole.contents[0].text)["evidence"] == "ev-1"
+
+            prompt = PromptReference(name="world-probing")
+            found = await client.complete(prompt, {"name": "case", "value": "dr"})
+            assert found.completion.values == ["drop"]
 
     with connection(transport, tmp_path / "atw.db", mode) as client:
         anyio.run(session, client)
