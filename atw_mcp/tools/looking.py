@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
-from numpy.typing import NDArray
 from pydantic import Field
 
 from atw_mcp import readouts
 from atw_mcp.app import App
 from atw_mcp.intervals import FrameRange, Seconds, chosen_span
 from atw_mcp.names import chosen_names, object_name
-from atw_mcp.observing import latest_image_observation, modelled_tracks, video_file
-from atw_mcp.overlay import OBSERVED, SIMULATED, Canvas, Color, encoded
+from atw_mcp.observing import latest_image_observation, video_file
+from atw_mcp.overlay import Canvas, encoded
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
 from atw_mcp.results import Answer, explained
+from atw_mcp.rollout_view import RolloutView, case_tracks, draw_observed
 from atw_mcp.rollouts import checked_horizon, compute_rollout, stored_rollout
 from atw_mcp.toolbox import ToolGroup
-from atw_mcp.track_records import TrackRecord, at_rate
 from evidence_store import Case
-from polyworld.identification.accuracy import accuracy
-from polyworld.render import Picture, default_camera, render
 from polyworld.tracks import ObservedTracks
-from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World
 
 GROUP = ToolGroup("world inspection")
@@ -71,7 +66,7 @@ def inspect_frames(
         canvas = Canvas.of(image)
         row: dict[str, Any] = {"frame": frame, "time": frame * frame_time}
         if observation is not None and frame in observation.frames:
-            row["objects"] = _draw_observed(canvas, observation, names, frame, label=True)
+            row["objects"] = draw_observed(canvas, observation, names, frame, label=True)
         elif observation is not None:
             row["objects"] = None
         canvas.write(f"frame {frame}   {frame * frame_time:.3f} s", (8, 16))
@@ -106,7 +101,7 @@ def inspect_observed_motion(
     whether it touches the image border, its status and confidence, and its position in the world where the camera is
     calibrated. A measurement, not a simulation."""
     found = app.case(case)
-    seen, record = latest_image_observation(app, found), _tracks(app, found, None)
+    seen, record = latest_image_observation(app, found), case_tracks(app, found, None)
     known = list(dict.fromkeys([*(seen[1].names if seen else ()), *(record.tracks.names if record else ())]))
     if not known:
         raise ToolError(f"nothing was observed in case {found.id!r} yet. Next: ObserveObjects or ImportObservation")
@@ -184,9 +179,10 @@ def inspect_rollout(
         identifier = rollout
     else:
         shown_world = app.world(found, world)
+        horizon = checked_horizon(shown_world, _unobserved_horizon(shown_world, interval, frames))
         with explained():
-            identifier, result = compute_rollout(app, shown_world, checked_horizon(shown_world, None))
-    view = _View(app, found, shown_world, result, background)
+            identifier, result = compute_rollout(app, shown_world, horizon)
+    view = RolloutView(app, found, shown_world, result, background)
     span = chosen_span(
         interval,
         None,
@@ -223,124 +219,16 @@ def inspect_rollout(
     )
 
 
-class _View:
-    """A rollout beside what was observed of it."""
-
-    def __init__(self, app: App, case: Case, world: World, result: Rollout, background: str) -> None:
-        self.world, self.result = world, result
-        self.frame_time = world.time.seconds_per_frame
-        times = result.trajectory.times
-        if not len(times):
-            raise ToolError("this rollout diverged at once: there is nothing to see. ReadProperty shows its parameters")
-        self.last_frame = int(np.floor(times[-1] / self.frame_time + 1e-6))
-        # A branch is meant to differ from the video: measuring it against the video would mislead.
-        self.follows = not any(d.how == "intervention" for d in app.store.worlds.parents(world.id))
-        seen = latest_image_observation(app, case)
-        self.observation = None if seen is None or not self.follows else seen[1]
-        self.record = _tracks(app, case, world) if self.follows else None
-        self.video: Path | None = None
-        self.video_frames = 0
-        self.camera = world.camera or default_camera(world, result.trajectory.positions)
-        wanted = background == "video" or (background == "auto" and self.follows)
-        if wanted and case.kind == "video" and world.camera is not None:
-            with explained():
-                self.video = video_file(case)
-            self.video_frames = int(case.facts["frame_count"])
-        elif background == "video":
-            why = "the case has no video" if case.kind != "video" else "the world has no camera: CalibrateCamera first"
-            raise ToolError(f"cannot draw over the video: {why}. background='rendered' always works")
-
-    def draw(self, frames: list[int], names: list[str]) -> tuple[dict[str, NDArray[np.uint8]], list[dict[str, Any]]]:
-        """Pictures by name, and what the text says about each."""
-        drawn, rows = {}, []
-        trajectory = self.result.trajectory
-        wanted = [] if self.video is None else [frame for frame in frames if frame < self.video_frames]
-        with explained():
-            filmed = dict(zip(wanted, read_frames(self.video, wanted), strict=True)) if self.video and wanted else {}
-        for frame in frames:
-            sample = int(np.argmin(np.abs(trajectory.times - frame * self.frame_time)))
-            picture = render(
-                self.world,
-                trajectory.positions[sample],
-                trajectory.orientations[sample],
-                self.camera,
-                visible=trajectory.active[sample].tolist(),
-            )
-            real = frame in filmed
-            base = filmed[frame] if real else np.ascontiguousarray(picture.color[..., ::-1])
-            canvas = Canvas.of(np.asarray(base, dtype=np.uint8))
-            observed = self.observation if self.observation and frame in self.observation.frames else None
-            if observed is not None and real:
-                _draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
-            about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
-            _write_names(canvas, {name: picture.mask(trajectory.index(name)) for name in names}, SIMULATED)
-            time = frame * self.frame_time
-            canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
-            drawn[f"frame {frame}"] = canvas.image
-            rows.append({"frame": frame, "time": time, "over_video": real, "objects": about})
-        return drawn, rows
-
-    def _draw_object(
-        self,
-        canvas: Canvas,
-        picture: Picture,
-        name: str,
-        sample: int,
-        frame: int,
-        observed: ImageObservation | None,
-        real: bool,
-    ) -> dict[str, Any]:
-        trajectory = self.result.trajectory
-        column = trajectory.index(name)
-        about: dict[str, Any] = {"name": name}
-        if not trajectory.active[sample, column]:
-            return {**about, "simulated": False, "why": "joins later"}
-        mask = picture.mask(column)
-        began = int(np.argmax(trajectory.active[:, column]))
-        canvas.path(self.camera.project(trajectory.positions[began : sample + 1, column]), SIMULATED)
-        if real:  # in a picture of the simulated world itself an outline would say nothing
-            canvas.outline(mask, SIMULATED)
-        about["visible_pixels"] = int(mask.sum())
-        place = trajectory.positions[sample, column]
-        about["position"] = place.tolist()
-        if self.record is not None and name in self.record.tracks.names:
-            tracks = self.record.tracks
-            row = np.flatnonzero(tracks.frames == frame)
-            if len(row) and tracks.confidence[row[0], tracks.index(name)] > 0:
-                about["error_m"] = float(np.linalg.norm(place - tracks.positions[row[0], tracks.index(name)]))
-        if observed is not None and name in observed.names:
-            theirs = observed.mask(name, frame)
-            if theirs.any() and mask.any():
-                overlap = (mask & theirs).sum() / (mask | theirs).sum()
-                about["overlap"] = round(float(overlap), 3)
-                about["error_px"] = float(np.linalg.norm(_centroid(mask) - _centroid(theirs)))
-        return about
-
-    def accuracy(self) -> dict[str, Any] | None:
-        """Root mean square errors over every observed frame that the rollout covers; None without tracks."""
-        if self.record is None:
-            return None
-        tracks = at_rate(self.record.tracks, self.frame_time).window(0, self.last_frame)
-        if not len(tracks.frames) or not set(tracks.names) & set(self.result.trajectory.names):
-            return None
-        with explained():
-            return accuracy(self.world, tracks, _sampled(self.result.trajectory, tracks)).to_dict()
+def _unobserved_horizon(world: World, interval: list[float] | None, frames: list[int] | None) -> float | None:
+    """How far to run a world that models no frames; None for one that does: its frames say how far."""
+    if world.time.frame_count >= 2:
+        return None
+    if interval is None and not frames:
+        raise ToolError("this world models no frames: give interval=[0, SECONDS] or frames to say how far to run it")
+    return interval[1] if interval is not None else max(frames or [1]) * world.time.seconds_per_frame
 
 
-def _sampled(trajectory: Trajectory, tracks: ObservedTracks) -> Trajectory:
-    rows = [int(np.argmin(np.abs(trajectory.times - time))) for time in tracks.times]
-    return Trajectory(
-        names=trajectory.names,
-        times=trajectory.times[rows],
-        positions=trajectory.positions[rows],
-        orientations=trajectory.orientations[rows],
-        velocities=trajectory.velocities[rows],
-        angular_velocities=trajectory.angular_velocities[rows],
-        active=trajectory.active[rows],
-    )
-
-
-def _told_rollout(identifier: str, view: _View, rows: list[dict[str, Any]], fit: dict[str, Any] | None) -> str:
+def _told_rollout(identifier: str, view: RolloutView, rows: list[dict[str, Any]], fit: dict[str, Any] | None) -> str:
     told = f"{identifier}: {len(rows)} pictures"
     if not view.follows:
         return told + " of a branch; it is meant to differ from the video, so no error is given"
@@ -350,34 +238,6 @@ def _told_rollout(identifier: str, view: _View, rows: list[dict[str, Any]], fit:
         f"{name} {value:.3g}" for name, value in fit["position_rmse_by_object"].items() if value is not None
     )
     return told + f"; distance to the observed positions {fit['position_rmse']:.3g} m rms ({each})"
-
-
-def _draw_observed(
-    canvas: Canvas, observation: ImageObservation, names: list[str], frame: int, *, label: bool
-) -> list[dict[str, Any]]:
-    row, told = observation.row(frame), []
-    for name in names:
-        seen = observation.object(name)
-        about: dict[str, Any] = {"name": name, "status": seen.status[row]}
-        if seen.area[row] > 0:
-            mask = observation.mask(name, frame)
-            if label:
-                canvas.outline(mask, OBSERVED)
-            else:
-                canvas.outline(mask, OBSERVED, "dotted")
-            about["centroid"] = np.round(seen.centroid[row], 1).tolist()
-            about["area"] = int(seen.area[row])
-            about["confidence"] = round(float(seen.confidence[row]), 3)
-        told.append(about)
-    if label:
-        _write_names(canvas, {name: observation.mask(name, frame) for name in names}, OBSERVED)
-    return told
-
-
-def _write_names(canvas: Canvas, masks: dict[str, NDArray[np.bool_]], color: Color) -> None:
-    """Names on top of every outline, from the top of the picture down: most then find room above their object."""
-    for name, mask in sorted(masks.items(), key=lambda item: int(np.argmax(item[1].any(axis=1)))):
-        canvas.name(name, mask, color)
 
 
 def _measured(image: ImageObservation | None, name: str, frame: int) -> list[Any]:
@@ -407,11 +267,6 @@ def _placed(tracks: ObservedTracks | None, name: str, frame: int) -> list[Any]:
     return [*tracks.positions[row[0], column].tolist(), float(sigma), float(confidence)]
 
 
-def _centroid(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    rows, columns = np.nonzero(mask)
-    return np.array([columns.mean(), rows.mean()])
-
-
 def _chosen_frames(frames: list[int] | None, pictures: int, first: int, last: int, what: str) -> list[int]:
     if frames is None:
         return sorted({round(f) for f in np.linspace(first, last, pictures)})
@@ -421,15 +276,6 @@ def _chosen_frames(frames: list[int] | None, pictures: int, first: int, last: in
     return list(dict.fromkeys(frames))
 
 
-def _tracks(app: App, case: Case, world: World | None) -> TrackRecord | None:
-    """The track record a world models, else the case's latest; None where there is none."""
-    kinds = {kind for kind, _ in app.store.cases.observations(case.id)}
-    if "tracks" not in kinds:
-        return None
-    with explained():
-        return modelled_tracks(app, case, world if world is not None else World())
-
-
 def _seconds_per_frame(app: App, case: Case) -> float:
     """Physical time between frames as the case's world has it, else as the file states it."""
     if app.store.cases.worlds(case.id):
@@ -437,5 +283,5 @@ def _seconds_per_frame(app: App, case: Case) -> float:
     rate = float(case.facts.get("frames_per_second") or 0.0)
     if rate > 0:
         return 1.0 / rate
-    record = _tracks(app, case, None)
+    record = case_tracks(app, case, None)
     return record.tracks.seconds_per_frame if record is not None else 1.0

@@ -18,6 +18,8 @@ from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.results import Answer
 from atw_mcp.tools import construction, looking, measurement, observation
 from polyworld.interventions import Remove, branch
+from polyworld.world import TimeBase
+from tests.server.probing import case_with, two_discs
 
 CASE = "table"
 
@@ -120,6 +122,20 @@ def test_branch_is_drawn_on_its_own_and_not_measured_against_the_video(app: App)
     assert not answer.data["frames"][0]["over_video"]
     assert answer.data["error"] is None
     assert all("error_m" not in item for item in answer.data["frames"][0]["objects"])
+
+
+def test_world_without_a_video_is_drawn_as_far_as_asked(tmp_path: Path) -> None:
+    app = App(tmp_path / "data.db")
+    world = two_discs().model_copy(update={"time": TimeBase(seconds_per_frame=0.02), "camera": None})
+    case_with(app, world, committed=False)
+    with pytest.raises(ToolError, match=r"interval=\[0, SECONDS\]"):
+        looking.inspect_rollout(app, "discs")
+    answer = looking.inspect_rollout(app, "discs", interval=[0.0, 0.4], pictures=2)
+    assert [row["frame"] for row in answer.data["frames"]] == [0, 20]
+    striker = answer.data["frames"][1]["objects"][0]
+    assert striker["position"][0] == pytest.approx(0.4, abs=1e-6)  # 1 m/s, no friction, no collision yet
+    assert striker["visible_pixels"] > 100
+    assert answer.data["error"] is None
 
 
 def test_pictures_of_one_result_fit_into_a_message(app: App) -> None:
