@@ -46,6 +46,7 @@ def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]
     skipped = floors(world)
     rows: list[dict[str, Any]] = []
     open_blows: dict[tuple[str, ...], dict[str, Any]] = {}
+    touching: dict[tuple[str, ...], dict[str, Any]] = {}
     gap = SAME_BLOW_FRAMES * span.seconds_per_frame
     for event in rollout.events:
         if set(event.participants) & skipped:
@@ -55,6 +56,7 @@ def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]
             if blow is not None and event.time - blow["until"] <= gap:
                 blow["touches"] += 1
                 blow["until"] = max(blow["until"], event.time)
+                touching[event.participants] = blow
                 continue
             blow = {
                 "what": "collision",
@@ -66,10 +68,10 @@ def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]
                 "impulse_Ns": 0.0,
                 "approach_speed": event.speed,
             }
-            open_blows[event.participants] = blow
+            open_blows[event.participants] = touching[event.participants] = blow
             rows.append(blow)
         elif event.kind == "contact_end":
-            blow = open_blows.get(event.participants)
+            blow = touching.pop(event.participants, None)
             if blow is not None:
                 blow["until"] = event.time
                 blow["impulse_Ns"] += event.impulse or 0.0
@@ -78,6 +80,9 @@ def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]
             rows.append(
                 {"what": what, "objects": list(event.participants), "time": event.time, "frame": span.frame(event.time)}
             )
+    for blow in touching.values():  # they still touch where the rollout ends
+        blow["until"] = float(rollout.trajectory.times[-1])
+        blow["still_touching"] = True
     # A collision that began before the span and lasts into it belongs to it.
     return [row for row in rows if row["time"] <= span.end and row.get("until", row["time"]) >= span.start]
 
