@@ -228,7 +228,7 @@ def _named(cue: str) -> str | None:
     return None if cue == "unknown" else cue
 
 
-def imported_tracks(app: App, case: Case, identifier: str | None) -> TrackRecord:
+def track_record(app: App, case: Case, identifier: str | None) -> TrackRecord:
     """The track record asked for, else the latest of the case; raises ValueError naming the records there are."""
     record = read_record(app.store, case, identifier)
     if record is None:
@@ -238,4 +238,4 @@ def imported_tracks(app: App, case: Case, identifier: str | None) -> TrackRecord
 
 def modelled_tracks(app: App, case: Case, world: World) -> TrackRecord:
     """The track record that a world of the case models, else the case's latest."""
-    return imported_tracks(app, case, app.store.cases.modelled_observation(case.id, world.id))
+    return track_record(app, case, app.store.cases.modelled_observation(case.id, world.id))

@@ -13,7 +13,7 @@ from atw_mcp.building import Built, Given, ObservedObject, Scene, build_world
 from atw_mcp.fitting import FitRequest, window
 from atw_mcp.importing import mesh_of
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import derivation, derived_tracks, imported_tracks, latest_camera
+from atw_mcp.observing import derivation, derived_tracks, latest_camera, track_record
 from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import (
@@ -126,7 +126,7 @@ def build_world_tool(
             }
             how = derivation(app, found, solids, request.plane_seen())
         if how is None:
-            return _build(app, found, request, imported_tracks(app, found, tracks))
+            return _build(app, found, request, track_record(app, found, tracks))
         record = derived_tracks(app, found, how, None)
         if record is not None:
             return _build(app, found, request, record)
