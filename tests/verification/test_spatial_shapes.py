@@ -188,7 +188,10 @@ def test_dropped_heap_comes_to_rest_without_sinking() -> None:
 @pytest.mark.parametrize("floor", ["plane", "box", "triangles", "mesh"])
 @pytest.mark.parametrize("seed", [1, 2, 9])
 def test_irregular_hull_tumbles_to_rest_without_sinking(seed: int, floor: str) -> None:
-    """No vertex of a thrown random hull, long and thin ones among them, gets below the floor by more than 0.2 mm: within a step it turns."""
+    """No vertex of a thrown hull, long and thin ones among them, gets below the floor by more than 0.2 mm.
+
+    Gaps are predicted on straight lines, and within a step the hull turns.
+    """
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(int(rng.integers(5, 40)), 3)) * rng.uniform(0.03, 0.25, 3)
     shape = ConvexMesh(vertices=tuple(map(tuple, points.tolist())))
