@@ -73,7 +73,7 @@ def test_cem_recovers_the_truth_within_its_stated_errors() -> None:
 def test_found_loss_is_no_worse_than_that_of_the_truth() -> None:
     tracks = observe(thrown_ball(), frames=60)
     truth = refine(
-        thrown_ball(), tracks, unknowns(), TRUTH, settings=RefineSettings(iterations=0 + 1), make_simulator=ClosedForm
+        thrown_ball(), tracks, unknowns(), TRUTH, settings=RefineSettings(iterations=1), make_simulator=ClosedForm
     )
     at_truth = fit(
         thrown_ball(), tracks, unknowns(), settings=FitSettings(generations=1), make_simulator=ClosedForm

@@ -175,3 +175,9 @@ def test_huber_is_the_integral_of_its_bounded_influence(size: float) -> None:
     grid = np.linspace(0.0, size, 200_001)
     influence = 2.0 * np.minimum(grid, 3.0)
     assert float(huber(np.array(size), 3.0)) == pytest.approx(np.trapezoid(influence, grid), abs=1e-8)
+
+
+@pytest.mark.parametrize("wrong", [{"rotation_sigma": 0.0}, {"position_tolerance": -1.0}, {"huber": 0.0}])
+def test_impossible_weights_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        ObjectiveSettings(**wrong)

@@ -17,7 +17,6 @@ from polyworld.identification import (
     FitParameter,
     FitSettings,
     Objective,
-    ObjectiveSettings,
     default_parameters,
     fit,
     refine,
@@ -210,10 +209,8 @@ def test_loss_at_the_truth_is_the_noise_and_no_fit_is_far_below_it() -> None:
     assert loss - 3.0 * 2.0 * len(truth) / 360.0 < polished.loss <= loss
 
 
-def test_time_between_frames_is_found_from_a_bouncing_ball() -> None:
-    step, height, e = 0.02, 1.0, 0.8
-    times = np.arange(70) * step
-    # Closed form: fall from rest, then bounces of speed e^n sqrt(2 g h).
+def bounces(times: Array, height: float, e: float) -> Array:
+    """Height (T,) of a ball's lowest point in closed form: fall from rest, then bounces of speed e^n sqrt(2 g h)."""
     fall = np.sqrt(2.0 * height / GRAVITY)
     z = np.where(times < fall, height - 0.5 * GRAVITY * times**2, 0.0)
     start, speed = fall, e * np.sqrt(2.0 * GRAVITY * height)
@@ -222,6 +219,45 @@ def test_time_between_frames_is_found_from_a_bouncing_ball() -> None:
         air = (flight >= 0.0) & (flight < 2.0 * speed / GRAVITY)
         z = np.where(air, speed * flight - 0.5 * GRAVITY * flight**2, z)
         start, speed = start + 2.0 * speed / GRAVITY, e * speed
+    return z
+
+
+def test_restitution_of_a_ball_that_bounces_in_space() -> None:
+    times, e = np.arange(80) / 60.0, 0.75
+    path = np.stack([0.5 * times, 0 * times, bounces(times, 1.0, e) + 0.1], axis=-1)
+    noise = np.random.default_rng(0).normal(0.0, 0.003, (80, 1, 3))
+    tracks = ObservedTracks(
+        names=("ball",),
+        frames=np.arange(80),
+        seconds_per_frame=1.0 / 60.0,
+        positions=path[:, None] + noise,
+        position_sigma=np.full((80, 1), 0.003),
+        orientations=np.full((80, 1, 4), np.nan),
+        confidence=np.ones((80, 1)),
+        orientation_confidence=np.zeros((80, 1)),
+        symmetry=(0,),
+    )
+    ball = RigidObject(name="ball", shape=Sphere(radius=0.1), friction=0.0, position=(0, 0, 1.1))
+    world = World(
+        objects=(ball,),
+        statics=(StaticObject(name="floor", shape=Plane()),),
+        time=TimeBase(seconds_per_frame=1.0 / 60.0),
+    )
+    world = with_initial_states(world, tracks)
+    parameters = default_parameters(world, tracks, shared=(), each=("restitution",))
+    found = fit(world, tracks, parameters, settings=FitSettings(generations=20))
+    polished = refine(world, tracks, parameters, {v.name: v.value for v in found.values})
+    restitution = polished.value("ball.restitution")
+    assert abs(restitution.value - e) < 3.5 * restitution.standard_error
+    assert restitution.value == pytest.approx(e, abs=0.005)
+    # 240 residuals: a mean of squares within 5 sqrt(2 / 240) of 1
+    assert polished.loss == pytest.approx(1.0, abs=0.46)
+
+
+def test_time_between_frames_is_found_from_a_bouncing_ball() -> None:
+    step, height, e = 0.02, 1.0, 0.8
+    times = np.arange(70) * step
+    z = bounces(times, height, e)
     x = 0.4 * times
     noise = np.random.default_rng(2).normal(0.0, 0.003, (70, 1, 3)) * [1.0, 0.0, 1.0]
     tracks = ObservedTracks(
@@ -367,8 +403,3 @@ def test_a_late_object_joins_when_it_is_first_seen() -> None:
     assert placed.velocity[0] == pytest.approx(0.5, abs=0.02)
     # In the plane: the height stays the world's.
     assert placed.position[2] == 0.0
-
-
-def test_rotation_noise_of_a_turning_box_is_weighed_by_its_own_sigma() -> None:
-    with pytest.raises(ValueError, match="rotation_sigma"):
-        ObjectiveSettings(rotation_sigma=0.0)
