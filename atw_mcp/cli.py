@@ -210,15 +210,12 @@ def _with_server(store: Path | None, session: Callable[[Session], Any]) -> int:
     progress = ProgressLine()
 
     async def connect() -> int:
-        async with connected(store, progress.show) as server:
+        async with connected(store, progress) as server:
             try:
                 await session(server)
             except ToolFailed as error:
-                progress.clear()
                 print(f"atw-mcp: {error}", file=sys.stderr)
                 return FAILED
-            finally:
-                progress.clear()
         return OK
 
     try:

@@ -6,7 +6,7 @@ import base64
 import json
 import os
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,17 @@ from mcp_types import CallToolResult, ImageContent, TextContent, Tool
 
 LOOK_AGAIN = 1.0  # [s] between two looks at work that outlived its call
 
-ReportProgress = Callable[[float, float | None, str], None]
+
+class ProgressDisplay(Protocol):
+    """Where progress is shown while a call runs."""
+
+    def show(self, done: float, total: float | None, message: str) -> None:
+        """Show how far the work is."""
+        ...
+
+    def clear(self) -> None:
+        """Remove what was shown: the call is over."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,7 @@ class ToolCaller(Protocol):
 class Session:
     """An open connection to a server."""
 
-    def __init__(self, client: Client, tools: list[Tool], progress: ReportProgress) -> None:
+    def __init__(self, client: Client, tools: list[Tool], progress: ProgressDisplay) -> None:
         self._client, self._progress = client, progress
         self.tools = tools
 
@@ -65,10 +75,16 @@ class Session:
 
         Raises ToolFailed with the tool's own words.
         """
+        try:
+            return await self._followed(tool, arguments)
+        finally:
+            self._progress.clear()
+
+    async def _followed(self, tool: str, arguments: dict[str, Any]) -> Reply:
         reply = await self._once(tool, arguments)
         while reply.body.get("status") == "running" and tool != "ReadEvidence":
             progress = reply.body.get("data", {}).get("progress", {})
-            self._progress(progress.get("done") or 0.0, progress.get("total"), progress.get("message") or "")
+            self._progress.show(progress.get("done") or 0.0, progress.get("total"), progress.get("message") or "")
             await anyio.sleep(LOOK_AGAIN)
             seen = await self._once("ReadEvidence", {"evidence": reply.body["evidence"]})
             reply = Reply(tool, seen.body, seen.pictures)
@@ -78,7 +94,7 @@ class Session:
 
     async def _once(self, tool: str, arguments: dict[str, Any]) -> Reply:
         async def report(progress: float, total: float | None, message: str | None) -> None:
-            self._progress(progress, total, message or "")
+            self._progress.show(progress, total, message or "")
 
         try:
             result = await self._client.call_tool(tool, arguments, progress_callback=report)
@@ -105,7 +121,7 @@ def reply_of(tool: str, result: CallToolResult) -> Reply:
 
 
 @asynccontextmanager
-async def connected(store: Path | None, progress: ReportProgress) -> AsyncIterator[Session]:
+async def connected(store: Path | None, progress: ProgressDisplay) -> AsyncIterator[Session]:
     """A session with a server of its own on `store` (default: the server's)."""
     async with Client(server_process(store)) as client:
         tools: list[Tool] = []

@@ -14,18 +14,34 @@ from atw_mcp.client import Session, ToolFailed
 from atw_mcp.demo.truth import FOLDER
 from tests.server.stdio_process import SLOW
 
+
+class Told:
+    """Remembers the progress that was shown, and whether it was cleared last."""
+
+    def __init__(self) -> None:
+        self.shown: list[tuple[float, float | None, str]] = []
+        self.cleared = False
+
+    def show(self, done: float, total: float | None, message: str) -> None:
+        self.shown.append((done, total, message))
+        self.cleared = False
+
+    def clear(self) -> None:
+        self.cleared = True
+
+
 Work = Callable[[Session, str], Awaitable[None]]
 
 
-def with_session(store: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float | None, str]]:
+def with_session(store: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> Told:
     """Run `work` with a session on a server that also has a slow tool; returns the progress that was told."""
     monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, SLOW))
-    told: list[tuple[float, float | None, str]] = []
+    told = Told()
 
     async def run() -> None:
         async with Client(server.build_server(store)) as client:
             tools = (await client.list_tools()).tools
-            session = Session(client, tools, lambda *progress: told.append(progress))
+            session = Session(client, tools, told)
             opened = await session.call("OpenCase", {"video": str(FOLDER / "collision.mp4")})
             await work(session, opened.body["case"])
 
@@ -41,7 +57,8 @@ def test_work_that_outlives_its_call_is_waited_for(tmp_path: Path, monkeypatch: 
         assert reply.body["data"] == {"steps": 15}
 
     told = with_session(tmp_path / "atw.db", work, monkeypatch)
-    assert any(total == 15 for _, total, _ in told)
+    assert any(total == 15 for _, total, _ in told.shown)
+    assert told.cleared
 
 
 def test_work_that_fails_after_its_call_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
