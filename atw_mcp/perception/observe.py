@@ -90,6 +90,11 @@ def observe(
     warnings = list(info.warnings)
     if sweeper.dropped:
         warnings.append(f"more than {max_objects} objects: {sweeper.dropped} regions were left out; raise max_objects")
+    if float(background.noise.max()) > 15.0:
+        warnings.append(
+            f"half of the image changes by {float(background.noise.max()):.0f} grey levels or more between the frames "
+            "looked at: does the camera move? Masks are then not to be trusted"
+        )
     if not background.smooth:
         warnings.append(
             f"the background is textured (residual {background.texture:.1f} grey levels): objects that never move "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -211,3 +212,14 @@ def test_clip_without_objects_says_so(tmp_path: Path) -> None:
     observation = observe(render(tmp_path / "a.mp4", [], 12).path)
     assert observation.objects == ()
     assert any("no object" in w for w in observation.warnings)
+
+
+def test_moving_camera_is_noticed(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    wall = cv2.GaussianBlur(rng.uniform(0, 255, (160, 700, 3)).astype(np.float32), (0, 0), 3)
+    wall = np.clip(128 + 6 * (wall - wall.mean()), 0, 255).astype(np.uint8)
+    writer = cv2.VideoWriter(str(tmp_path / "pan.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (240, 160))
+    for t in range(20):
+        writer.write(np.ascontiguousarray(wall[:, 20 * t : 20 * t + 240]))
+    writer.release()
+    assert any("does the camera move" in w for w in observe(tmp_path / "pan.mp4").warnings)
