@@ -56,7 +56,7 @@ def refine(
     cancelled: Cancelled | None = None,
     make_simulator: MakeSimulator = simulator,
 ) -> FitResult:
-    """Polish parameter values by name (default: the parameters' means); an iteration costs 2 P + 9 rollouts."""
+    """Polish parameter values by name (default: the parameters' means); an iteration costs 2 P + 10 rollouts."""
     settings = settings or RefineSettings()
     problem = Problem.of(
         world,
