@@ -27,6 +27,7 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 LOOKS = ("shape", "color", "material", "representation")
 VECTORS = ("position", "velocity", "angular_velocity")
 SCALARS = tuple(OBJECT_PARAMETERS)
+SHOWN_OTHERWISE = {"objects", "statics", "environment", "effects", "time", "camera"}
 
 
 @GROUP.tool("InspectWorld", title="Inspect a world")
@@ -63,6 +64,7 @@ def inspect_world(
             "statics": [item.model_dump(mode="json", exclude_none=True) for item in found.statics],
             "environment": found.environment.model_dump(mode="json", exclude_none=True),
             "effects": [item.model_dump(mode="json", exclude_none=True) for item in found.effects],
+            **found.model_dump(mode="json", exclude=SHOWN_OTHERWISE, exclude_none=True),
             "time": {
                 "seconds_per_frame": frame,
                 "frame_count": found.time.frame_count,
