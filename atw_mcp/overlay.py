@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
@@ -102,6 +103,23 @@ class Canvas:
         dx = max(0.0, 2 - box[0]) - max(0.0, box[2] - width + 2)
         dy = max(0.0, TOP_LINE - box[1]) - max(0.0, box[3] - height + 2)
         return box[0] + dx, box[1] + dy, box[2] + dx, box[3] + dy
+
+
+def contact_sheet(pictures: Sequence[Image], columns: int = 3) -> Image:
+    """Pictures of one size side by side, row by row."""
+    if not pictures or columns < 1:
+        raise ValueError("a contact sheet needs at least one picture and one column")
+    shapes = {p.shape for p in pictures}
+    if len(shapes) > 1:
+        raise ValueError(f"pictures of a contact sheet must have one size, got {sorted(shapes)}")
+    columns = min(columns, len(pictures))
+    height, width = pictures[0].shape[:2]
+    rows = -(-len(pictures) // columns)
+    sheet = np.zeros((rows * height, columns * width, 3), dtype=np.uint8)
+    for k, picture in enumerate(pictures):
+        y, x = divmod(k, columns)
+        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = picture
+    return sheet
 
 
 def encoded(pictures: dict[str, Image]) -> dict[str, bytes]:

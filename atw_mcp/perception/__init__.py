@@ -16,7 +16,6 @@ from atw_mcp.perception.calibration import (
     calibrate_given,
 )
 from atw_mcp.perception.correction import Correction, Drop, Merge, Outline, Rename, Split, correct, correction_of
-from atw_mcp.perception.draw import contact_sheet, draw_observation, encode_image, overlay_labels
 from atw_mcp.perception.import_images import (
     DepthMaps,
     ImportedMesh,
@@ -59,11 +58,8 @@ __all__ = [
     "calibrate_from_points",
     "calibrate_given",
     "clevrer_appearances",
-    "contact_sheet",
     "correct",
     "correction_of",
-    "draw_observation",
-    "encode_image",
     "estimate_sizes",
     "import_camera",
     "import_depth",
@@ -71,7 +67,6 @@ __all__ = [
     "import_mesh",
     "import_tracks",
     "observe",
-    "overlay_labels",
     "probe",
     "read_frames",
     "world_tracks",
