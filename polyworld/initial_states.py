@@ -23,6 +23,8 @@ NOISE_FLOOR = 1e-4  # [m] and [rad]; no track is taken to be more exact than thi
 SLOWEST = 0.03  # [m/s]; an object slower than this and indistinguishable from rest is at rest
 SLOWEST_TURN = 0.1  # [rad/s]; the same for rotation
 SHORTEST = 5  # samples a path is fitted to at least
+VAGUE = 0.2  # [m/s]; a short path whose curvature leaves its velocity less certain than this is taken as straight
+CURVING = 0.5  # [m/s^2]; how much a path taken as straight may curve all the same
 KEPT = 0.8  # share of a stretch that is kept when something ended it
 BIAS = 2.0  # factor on standard deviations: a stretch is long enough for its quadratic to be biased by about one
 MISFIT = 4.0  # standard deviations by which a mean squared residual exceeds the noise where free motion has ended
@@ -122,12 +124,19 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
     points = tracks.positions[rows, column]
     stated = float(np.median(tracks.position_sigma[rows, column]))
     scatter, varied = _scatter(points, stated)
-    # Errors that drift slowly do not show in the scatter: the stated deviation says how well a state is known.
-    noise = max(NOISE_FLOOR, stated)
+    # Where a track is smoother than it claims to be exact, the rest of its error drifts slowly: half-way between
+    # the two (geometrically) is what a stretch is judged and a velocity known by, and of the position the part
+    # that does not scatter is not averaged away.
+    noise = float(np.sqrt(scatter * max(stated, scatter)))
+    drift = float(np.sqrt(max(stated**2 - (2.0 * scatter) ** 2, 0.0)))  # twice: the scatter is itself an estimate
     weight = np.sqrt(tracks.confidence[rows, column])
-    count = free_stretch(times, points, weight, scatter, varied)
+    count = free_stretch(times, points, weight, noise, varied)
     path, covariance = _polynomial(times[:count], points[:count], weight[:count], noise)
     position_sd, velocity_sd = BIAS * np.sqrt(np.diag(covariance)[:2])
+    if velocity_sd > VAGUE and len(path) > 2:
+        path, covariance = _polynomial(times[:count], points[:count], weight[:count], noise, largest=1)
+        position_sd, velocity_sd = BIAS * np.sqrt(np.diag(covariance)[:2])
+        velocity_sd = np.hypot(velocity_sd, CURVING * times[count - 1] / 2.0)
     velocity = path[1] if len(path) > 1 else np.zeros(3)
     speed = float(np.linalg.norm(velocity))
     resting = speed < max(SLOWEST, 4.0 * velocity_sd) and _stays(points[:count], noise)
@@ -144,7 +153,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
         name=tracks.names[column],
         frame=int(tracks.frames[rows[0]]),
         position=path[0],
-        position_sd=float(position_sd),
+        position_sd=float(np.hypot(position_sd, drift)),
         velocity=velocity,
         velocity_sd=float(velocity_sd),
         orientation=orientation,
@@ -190,8 +199,8 @@ def _scatter(values: Array, stated: float) -> tuple[float, int]:
     return max(NOISE_FLOOR, stated), varied
 
 
-def _polynomial(times: Array, points: Array, weight: Array, noise: float) -> tuple[Array, Array]:
-    degree = 2 if len(times) >= SHORTEST else min(1, len(times) - 1)
+def _polynomial(times: Array, points: Array, weight: Array, noise: float, largest: int = 2) -> tuple[Array, Array]:
+    degree = min(largest, 2 if len(times) >= SHORTEST else min(1, len(times) - 1))
     design = np.vander(times, degree + 1, increasing=True) * weight[:, None]
     normal_matrix = design.T @ design
     inverse = np.linalg.pinv(normal_matrix)

@@ -10,7 +10,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +111,12 @@ def print_fits(table: list[Row], out: Callable[[str], None]) -> None:
                 total = total + row.events
             rmse = float(np.median([r.rmse for r in same]))
             held = float(np.median([r.held_out for r in same]))
-            out(_line("median", same[0], rmse, held, total))
+            middle = replace(
+                same[0],
+                rollouts=int(np.median([r.rollouts for r in same])),
+                seconds=float(np.median([r.seconds for r in same])),
+            )
+            out(_line("median", middle, rmse, held, total))
 
 
 def print_tools(runs: list[ToolRun], out: Callable[[str], None]) -> None:
