@@ -65,9 +65,11 @@ def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest)
 
     Raises KeyError for an unknown path, ValueError for bounds that do not suit it or when nothing is left.
     """
+    # What is held out must not tell where to begin the search.
+    seen = tracks if request.holdout_from is None else tracks.window(int(tracks.frames[0]), request.holdout_from - 1)
     parameters = default_parameters(
         world,
-        tracks,
+        seen,
         shared=request.shared,
         each=request.each,
         initial_conditions=request.fit_initial_states,
@@ -114,7 +116,7 @@ def run_fit(
         message = f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
         progress.note(step.done, step.total, message)
 
-    elites = max(2, request.population // 8)
+    elites = max(2, request.population // 4)
     search = FitSettings(
         generations=request.generations,
         cem=CemSettings(population=request.population, elites=elites, carried=min(4, elites)),
