@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from polyworld.joints import check_hinges_hold, turned_about
 from polyworld.parameters import with_parameters
 from polyworld.world import Description, Name, NonNegative, Quaternion, RigidObject, StaticObject, Vec3, World
 
 
 class Remove(Description):
-    """Take an object or a static out of the world; effects that acted on it alone go with it."""
+    """Take an object or a static out of the world; its hinges and effects that acted on it alone go with it."""
 
     action: Literal["remove"] = "remove"
     object: Name = Field(description="name of the object or static to remove")
@@ -36,7 +37,11 @@ class Add(Description):
 
 
 class Move(Description):
-    """Start an object somewhere else or otherwise turned."""
+    """Start an object somewhere else or otherwise turned.
+
+    A hinged object keeps its hinge: one on a single hinge turns about it when given only an orientation; any
+    other move must leave the attached points where they are.
+    """
 
     action: Literal["move"] = "move"
     object: Name = Field(description="name of the object")
@@ -123,11 +128,13 @@ def _edited(world: World, edit: Intervention) -> World:
     if isinstance(edit, Add):
         return _added(world, edit)
     if isinstance(edit, Move):
-        return _restarted(world, edit.object, position=edit.position, orientation=edit.orientation)
+        return _moved(world, edit)
     if isinstance(edit, SetVelocity):
         return _restarted(world, edit.object, velocity=edit.velocity, angular_velocity=edit.angular_velocity)
     if isinstance(edit, SetParameter):
-        return with_parameters(world, {edit.path: edit.value})
+        after = with_parameters(world, {edit.path: edit.value})
+        check_hinges_hold(world, after)
+        return after
     if isinstance(edit, ToggleEffect):
         return _toggled(world, edit)
     data: dict[str, Any] = world.model_dump()
@@ -154,6 +161,7 @@ def _removed(world: World, name: str) -> World:
                 continue
         effects.append(effect)
     data["effects"] = effects
+    data["joints"] = [j for j in data["joints"] if name not in (j["object"], j["other"])]
     return World.model_validate(data)
 
 
@@ -167,6 +175,16 @@ def _added(world: World, edit: Add) -> World:
     data: dict[str, Any] = world.model_dump()
     data[part] = [*data[part], item.model_dump()]
     return World.model_validate(data)
+
+
+def _moved(world: World, edit: Move) -> World:
+    position = edit.position
+    hinges = [j for j in world.joints if edit.object in (j.object, j.other)]
+    if len(hinges) == 1 and position is None and edit.orientation is not None:
+        position = turned_about(world.object(edit.object), hinges[0], edit.orientation)
+    after = _restarted(world, edit.object, position=position, orientation=edit.orientation)
+    check_hinges_hold(world, after)
+    return after
 
 
 def _restarted(world: World, name: str, **state: tuple[float, ...] | None) -> World:

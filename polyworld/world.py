@@ -223,6 +223,21 @@ class Effect(Description):
     enabled: bool = True
 
 
+class Hinge(Description):
+    """Lets an object turn about a point: of the world, or of another object, which then moves with it.
+
+    Frictionless. The axis is the motion plane's normal. Each object is held at that point of it which lies at
+    the anchor at the start, inside its shape or not. Objects joined by a hinge do not collide with each other.
+    Velocities at the start that would pull the hinge apart are taken up by it at once, as a blow.
+    """
+
+    kind: Literal["hinge"] = "hinge"
+    name: Name
+    object: Name = Field(description="name of the object that turns")
+    other: Name | None = Field(default=None, description="name of the object it turns on; default: the world")
+    anchor: Vec3 = Field(description="the pivot at the objects' start_time, world axes [m]")
+
+
 class MotionPlane(Description):
     """The plane in which planar objects move.
 
@@ -271,6 +286,7 @@ class World(Description):
     statics: tuple[StaticObject, ...] = Field(default=(), max_length=256)
     environment: Environment = Environment()
     effects: tuple[Effect, ...] = Field(default=(), max_length=64)
+    joints: tuple[Hinge, ...] = Field(default=(), max_length=256, description="hinges; in planar worlds only")
     time: TimeBase = TimeBase()
     camera: Camera | None = Field(default=None, description="camera that observed the world; defines the view")
     region: Region | None = Field(default=None, description="region for entry and exit events without a camera")
@@ -306,7 +322,33 @@ class World(Description):
             from polyworld.effects import check_effect
 
             check_effect(effect)
+        self._check_joints()
         return self
+
+    def _check_joints(self) -> None:
+        names = [j.name for j in self.joints]
+        if len(set(names)) < len(names):
+            raise ValueError(f"joint names must be unique, got {names}")
+        starts = {o.name: o.start_time for o in self.objects}
+        for joint in self.joints:
+            ends = [joint.object] + ([joint.other] if joint.other is not None else [])
+            unknown = sorted(set(ends) - set(starts))
+            if unknown:
+                raise ValueError(
+                    f"joint {joint.name!r} names unknown objects {unknown}; objects: {sorted(starts)}; "
+                    "to hang an object on the world or on a static, leave `other` out"
+                )
+            if joint.object == joint.other:
+                raise ValueError(f"joint {joint.name!r} joins {joint.object!r} to itself")
+            if len({starts[name] for name in ends}) > 1:
+                raise ValueError(
+                    f"joint {joint.name!r} joins objects of different start_time: "
+                    f"{ {name: starts[name] for name in ends} }; give both the same"
+                )
+        if self.joints and not self.planar:
+            raise ValueError(
+                f"joints act in planar worlds so far: {names}; make the objects rigid_planar, or leave the joints out"
+            )
 
     @cached_property
     def id(self) -> str:
@@ -315,7 +357,10 @@ class World(Description):
 
     def canonical_json(self) -> str:
         """The world as JSON with sorted keys and no spaces: equal worlds give equal bytes."""
-        return json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        content = self.model_dump(mode="json")
+        if not self.joints:  # a world without joints keeps the id it had before there were any
+            del content["joints"]
+        return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     @property
     def planar(self) -> bool:

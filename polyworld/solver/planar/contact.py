@@ -2,8 +2,9 @@
 
 import warp as wp
 
+from polyworld.solver.planar.joints import begin_hold, hold_hinge, join_rate
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of
-from polyworld.solver.planar.records import Bodies, Contacts, Row, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Samples, Scene
 from polyworld.solver.planar.separation import find_manifold
 
 wp.set_module_options({"enable_backward": False})
@@ -244,13 +245,14 @@ def reflect(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
+    joints: Joints,
     w: wp.int32,
     half: wp.int32,
     rows: wp.int32,
     share: wp.float64,
     threshold: wp.float64,
 ) -> None:
-    """Bring the rows of this round to `share` of the separation speed that restitution demands of them."""
+    """Bring the rows of this round to `share` of the separation speed that restitution demands; hinges hold."""
     for sweep in range(IMPACT_SWEEPS):
         residual = ZERO
         for k in range(rows):
@@ -268,6 +270,8 @@ def reflect(
                 row.round_tangent = visit.impulse_tangent
                 row.round_roll = visit.impulse_roll
                 contacts.rows[w, half, k] = row
+        for j in range(joints.count):
+            residual = wp.max(residual, join_rate(bodies, joints, w, j))
         if residual <= threshold:
             break
 
@@ -296,6 +300,7 @@ def temper(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
+    joints: Joints,
     w: wp.int32,
     half: wp.int32,
     rows: wp.int32,
@@ -314,7 +319,7 @@ def temper(
         row = contacts.rows[w, half, k]
         row.newton_impulse = row.round_impulse
         contacts.rows[w, half, k] = row
-    reflect(scene, bodies, contacts, w, half, rows, ZERO, threshold)
+    reflect(scene, bodies, contacts, joints, w, half, rows, ZERO, threshold)
     # Energy change at share s: plastic + linear s + bend s^2; it is `gain` at s = 1.
     plastic = ZERO
     bend = ZERO
@@ -342,7 +347,14 @@ def temper(
 
 @wp.func
 def resolve_impacts(
-    scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32, step: wp.float64
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    joints: Joints,
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+    step: wp.float64,
 ) -> None:
     """Newton's law of restitution at every touching row that approaches, in rounds of those that do.
 
@@ -394,10 +406,10 @@ def resolve_impacts(
             return
         for i in range(scene.bodies):
             bodies.drag[w, i] = bodies.next_rate[w, i]
-        reflect(scene, bodies, contacts, w, half, rows, ONE, threshold)
+        reflect(scene, bodies, contacts, joints, w, half, rows, ONE, threshold)
         gain = energy_gain(scene, bodies, w)
         if gain > ZERO:
-            temper(scene, bodies, contacts, w, half, rows, gain, threshold)
+            temper(scene, bodies, contacts, joints, w, half, rows, gain, threshold)
         for k in range(rows):
             row = contacts.rows[w, half, k]
             if row.bounce < FAR:
@@ -407,10 +419,21 @@ def resolve_impacts(
 
 @wp.func
 def hold_apart(
-    scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32, h: wp.float64
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    joints: Joints,
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+    ratio: wp.float64,
+    h: wp.float64,
 ) -> None:
-    """Impulses over h at touching rows, with friction on the supporting plane: no approach at the end of the step."""
-    pushed = ZERO
+    """Impulses over h at touching rows and hinges, with friction on the supporting plane.
+
+    No row approaches at the end of the step; no hinge opens over it. ratio: h over the last step's.
+    """
+    pushed = begin_hold(bodies, joints, w, ratio, h)
     for k in range(rows):
         row = contacts.rows[w, half, k]
         if row.touching == 1:
@@ -439,6 +462,8 @@ def hold_apart(
                 residual = wp.max(residual, row.gap)
                 row.gap = gap
                 contacts.rows[w, half, k] = row
+        for j in range(joints.count):
+            residual = wp.max(residual, hold_hinge(bodies, joints, w, j, h))
         for i in range(scene.bodies):
             if bodies.coupled[w, i] == 1 and bodies.hold[w, i] > ZERO:
                 without = bodies.next_rate[w, i] - bodies.drag[w, i]

@@ -13,9 +13,10 @@ from polyworld.solver.planar.contact import (
     resolve_impacts,
 )
 from polyworld.solver.planar.impact_time import longest_path, next_impact
+from polyworld.solver.planar.joints import begin_hinges, couple_hinged, join_rates, mend
 from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
-from polyworld.solver.planar.records import Bodies, Contacts, Log, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, Samples, Scene
 
 wp.set_module_options({"enable_backward": False})
 
@@ -121,6 +122,7 @@ def rollout(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
+    joints: Joints,
     log: Log,
     samples: Samples,
     offset: wp.int32,
@@ -140,9 +142,13 @@ def rollout(
     for segment in range(segments):
         end = scene.segment_end[segment] * scale
         steps = scene.segment_steps[segment]
+        joined = wp.int32(0)
         for i in range(n):
             if scene.joins[i] == segment:
                 room = -ONE
+                joined = wp.int32(1)
+        if joints.count > 0 and joined == 1:
+            begin_hinges(scene, joints, w, segment)
         step = ZERO
         if steps > 0:
             step = (end - start) / wp.float64(steps)
@@ -177,9 +183,10 @@ def rollout(
                 half = 1 - half
                 rows = find_rows(scene, bodies, contacts, samples, w, half, near_count, row_count, h / old_h)
                 row_count = rows
+                ratio = h / old_h
                 old_h = h
                 if rows > 0:
-                    resolve_impacts(scene, bodies, contacts, w, half, rows, step)
+                    resolve_impacts(scene, bodies, contacts, joints, w, half, rows, step)
                     for k in range(rows):
                         row = contacts.rows[w, half, k]
                         bodies.rate[w, row.a] = bodies.next_rate[w, row.a]
@@ -187,6 +194,8 @@ def rollout(
                         if row.b < n:
                             bodies.rate[w, row.b] = bodies.next_rate[w, row.b]
                             bodies.coupled[w, row.b] = 1
+                if joints.count > 0:
+                    couple_hinged(bodies, joints, w)
                 set_step(scene, bodies, w, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
@@ -195,8 +204,8 @@ def rollout(
                             bodies.drag[w, i] = wp.vec3d()
                         else:
                             bodies.next_rate[w, i] = free_rate(bodies, w, i, h)
-                if rows > 0:
-                    hold_apart(scene, bodies, contacts, w, half, rows, h)
+                if rows > 0 or joints.count > 0:
+                    hold_apart(scene, bodies, contacts, joints, w, half, rows, ratio, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
                         find_shift(bodies, w, i, h)
@@ -230,6 +239,12 @@ def rollout(
                             bodies.rate[w, i] = bodies.rate[w, i] * (ONE - share) + bodies.next_rate[w, i] * share
                         now = bodies.pose[w, i]
                         moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
+                if joints.count > 0:
+                    mended = mend(scene, bodies, joints, w)
+                    moved += mended
+                    for k in range(near_count):
+                        contacts.near_gap[w, k] = contacts.near_gap[w, k] - TWO * mended
+                    join_rates(scene, bodies, joints, w)
                 room -= TWO * moved
                 left -= part
                 splits += 1

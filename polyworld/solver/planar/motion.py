@@ -142,8 +142,8 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
 
 
 @wp.func
-def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
-    """Change of pose over h: exact for constant acceleration with damping; a stop within h is respected."""
+def shift_of(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
+    """Change of pose over h from `rate` to `next_rate`: exact for constant acceleration with damping."""
     v = bodies.rate[w, i]
     u = bodies.next_rate[w, i]
     linear = bodies.linear_decay[w, i]
@@ -151,6 +151,18 @@ def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
     x = linear[1] * h * v[0] + linear[2] * h * (u[0] - linear[0] * v[0])
     y = linear[1] * h * v[1] + linear[2] * h * (u[1] - linear[0] * v[1])
     z = angular[1] * h * v[2] + angular[2] * h * (u[2] - angular[0] * v[2])
+    return wp.vec3d(x, y, z)
+
+
+@wp.func
+def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
+    """Change of pose over h; a stop by friction within h is respected."""
+    v = bodies.rate[w, i]
+    u = bodies.next_rate[w, i]
+    shift = shift_of(bodies, w, i, h)
+    x = shift[0]
+    y = shift[1]
+    z = shift[2]
     if u[0] == ZERO and u[1] == ZERO and bodies.hold[w, i] > ZERO and bodies.coupled[w, i] == 0:
         # Friction stopped it before the step ended: distance v^2 / 2 mu g, not v h / 2.
         speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])

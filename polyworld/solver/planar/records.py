@@ -64,6 +64,20 @@ class Bodies:
 
 
 @wp.struct
+class Joints:
+    """Hinges, each with two ends: a body, and a body or the world."""
+
+    count: wp.int32
+    ends: wp.int32  # 2; not a constant, for Warp would unroll loops over it and compile twice as much
+    body: wp.array2d[wp.int32]  # (j, 2), -1 for the world, which is always second
+    anchor: wp.array[wp.vec2d]  # (j,) the pivot at the start [m]
+    arm: wp.array3d[wp.vec2d]  # (W, j, 2) the pivot in the body's own axes, from its centre [m]
+    active: wp.array2d[wp.int32]  # (W, j) whether its bodies move yet
+    lever: wp.array3d[wp.vec2d]  # (W, j, 2) where the impulse being solved for acts, from the centre [m]
+    impulse: wp.array2d[wp.vec2d]  # (W, j) on the second end over the step, its opposite on the first [N s]
+
+
+@wp.struct
 class Row:
     """One contact point between body a and body or static b; the normal points from a to b."""
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import KIND_INDEX
-from polyworld.solver.planar.records import Scene
+from polyworld.solver.planar.records import Joints, Scene
 from polyworld.world import Plane, RigidObject, StaticObject, Wall, World
 
 Array = NDArray[np.float64]
@@ -115,6 +115,9 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
     collides = np.array(
         [[_overlap(outlines[a], outlines[b]) for b in range(len(outlines))] for a in range(n)], dtype=np.int32
     ).reshape(n, len(outlines))
+    for a, b in _hinged(world):
+        if b >= 0:
+            collides[a, b] = collides[b, a] = 0
     effects = [e for e in world.effects if e.enabled]
     volumes = [geometry.mass_properties(o.shape).volume for o in world.objects]
 
@@ -146,6 +149,19 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
     return scene, [o.name for o in world.objects] + [s.name for s in world.statics]
 
 
+def build_joints(world: World) -> Joints:
+    """The hinges of a planar world, without the arrays that differ per world."""
+    flat = geometry.plane_axes(world.environment.motion_plane)[:2]
+    pairs = _hinged(world)
+    joints = Joints()
+    joints.count = len(pairs)
+    joints.ends = 2
+    joints.body = _ints(np.reshape(pairs, (-1, 2)))
+    anchors = np.array([hinge.anchor for hinge in world.joints]).reshape(-1, 3)
+    joints.anchor = wp.array(anchors @ flat.T, dtype=wp.vec2d, device="cpu")
+    return joints
+
+
 def edge_normals(vertices: Array) -> Array:
     """Outward normals (k, 2) of a counter-clockwise polygon's edges; a disc has none (one zero row)."""
     if len(vertices) < 2:
@@ -172,6 +188,12 @@ def _extent(shape: Any, rotation: Array, centre: Array, normal: Array) -> tuple[
     vertices, sweep = geometry.planar_outline(shape, rotation, side)
     height = float(normal @ centre)
     return height + float(vertices[:, 1].min()) - sweep, height + float(vertices[:, 1].max()) + sweep
+
+
+def _hinged(world: World) -> list[tuple[int, int]]:
+    """Indices of the bodies that each hinge joins; -1 for the world."""
+    index = {o.name: i for i, o in enumerate(world.objects)}
+    return [(index[h.object], -1 if h.other is None else index[h.other]) for h in world.joints]
 
 
 def _overlap(a: Outline, b: Outline) -> bool:

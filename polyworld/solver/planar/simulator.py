@@ -16,7 +16,7 @@ from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import RigidArrays, rigid_arrays, with_overrides
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
-from polyworld.solver.planar.scene import build_scene, time_table
+from polyworld.solver.planar.scene import build_joints, build_scene, time_table
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
 
@@ -88,6 +88,7 @@ class PlanarSimulator:
                 for r, s in zip(rotations, solids, strict=True)
             ]
         )
+        self._joints = build_joints(world)
         self._allocate()
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
@@ -123,6 +124,11 @@ class PlanarSimulator:
         contacts.near_gap = _zeros((w, max(pairs, 1)), wp.float64)
         # Touching outlines form a planar graph: at most 3 (n + s) pairs of two points, twice that for overlaps.
         contacts.rows = _zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
+        joints = self._joints
+        joints.arm = _zeros((w, joints.count, 2), wp.vec2d)
+        joints.lever = _zeros((w, joints.count, 2), wp.vec2d)
+        joints.impulse = _zeros((w, joints.count), wp.vec2d)
+        joints.active = _zeros((w, joints.count), wp.int32)
         log = Log()
         log.record = int(self.record_events)
         log.merge = MERGE
@@ -174,6 +180,7 @@ class PlanarSimulator:
         _view(b.time_scale)[:] = arrays.time_scale[:, 0]
         _view(b.effect_parameters)[:] = arrays.effect_parameters
         _view(b.decay_step)[:] = -1.0
+        self._write_joints()
         _view(self._log.open)[:] = -1
         _view(self._log.count)[:] = 0
         out = self._samples
@@ -182,6 +189,17 @@ class PlanarSimulator:
         _view(out.diverged_object)[:] = -1
         _view(out.diverged_time)[:] = np.nan
         _view(out.crowded)[:] = 0
+
+    def _write_joints(self) -> None:
+        """Where each hinge's pivot lies in its bodies' own axes, at the poses the run starts from."""
+        body, anchor, pose = _view(self._joints.body), _view(self._joints.anchor), _view(self._bodies.pose)
+        arm = _view(self._joints.arm)
+        for j, e in np.argwhere(body >= 0):
+            x, y = (anchor[j] - pose[:, body[j, e], :2]).T
+            angle = pose[:, body[j, e], 2]
+            arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
+            arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
+        _view(self._joints.impulse)[:] = 0.0
 
     def _turn(self, orientation: Array) -> Array:
         """Angle (R, n) about the plane's normal from the world's own orientations to those given."""
@@ -207,7 +225,16 @@ class PlanarSimulator:
             wp.launch(
                 rollout,
                 dim=last - first,
-                inputs=[self._scene, self._bodies, self._contacts, self._log, self._samples, first, segments],
+                inputs=[
+                    self._scene,
+                    self._bodies,
+                    self._contacts,
+                    self._joints,
+                    self._log,
+                    self._samples,
+                    first,
+                    segments,
+                ],
                 device="cpu",
             )
 
