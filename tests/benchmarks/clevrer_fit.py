@@ -48,8 +48,8 @@ class Row:
 class Budget:
     """Rollouts of one search: generations times population."""
 
-    generations: int = 150
-    population: int = 160
+    generations: int = 240
+    population: int = 320
 
     @property
     def rollouts(self) -> int:
