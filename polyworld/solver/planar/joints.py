@@ -81,17 +81,6 @@ def begin_hinges(scene: Scene, joints: Joints, w: wp.int32, segment: wp.int32) -
 
 
 @wp.func
-def couple_hinged(bodies: Bodies, joints: Joints, w: wp.int32) -> None:
-    """Mark the hinged bodies for the force solve, which starts from what impacts have left them with."""
-    for j in range(joints.count):
-        for e in range(joints.ends):
-            i = joints.body[j, e]
-            if i >= 0 and joints.active[w, j] == 1:
-                bodies.coupled[w, i] = 1
-                bodies.rate[w, i] = bodies.next_rate[w, i]
-
-
-@wp.func
 def reach_pivot(bodies: Bodies, joints: Joints, w: wp.int32, j: wp.int32) -> wp.vec3d:
     """Set the levers to the pivot as the bodies lie now; returns the compliance there."""
     k = wp.vec3d()

@@ -13,7 +13,7 @@ from polyworld.solver.planar.contact import (
     resolve_impacts,
 )
 from polyworld.solver.planar.impact_time import longest_path, next_impact
-from polyworld.solver.planar.joints import begin_hinges, couple_hinged, join_rates, mend
+from polyworld.solver.planar.joints import begin_hinges, join_rates, mend
 from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, Samples, Scene
@@ -168,7 +168,7 @@ def rollout(
                         push = find_push(scene, bodies, w, i, time, h)
                         bodies.push[w, i] = push
                         bodies.next_rate[w, i] = v
-                        bodies.coupled[w, i] = 0
+                        bodies.coupled[w, i] = joints.hinged[i]
                         speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
                         if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
                             dead = wp.int32(1)
@@ -189,17 +189,14 @@ def rollout(
                     resolve_impacts(scene, bodies, contacts, joints, w, half, rows, step)
                     for k in range(rows):
                         row = contacts.rows[w, half, k]
-                        bodies.rate[w, row.a] = bodies.next_rate[w, row.a]
                         bodies.coupled[w, row.a] = 1
                         if row.b < n:
-                            bodies.rate[w, row.b] = bodies.next_rate[w, row.b]
                             bodies.coupled[w, row.b] = 1
-                if joints.count > 0:
-                    couple_hinged(bodies, joints, w)
                 set_step(scene, bodies, w, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
                         if bodies.coupled[w, i] == 1:
+                            bodies.rate[w, i] = bodies.next_rate[w, i]  # impacts may have changed it
                             bodies.next_rate[w, i] = unheld_rate(bodies, w, i, h)
                             bodies.drag[w, i] = wp.vec3d()
                         else:

@@ -42,7 +42,7 @@ class Bodies:
     shift: wp.array2d[wp.vec3d]  # change of pose over the step being solved
     push: wp.array2d[wp.vec3d]  # acceleration by gravity and effects
     drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane; in an impact, the rate before
-    coupled: wp.array2d[wp.int32]  # whether a contact row acts on the body in this step
+    coupled: wp.array2d[wp.int32]  # whether a contact row or a hinge acts on the body in this step
     linear_decay: wp.array2d[wp.vec3d]  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
     angular_decay: wp.array2d[wp.vec3d]
     decay_step: wp.array[wp.float64]  # (W,) the h they were computed for
@@ -70,6 +70,7 @@ class Joints:
     count: wp.int32
     ends: wp.int32  # 2; not a constant, for Warp would unroll loops over it and compile twice as much
     body: wp.array2d[wp.int32]  # (j, 2), -1 for the world, which is always second
+    hinged: wp.array[wp.int32]  # (n,) whether a body has any
     anchor: wp.array[wp.vec2d]  # (j,) the pivot at the start [m]
     arm: wp.array3d[wp.vec2d]  # (W, j, 2) the pivot in the body's own axes, from its centre [m]
     active: wp.array2d[wp.int32]  # (W, j) whether its bodies move yet

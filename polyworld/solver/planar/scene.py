@@ -156,6 +156,7 @@ def build_joints(world: World) -> Joints:
     joints = Joints()
     joints.count = len(pairs)
     joints.ends = 2
+    joints.hinged = _ints([any(i in pair for pair in pairs) for i in range(len(world.objects))])
     joints.body = _ints(np.reshape(pairs, (-1, 2)))
     anchors = np.array([hinge.anchor for hinge in world.joints]).reshape(-1, 3)
     joints.anchor = wp.array(anchors @ flat.T, dtype=wp.vec2d, device="cpu")

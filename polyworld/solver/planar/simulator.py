@@ -57,7 +57,8 @@ class PlanarSimulator:
     Bodies and statics are their outlines on the motion plane. A pair can meet only if their extents along the
     plane's normal overlap at the start; a static plane counts where it cuts the motion plane. Pressing on the
     motion plane is not a contact event; touching a static is. A contact that opens for less than MERGE
-    seconds and closes again is one contact.
+    seconds and closes again is one contact. A hinge holds each body by the point that lies at its anchor where
+    the run starts the body, overrides included; it makes no events.
     """
 
     def __init__(
