@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
 from polyworld.camera import Camera
+from polyworld.effects import check_effect
 
 
 def _fixed_length(count: int) -> WithJsonSchema:
@@ -318,10 +319,7 @@ class World(Description):
             unknown = sorted(set(effect.objects or ()) - known)
             if unknown:
                 raise ValueError(f"effect {effect.name!r} names unknown objects {unknown}; objects: {sorted(known)}")
-            # Imported here: the catalogue's laws are written in terms of this module's words.
-            from polyworld.effects import check_effect
-
-            check_effect(effect)
+            check_effect(effect.name, effect.kind, effect.parameters)
         self._check_joints()
         return self
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from polyworld.effects.law import MAX_PARAMETERS, EffectLaw, EffectParameter, Vec8
-
-if TYPE_CHECKING:
-    from polyworld.world import Effect
 
 
 def _discover() -> dict[str, EffectLaw]:
@@ -25,18 +22,18 @@ CATALOGUE: dict[str, EffectLaw] = _discover()
 KIND_INDEX: dict[str, int] = {kind: index for index, kind in enumerate(CATALOGUE)}
 
 
-def check_effect(effect: Effect) -> None:
-    """Raise ValueError, naming the valid choices, unless the catalogue knows the effect and its parameters."""
-    if effect.kind not in CATALOGUE:
-        raise ValueError(f"unknown effect kind {effect.kind!r}; kinds: {list(CATALOGUE)}")
-    law = CATALOGUE[effect.kind]
-    for name, value in effect.parameters.items():
-        if name not in law.parameters:
-            raise ValueError(f"effect {effect.kind} has no parameter {name!r}; parameters: {list(law.parameters)}")
-        spec = law.parameters[name]
+def check_effect(name: str, kind: str, parameters: Mapping[str, float]) -> None:
+    """Raise ValueError, naming the valid choices, unless the catalogue knows the kind and its parameters."""
+    if kind not in CATALOGUE:
+        raise ValueError(f"unknown effect kind {kind!r}; kinds: {list(CATALOGUE)}")
+    law = CATALOGUE[kind]
+    for parameter, value in parameters.items():
+        if parameter not in law.parameters:
+            raise ValueError(f"effect {kind} has no parameter {parameter!r}; parameters: {list(law.parameters)}")
+        spec = law.parameters[parameter]
         if not spec.lower <= value <= spec.upper:
             raise ValueError(
-                f"effect {effect.name!r}: {name} = {value} is outside {spec.lower} to {spec.upper} {spec.unit}"
+                f"effect {name!r}: {parameter} = {value} is outside {spec.lower} to {spec.upper} {spec.unit}"
             )
 
 

@@ -1,10 +1,8 @@
 """The time loop of the planar solver: one thread advances one world from its first sample to its last."""
 
-from typing import Any
-
 import warp as wp
 
-from polyworld.effects import CATALOGUE, KIND_INDEX, Vec8
+from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.planar.contact import (
     find_near,
     find_rows,
@@ -29,56 +27,6 @@ ABSURD = wp.float64(1.0e6)  # [m/s]; initial speeds are bounded by 1e5
 PARTING = wp.float64(0.02)  # time in which an overlap shrinks to 1/e [s]
 
 
-def law_chain() -> Any:
-    """A Warp function that calls the law of a given kind: one link for each law of the catalogue."""
-    chain: Any = None
-    for kind, law in CATALOGUE.items():
-        chain = _last(KIND_INDEX[kind], law.force) if chain is None else _link(KIND_INDEX[kind], law.force, chain)
-    return chain
-
-
-def _last(own: int, force: Any) -> Any:
-    @wp.func
-    def last(
-        kind: wp.int32,
-        p: Vec8,
-        mass: wp.float64,
-        radius: wp.float64,
-        x: wp.vec3d,
-        v: wp.vec3d,
-        omega: wp.vec3d,
-        t: wp.float64,
-    ) -> wp.spatial_vectord:
-        wrench = wp.spatial_vectord()
-        if kind == own:
-            wrench = force(p, mass, radius, x, v, omega, t)
-        return wrench
-
-    return last
-
-
-def _link(own: int, force: Any, rest: Any) -> Any:
-    @wp.func
-    def linked(
-        kind: wp.int32,
-        p: Vec8,
-        mass: wp.float64,
-        radius: wp.float64,
-        x: wp.vec3d,
-        v: wp.vec3d,
-        omega: wp.vec3d,
-        t: wp.float64,
-    ) -> wp.spatial_vectord:
-        if kind == own:
-            return force(p, mass, radius, x, v, omega, t)
-        return rest(kind, p, mass, radius, x, v, omega, t)
-
-    return linked
-
-
-law_of_kind = law_chain()
-
-
 @wp.func
 def effects_at(
     scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, pose: wp.vec3d, rate: wp.vec3d, t: wp.float64
@@ -88,18 +36,21 @@ def effects_at(
     x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
     v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
     omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
-    force = wp.vec3d()
-    torque = wp.vec3d()
-    for e in range(scene.effects):
-        if scene.effect_acts[e, i] == 1:
-            p = Vec8()
-            for j in range(8):
-                p[j] = bodies.effect_parameters[w, e, j]
-            wrench = law_of_kind(scene.effect_kind[e], p, bodies.mass[w, i], scene.effect_radius[i], x, v, omega, t)
-            force += wp.spatial_top(wrench)
-            torque += wp.spatial_bottom(wrench)
-    f = scene.axes * force * bodies.inverse_mass[w, i]
-    m = scene.axes * torque * bodies.inverse_inertia[w, i]
+    wrench = effect_forces(
+        scene.effect_kind,
+        scene.effect_acts,
+        bodies.effect_parameters,
+        w,
+        i,
+        bodies.mass[w, i],
+        scene.effect_radius[i],
+        x,
+        v,
+        omega,
+        t,
+    )
+    f = scene.axes * wp.spatial_top(wrench) * bodies.inverse_mass[w, i]
+    m = scene.axes * wp.spatial_bottom(wrench) * bodies.inverse_inertia[w, i]
     return wp.vec3d(f[0], f[1], m[2])
 
 

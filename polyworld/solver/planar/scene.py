@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.effects import KIND_INDEX
 from polyworld.solver.planar.records import Joints, Scene
+from polyworld.solver.time_table import TimeTable
 from polyworld.world import Plane, RigidObject, StaticObject, Wall, World
 
 Array = NDArray[np.float64]
@@ -33,35 +34,6 @@ class Outline:
     pose: tuple[float, float, float]
     low: float
     high: float
-
-
-@dataclass(frozen=True)
-class TimeTable:
-    """Segments between consecutive sample and start times.
-
-    end (K,) [s]; steps (K,): substeps in the segment; sample (K,): index of the sample taken at its end or
-    -1; joins (n,): first segment in which an object moves.
-    """
-
-    end: Array
-    steps: NDArray[np.int32]
-    sample: NDArray[np.int32]
-    joins: NDArray[np.int32]
-
-
-def time_table(world: World, sample_times: Array) -> TimeTable:
-    """Segments of a run; every substep is at most `world.time.substep` at the world's own seconds_per_frame."""
-    starts = np.array([o.start_time for o in world.objects])
-    inner = starts[(starts > 0) & (starts < sample_times[-1])]
-    end = np.unique(np.concatenate([sample_times, inner]))
-    before = np.concatenate([[0.0], end[:-1]])
-    # A ratio that is whole but for rounding is whole: 0.04 / 0.002 makes 20 substeps, not 21.
-    steps = np.ceil((end - before) / world.time.substep * (1.0 - 1e-12)).astype(np.int32)
-    sample = np.full(len(end), -1, dtype=np.int32)
-    sample[np.searchsorted(end, sample_times)] = np.arange(len(sample_times), dtype=np.int32)
-    joins = np.searchsorted(before, starts).astype(np.int32)
-    joins[starts <= 0] = 0
-    return TimeTable(end, steps, sample, joins)
 
 
 def body_outline(item: RigidObject, axes: Array) -> Outline:

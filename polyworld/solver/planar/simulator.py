@@ -16,7 +16,8 @@ from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import RigidArrays, rigid_arrays, with_overrides
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
-from polyworld.solver.planar.scene import build_joints, build_scene, time_table
+from polyworld.solver.planar.scene import build_joints, build_scene
+from polyworld.solver.time_table import time_table
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
 
