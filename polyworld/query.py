@@ -1,13 +1,18 @@
-"""Decide a predicate over an interval of a rollout. What the rollout does not cover is unknown, never false."""
+"""Decide a predicate over an interval of a rollout. What the rollout does not cover is unknown, never false.
+
+Evidence of `in_contact`, `collides` and `nearer_than` names the closest approach of the two surfaces
+(`polyworld.closest_approach` says what of it is exact): how narrowly a thing did or did not happen.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.closest_approach import ClosestApproach, closest_approach
 from polyworld.predicates import (
     Above,
     AtRest,
@@ -39,7 +44,8 @@ class QueryResult:
     decided: whether the rollout covers what the question needs; value is None where it does not, and
     `reason` says why. value: bool for any and all; a time [s] for first and last, or None, decided, where it
     never holds; int for count; 0..1 for fraction. intervals: when the predicate holds, within the covered
-    part of the interval asked for. evidence: the numbers it was decided on.
+    part of the interval asked for. asked: the interval asked for, or the default. evidence: the numbers it was
+    decided on.
     """
 
     value: bool | int | float | None
@@ -48,6 +54,7 @@ class QueryResult:
     intervals: tuple[Interval, ...]
     covered: Interval | None
     evidence: dict[str, Any]
+    asked: Interval | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-ready values."""
@@ -57,6 +64,7 @@ class QueryResult:
             "reason": self.reason,
             "intervals": [list(i) for i in self.intervals],
             "covered": None if self.covered is None else list(self.covered),
+            "asked": None if self.asked is None else list(self.asked),
             "evidence": self.evidence,
         }
 
@@ -68,21 +76,47 @@ def query(
     interval: Interval | None = None,
     aggregation: Aggregation = "any",
 ) -> QueryResult:
-    """Decide `predicate` over `interval` (start, end) [s] (default: the whole rollout), both ends included.
+    """Decide `predicate` over `interval` (start, end) [s], both ends included.
 
-    States are read at the samples and crossings found on the straight line between them; contacts are exact.
-    Raises ValueError for an interval that ends before it begins, for a rollout of another world, and for an
-    aggregation that the predicate does not have.
+    The default is the stretch in which every named object takes part, to the end of the rollout. States are read
+    at the samples and crossings found on the straight line between them; contacts are exact. Raises ValueError
+    for an interval that ends before it begins, for a rollout of another world, and for an aggregation that the
+    predicate does not have.
     """
     if rollout.world_id != world.id:
         raise ValueError(f"the rollout is of {rollout.world_id}, the world is {world.id}")
-    start, end = interval if interval is not None else (0.0, rollout.horizon)
-    if not (np.isfinite(start) and np.isfinite(end) and start <= end):
-        raise ValueError(f"an interval is (start, end) with start <= end, got {(start, end)}")
     if isinstance(predicate, PassesBefore) and aggregation != "any":
         raise ValueError("passes_before is an order, not a state: its only aggregation is any")
     if isinstance(predicate, Collides) and aggregation in ("all", "fraction"):
         raise ValueError("collides holds at instants: its aggregations are any, first, last, count")
+    late = {o.name: o.start_time for o in world.objects if o.name in names_in(predicate) and o.start_time > 0}
+    joined = max(late.values(), default=0.0)
+    asked = interval if interval is not None else (min(joined, rollout.horizon), rollout.horizon)
+    if not (np.isfinite(asked[0]) and np.isfinite(asked[1]) and asked[0] <= asked[1]):
+        raise ValueError(f"an interval is (start, end) with start <= end, got {asked}")
+    result = replace(_decided(rollout, world, predicate, asked, aggregation), asked=asked)
+    if result.decided or joined <= asked[0]:
+        return result
+    # An object that joins late leaves the start uncovered: tell the question that can be answered, and its answer.
+    reason = f"{result.reason}: " + " and ".join(f"{name!r} joins at {time:.6g} s" for name, time in late.items())
+    end = rollout.horizon if result.covered is None else result.covered[1]
+    whole = (np.ceil(joined * 1e6) / 1e6, np.floor(end * 1e6) / 1e6)  # as it can be written, inside what is covered
+    then = _decided(rollout, world, predicate, whole, aggregation) if whole[0] < whole[1] else result
+    if then.covered is not None:
+        answer = f"it is {_said(then.value)}" if then.decided else "it is unknown too"
+        reason += f". Asked over [{whole[0]:.10g}, {whole[1]:.10g}] {answer}"
+    return replace(result, reason=reason)
+
+
+def _said(value: bool | int | float | None) -> str:
+    if value is None:
+        return "never"
+    return str(value).lower() if isinstance(value, bool) else f"{value:.6g}"
+
+
+def _decided(
+    rollout: Rollout, world: World, predicate: Predicate, asked: Interval, aggregation: Aggregation
+) -> QueryResult:
     objects = [o.name for o in world.objects]
     statics = [s.name for s in world.statics]
     may_be_static = isinstance(predicate, InContact | Collides)
@@ -94,16 +128,18 @@ def query(
             return _unknown(f"{name!r} is static: give the object that moves first; objects: {objects}")
     if isinstance(predicate, InView) and world.camera is None and world.region is None:
         return _unknown("this world has neither a camera nor a region: there is no view to be in")
-    covered = _coverage(rollout, world, predicate, start, end)
+    covered = _coverage(rollout, world, predicate, *asked)
     if isinstance(covered, str):
         return _unknown(covered)
     if isinstance(predicate, PassesBefore):
-        return _order(rollout.trajectory, predicate, covered, (start, end))
+        return _order(rollout.trajectory, predicate, covered, asked)
     if isinstance(predicate, InContact | Collides):
         holds, evidence = _contacts(rollout, predicate, covered)
     else:
         holds, evidence = _states(rollout.trajectory, world, predicate, covered)
-    return _aggregate(aggregation, holds, covered, (start, end), evidence)
+    if isinstance(predicate, InContact | Collides | NearerThan):
+        evidence = {**evidence, "closest_approach": _approach(rollout, world, predicate, covered)}
+    return _aggregate(aggregation, holds, covered, asked, evidence)
 
 
 def _unknown(
@@ -121,14 +157,12 @@ def _coverage(rollout: Rollout, world: World, predicate: Predicate, start: float
     if len(times) == 0:
         return "the rollout has no samples"
     first, last = float(times[0]), float(times[-1])
-    late = ""
     for name in names_in(predicate):
         for item in world.objects:
-            if item.name == name and item.start_time > first:
-                first = item.start_time
-                late = f"; {name!r} joins at {item.start_time:.6g} s"
+            if item.name == name:
+                first = max(first, item.start_time)
     if start > last + ROUNDING or end < first - ROUNDING:
-        return f"the interval {start:.6g} to {end:.6g} s lies outside the covered {first:.6g} to {last:.6g} s{late}"
+        return f"the interval {start:.6g} to {end:.6g} s lies outside the covered {first:.6g} to {last:.6g} s"
     return max(start, first), min(end, last)
 
 
@@ -173,7 +207,14 @@ def _aggregate(
 def _contacts(
     rollout: Rollout, predicate: InContact | Collides, covered: Interval
 ) -> tuple[tuple[Interval, ...], dict[str, Any]]:
-    wanted = set(names_in(predicate))
+    spans, used = _touching(rollout, set(names_in(predicate)))
+    if isinstance(predicate, Collides):
+        spans = [(a, a) for a, _ in spans if covered[0] <= a <= covered[1]]
+    return _clipped(spans, covered), {"events": used}
+
+
+def _touching(rollout: Rollout, wanted: set[str]) -> tuple[list[Interval], list[dict[str, Any]]]:
+    """When all of `wanted` take part in one contact, and the events that say so."""
     spans: list[Interval] = []
     used = []
     open_since: dict[tuple[str, ...], float] = {}
@@ -185,11 +226,33 @@ def _contacts(
         else:
             spans.append((open_since.pop(event.participants, 0.0), event.time))
         used.append(event.to_dict())
-    spans += [(since, rollout.horizon) for since in open_since.values()]
-    if isinstance(predicate, Collides):
-        spans = [(a, a) for a, _ in spans if covered[0] <= a <= covered[1]]
-    clipped = [(max(a, covered[0]), min(b, covered[1])) for a, b in spans if a <= covered[1] and b >= covered[0]]
-    return tuple(sorted(clipped)), {"events": used}
+    return spans + [(since, rollout.horizon) for since in open_since.values()], used
+
+
+def _clipped(spans: list[Interval], covered: Interval) -> tuple[Interval, ...]:
+    return tuple(
+        sorted((max(a, covered[0]), min(b, covered[1])) for a, b in spans if a <= covered[1] and b >= covered[0])
+    )
+
+
+def _approach(
+    rollout: Rollout, world: World, predicate: InContact | Collides | NearerThan, covered: Interval
+) -> dict[str, Any] | None:
+    """How near the surfaces come, to the nearest of all where the predicate names one object alone."""
+    starts = {o.name: o.start_time for o in world.objects}
+    others = [predicate.b] if predicate.b is not None else [*starts, *(s.name for s in world.statics)]
+    found: list[ClosestApproach] = []
+    for other in others:
+        touches = _clipped(_touching(rollout, {predicate.a, other})[0], covered)
+        start = max(covered[0], starts.get(other, 0.0))
+        if other == predicate.a:
+            continue
+        if touches:
+            found.append(ClosestApproach(0.0, touches[0][0], other))
+        elif start <= covered[1]:
+            nearest = closest_approach(world, rollout.trajectory, predicate.a, other, (start, covered[1]))
+            found += [] if nearest is None else [nearest]
+    return min(found, key=lambda f: (f.gap, f.time)).to_dict() if found else None
 
 
 def _states(

@@ -134,6 +134,33 @@ def test_partial_coverage_decides_only_what_it_can() -> None:
     assert part(Collides(a="red", b="blue"), "any").decided is False
 
 
+def test_the_default_stretch_begins_when_the_last_named_object_joins() -> None:
+    """Late joins at 0.5 s, five metres away from red, and both have a radius of 0.2 m."""
+    result = ask(Collides(a="late", b="red"))
+    assert (result.value, result.decided, result.asked) == (False, True, (0.5, 1.0))
+    assert ask(Moving(object="late"), aggregation="all").value is True
+    early = ask(Collides(a="late", b="red"), (0.0, 1.0))
+    assert not early.decided
+    assert early.reason is not None
+    assert "'late' joins at 0.5 s. Asked over [0.5, 1] it is false" in early.reason
+    before = ask(Moving(object="late"), (0.0, 0.2))
+    assert not before.decided
+    assert before.reason is not None
+    assert "'late' joins at 0.5 s. Asked over [0.5, 1] it is true" in before.reason
+    assert not ask(Moving(object="late"), horizon=0.25).decided
+
+
+def test_contacts_tell_how_near_the_surfaces_come() -> None:
+    """Blue's surface reaches x = 0.8 at 0.6 s, where the wall's face is at 1.0; late begins its way at (0, 5)."""
+    free = ask(Collides(a="blue", b="wall"), (0.0, 0.6)).evidence["closest_approach"]
+    assert free == {"gap_m": pytest.approx(0.2, abs=1e-6), "time": pytest.approx(0.6), "with": "wall"}
+    hit = ask(Collides(a="blue"), (0.5, 1.0)).evidence["closest_approach"]
+    assert hit == {"gap_m": 0.0, "time": pytest.approx(0.7, abs=1e-6), "with": "wall"}
+    apart = ask(NearerThan(a="red", b="late", distance=0.1)).evidence["closest_approach"]
+    assert apart["gap_m"] == pytest.approx((5.0**2 + 0.4**2) ** 0.5 - 0.4, abs=1e-6)  # red stands at x = -0.4
+    assert apart["time"] == pytest.approx(0.5)
+
+
 def test_never_is_decided_and_has_no_time() -> None:
     result = ask(Collides(a="red", b="late"), (0.6, 1.0), "first")
     assert result.decided
