@@ -116,6 +116,8 @@ def build_world(
     states = initial_states(tracks, seconds_per_frame=time.seconds_per_frame)
     left_out = tuple(f"{name}: observed in fewer than two frames" for name in names if name not in states)
     names = [name for name in names if name in states]
+    if not names:
+        raise ValueError(f"there is no object to place: {'; '.join(left_out) or 'no track was chosen'}")
     shapes = _shapes(names, seen, given)
     kind, why = _representation(representation, tracks.select(names), shapes, scene, heights_assumed)
     bodies = tuple(
@@ -127,7 +129,7 @@ def build_world(
     if plane is None:
         # Without a floor the plane is still where the objects move; it just does not press back.
         plane = MotionPlane(point=(0.0, 0.0, scene.floor_height or 0.0), supports=scene.floor_height is not None)
-    if kind == "spatial" and scene.floor_height is not None:
+    if scene.floor_height is not None and (kind == "spatial" or _upright(plane)):
         floor = (StaticObject(name="floor", shape=Plane(offset=scene.floor_height)),)
     world = World(
         objects=bodies,
@@ -144,6 +146,11 @@ def build_world(
         assumed=_assumed(names, given, scene, kind),
         left_out=left_out,
     )
+
+
+def _upright(plane: MotionPlane) -> bool:
+    """Whether the plane of motion is seen from the side, so that a floor is a line in it."""
+    return abs(plane.normal[2]) < 0.5 * float(np.linalg.norm(plane.normal))
 
 
 def from_trusted_start(tracks: ObservedTracks) -> ObservedTracks:
@@ -294,4 +301,6 @@ def _assumed(
         notes.append(f"density {defaults.density:g} kg/m^3 for {', '.join(unweighed)}")
     if kind == "planar" and scene.motion_plane is None:
         notes.append("objects stay upright and on the floor")
+    if scene.motion_plane is not None and _upright(scene.motion_plane) and scene.floor_height is None:
+        notes.append("there is no floor: give floor=z if objects bounce or rest on one")
     return tuple(notes)

@@ -122,12 +122,16 @@ class Derivation:
 
 
 def derivation(
-    app: App, case: Case, solids: dict[str, Sphere | Box | Cylinder], plane: MotionPlane | None
+    app: App,
+    case: Case,
+    solids: dict[str, Sphere | Box | Cylinder],
+    plane: MotionPlane | None = None,
+    floor: float = 0.0,
 ) -> Derivation | None:
     """How the case's latest observation of its video becomes tracks; None where imported tracks are newer.
 
-    plane: where objects move (default: the floor z = 0, or y = 0 for a camera calibrated as a side view). Raises
-    ValueError saying what is missing: an observation, or a camera.
+    plane: where objects move (default: the floor, at z = `floor`, or y = 0 for a camera calibrated as a side view).
+    Raises ValueError saying what is missing: an observation, or a camera.
     """
     for kind, identifier in app.store.cases.observations(case.id):
         if kind == "tracks" and app.store.observations.get(identifier).document["source"]["kind"] == "imported":
@@ -145,7 +149,7 @@ def derivation(
         )
     camera = app.store.observations.get(cameras[0][1])
     if plane is None:
-        plane = SIDE_VIEW if camera.document["side_view"] else MotionPlane()
+        plane = SIDE_VIEW if camera.document["side_view"] else MotionPlane(point=(0.0, 0.0, floor))
     rate = float(case.facts.get("frames_per_second") or 0.0)
     seen = app.store.observations.get(identifier).document["names"]
     known = {name: solid for name, solid in solids.items() if name in seen}

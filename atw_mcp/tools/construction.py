@@ -67,7 +67,10 @@ def build_world_tool(
     ] = None,
     floor: Annotated[
         float | Literal["none"] | None,
-        Field(description="z of the floor [m], or 'none'; default 0, none for motion seen from the side"),
+        Field(
+            description="z of the floor [m], or 'none'; default 0. A side view has none unless given, and z = 0 "
+            "is the lower edge of the image"
+        ),
     ] = None,
     gravity: Annotated[
         Point | None, Field(description="gravitational acceleration [m/s^2]; default 0, 0, -9.81")
@@ -124,7 +127,7 @@ def build_world_tool(
             solids = {
                 name: item.shape for name, item in given.items() if isinstance(item.shape, Sphere | Box | Cylinder)
             }
-            how = derivation(app, found, solids, request.plane_seen())
+            how = derivation(app, found, solids, request.motion_plane, floor if isinstance(floor, float) else 0.0)
         if how is None:
             return _build(app, found, request, track_record(app, found, tracks))
         record = derived_tracks(app, found, how, None)
@@ -160,12 +163,6 @@ class _BuildRequest:
     effects: tuple[Effect, ...]
     first_frame: int | None
     seconds_per_frame: float | None
-
-    def plane_seen(self) -> MotionPlane | None:
-        """The plane in which the video shows objects, where the agent says it; None leaves it to the camera."""
-        if self.motion_plane is not None:
-            return self.motion_plane
-        return MotionPlane(point=(0.0, 0.0, self.floor)) if isinstance(self.floor, float) and self.floor else None
 
 
 def _build(app: App, case: Case, request: _BuildRequest, record: TrackRecord) -> Answer:
