@@ -14,14 +14,32 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Color = tuple[int, int, int]  # blue, green, red, as OpenCV has it
-Style = Literal["solid", "dotted"]
+Style = Literal["solid", "dashed"]
 Box = tuple[float, float, float, float]  # left, top, right, bottom
 
 SIMULATED: Color = (255, 60, 255)
+SIMULATED_NAME: Color = (255, 170, 255)  # lighter: thin letters are read by their brightness
 OBSERVED: Color = (255, 255, 255)
 DARK: Color = (20, 20, 20)
 FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.45
 TOP_LINE = 20  # [px] kept free for the line that says which frame this is
+HALO = 3  # [px] dark ground about writing
+DASH, GAP = 5, 4  # [px] of dashed lines
+FINE_BITS = 4  # binary places of a coordinate
+AROUND = (
+    (0, -1),
+    (0, 1),
+    (1, 0),
+    (-1, 0),
+    (0.5, -1),
+    (-0.5, -1),
+    (0.5, 1),
+    (-0.5, 1),
+    (1, -1),
+    (-1, -1),
+    (1, 1),
+    (-1, 1),
+)
 LONGEST_SIDE = 960  # [px] larger frames are reduced to it
 SMALLEST_SIDE = 720  # [px] smaller ones are enlarged, so that a thin outline is still seen
 ROOM = 560_000  # bytes of all pictures of one result: 1 MB is the limit of some clients, base64 adds a third
@@ -46,56 +64,116 @@ class Canvas:
         return cls(_bytes(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=method)), scale)
 
     def outline(self, mask: Mask, color: Color, style: Style = "solid") -> None:
-        """Draw the outline of a mask of the original frame."""
-        large = mask.astype(np.uint8)
-        if self.scale != 1.0:
-            size = (self.image.shape[1], self.image.shape[0])
-            large = _bytes(cv2.resize(large, size, interpolation=cv2.INTER_NEAREST))
-        found, _ = cv2.findContours(large, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        """Draw the outline of a mask of the original frame; dashes are to be drawn last, over what is solid."""
+        found, _ = cv2.findContours(self._large(mask), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         if style == "solid":
-            cv2.drawContours(self.image, found, -1, DARK, 3, cv2.LINE_AA)
-            cv2.drawContours(self.image, found, -1, color, 1, cv2.LINE_8)
+            cv2.drawContours(self.image, found, -1, DARK, 5, cv2.LINE_AA)
+            cv2.drawContours(self.image, found, -1, color, 2, cv2.LINE_AA)
             return
         for contour in found:
             points = contour[:, 0]
-            for start in range(0, len(points), 8):
-                cv2.polylines(self.image, [points[start : start + 5]], False, DARK, 2, cv2.LINE_AA)
-                cv2.polylines(self.image, [points[start : start + 4]], False, color, 1, cv2.LINE_AA)
+            dashes = [points[start : start + DASH] for start in range(0, len(points), DASH + GAP)]
+            cv2.polylines(self.image, dashes, False, DARK, 4, cv2.LINE_AA)
+            cv2.polylines(self.image, dashes, False, color, 2, cv2.LINE_AA)
 
-    def path(self, points: NDArray[np.float64], color: Color) -> None:
-        """Draw a line through points (k, 2) of the original frame; NaN breaks it."""
+    def path(
+        self, points: NDArray[np.float64], color: Color, marks: Sequence[int] = (), dashed_from: int | None = None
+    ) -> None:
+        """Draw a line through points (k, 2) of the original frame; NaN breaks it.
+
+        marks: points that get a dot. dashed_from: the point from which the line is dashed.
+        """
         scaled = np.asarray(points) * self.scale
-        for a, b in pairwise(scaled):
-            if np.all(np.isfinite([a, b])) and np.abs([a, b]).max() < 1e5:
-                cv2.line(self.image, _pixel(a), _pixel(b), color, 1, cv2.LINE_AA)
+        drawable = np.all(np.isfinite(scaled), axis=1) & (np.abs(scaled).max(axis=1, initial=0.0) < 1e5)
+        pieces: list[NDArray[np.int32]] = []
+        travelled = 0.0
+        for k, (a, b) in enumerate(pairwise(scaled)):
+            if not (drawable[k] and drawable[k + 1]):
+                continue
+            if dashed_from is None or k < dashed_from:
+                pieces.append(fine(np.stack([a, b])))
+                continue
+            length = float(np.linalg.norm(b - a))
+            pieces += [fine(a + np.outer(part, b - a)) for part in _dashes(travelled, length)]
+            travelled += length
+        cv2.polylines(self.image, pieces, False, DARK, 3, cv2.LINE_AA, FINE_BITS)
+        cv2.polylines(self.image, pieces, False, color, 1, cv2.LINE_AA, FINE_BITS)
+        for k in marks:
+            if drawable[k]:
+                cv2.circle(self.image, _pixel(scaled[k]), 4, DARK, -1, cv2.LINE_AA)
+                cv2.circle(self.image, _pixel(scaled[k]), 2, color, -1, cv2.LINE_AA)
 
-    def name(self, text: str, mask: Mask, color: Color) -> None:
-        """Write a name beside a mask of the original frame: above, below, right or left, where no other name is."""
-        rows, columns = np.nonzero(mask)
-        if not len(rows):
-            return
+    def names(self, masks: dict[str, Mask], color: Color, others: Mask | None = None) -> None:
+        """Write each name near its mask of the original frame where it covers least, with a line when it is away.
+
+        A name keeps off names already written, the other masks and `others`, and then off its own mask.
+        """
+        large = {name: self._large(mask) for name, mask in masks.items() if mask.any()}
+        shape = self.image.shape[:2]
+        union = np.zeros(shape, np.uint8) if others is None else self._large(others)
+        for mask in large.values():
+            union = _bytes(np.maximum(union, mask))
+        everything = np.asarray(cv2.integral(union))
+        chosen: dict[str, Box] = {}
+        for name in sorted(large, key=lambda name: int(np.argmax(large[name].any(axis=1)))):
+            chosen[name] = self._place(name, large[name], everything)
+            self.taken.append(chosen[name])
+        for name, box in chosen.items():
+            self._leader(box, large[name], color)
+        for name, box in chosen.items():
+            self.write(name, (box[0], box[3] - 3), color)
+
+    def _place(self, text: str, mask: Image, everything: NDArray[Any]) -> Box:
+        """The box for a name, of those around a mask, that covers least."""
         (width, height), _ = cv2.getTextSize(text, FONT, FONT_SCALE, 1)
-        left, right, top, bottom = (
-            self.scale * v for v in (columns.min(), columns.max() + 1, rows.min(), rows.max() + 1)
-        )
-        centred, level = (left + right - width) / 2, (top + bottom + height) / 2
-        places = [
-            (centred, top - 6),
-            (centred, bottom + height + 6),
-            (right + 5, level),
-            (left - width - 5, level),
-        ]
-        boxes = [self._inside((x, y - height - 2, x + width, y + 3)) for x, y in places]
-        chosen = next((box for box in boxes if not any(_overlap(box, other) for other in self.taken)), boxes[0])
-        self.taken.append(chosen)
-        self.write(text, (chosen[0], chosen[3] - 3), color)
+        width, height = width + 2, height + 5
+        left, top, columns, rows = cv2.boundingRect(mask)
+        own = np.asarray(cv2.integral(mask))
+        best, least = (0.0, 0.0, 0.0, 0.0), float("inf")
+        for away in (4, 14, 26, 40, 60, 85):
+            for rank, (dx, dy) in enumerate(AROUND):
+                x = left + columns / 2 + dx * (columns / 2 + width / 2 + away)
+                y = top + rows / 2 + dy * (rows / 2 + height / 2 + away)
+                box = self._inside((x - width / 2, y - height / 2, x + width / 2, y + height / 2))
+                itself = _pixels(own, box)
+                cost = 20.0 * (_pixels(everything, box) - itself) + 4.0 * itself + 3.0 * away + 0.5 * rank
+                cost += 100.0 * sum(_shared(box, other) for other in self.taken)
+                if cost < least:
+                    best, least = box, cost
+        return best
+
+    def _leader(self, box: Box, mask: Image, color: Color) -> None:
+        """A line from a name to its mask, where they are apart."""
+        rows, columns = np.nonzero(mask)
+        x, y = np.clip(columns, box[0], box[2]), np.clip(rows, box[1], box[3])
+        nearest = int(np.argmin(np.hypot(columns - x, rows - y)))
+        if np.hypot(columns[nearest] - x[nearest], rows[nearest] - y[nearest]) > 10:
+            ends = (round(float(x[nearest])), round(float(y[nearest]))), (int(columns[nearest]), int(rows[nearest]))
+            cv2.line(self.image, *ends, DARK, 3, cv2.LINE_AA)
+            cv2.line(self.image, *ends, color, 1, cv2.LINE_AA)
+
+    def _large(self, mask: Mask) -> Image:
+        """A mask of the original frame at the size of the canvas, 0 and 1."""
+        if self.scale == 1.0:
+            return mask.astype(np.uint8)
+        size = (self.image.shape[1], self.image.shape[0])
+        return _bytes(cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST))
 
     def write(self, text: str, at: tuple[float, float], color: Color = OBSERVED) -> None:
         """Write text with its lower left corner at a point of the canvas, legible on any ground."""
         x, y = _pixel(np.asarray(at))
-        for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-            cv2.putText(self.image, text, (x + dx, y + dy), FONT, FONT_SCALE, DARK, 1, cv2.LINE_AA)
-        cv2.putText(self.image, text, (x, y), FONT, FONT_SCALE, color, 1, cv2.LINE_AA)
+        (width, height), below = cv2.getTextSize(text, FONT, FONT_SCALE, 1)
+        left, top = max(x - HALO, 0), max(y - height - below - HALO, 0)
+        patch = self.image[top : y + below + HALO, left : x + width + 2 * HALO]
+        if not patch.size:
+            return
+        ink = np.zeros(patch.shape[:2], np.uint8)
+        cv2.putText(ink, text, (x - left, y - top), FONT, FONT_SCALE, 255, 1, cv2.LINE_AA)
+        # The dark ground is the writing itself made wider: a thicker pen would draw other, wider letters.
+        ground = cv2.dilate(ink, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * HALO + 1, 2 * HALO + 1)))
+        for layer, tone in ((ground, DARK), (ink, color)):
+            share = np.asarray(layer, dtype=float)[..., None] / 255.0
+            patch[:] = np.rint(patch * (1.0 - share) + share * np.asarray(tone, dtype=float)).astype(np.uint8)
 
     def _inside(self, box: Box) -> Box:
         """The box moved into the picture, below the line on top."""
@@ -140,8 +218,33 @@ def _jpeg(image: Image, quality: int, scale: float) -> bytes:
     return bytes(file.tobytes())
 
 
-def _overlap(a: Box, b: Box) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+def _shared(a: Box, b: Box) -> float:
+    """Area two boxes share [px^2]."""
+    return max(0.0, min(a[2], b[2]) - max(a[0], b[0])) * max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
+
+
+def _pixels(integral: NDArray[Any], box: Box) -> float:
+    """How many pixels of a mask, given as its integral image, a box covers."""
+    rows, columns = integral.shape
+    left, right = (min(max(round(v), 0), columns - 1) for v in (box[0], box[2]))
+    top, bottom = (min(max(round(v), 0), rows - 1) for v in (box[1], box[3]))
+    return float(integral[bottom, right] - integral[top, right] - integral[bottom, left] + integral[top, left])
+
+
+def _dashes(travelled: float, length: float) -> list[NDArray[np.float64]]:
+    """The parts (start, end), in 0..1, of a segment that are drawn, the line having come `travelled` px so far."""
+    if length <= 0.0:
+        return []
+    period = float(DASH + GAP)
+    first = np.floor(travelled / period) * period
+    starts = np.arange(first, travelled + length, period) - travelled
+    parts = np.clip(np.stack([starts, starts + DASH], axis=1) / length, 0.0, 1.0)
+    return [part for part in parts if part[1] > part[0]]
+
+
+def fine(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Points as OpenCV takes them with `FINE_BITS` binary places."""
+    return np.rint(points * 2.0**FINE_BITS).astype(np.int32)
 
 
 def _bytes(image: Any) -> Image:

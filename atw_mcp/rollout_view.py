@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from atw_mcp.app import App
 from atw_mcp.observing import latest_image_observation, modelled_tracks, video_file
-from atw_mcp.overlay import OBSERVED, SIMULATED, Canvas, Color
+from atw_mcp.overlay import OBSERVED, SIMULATED, SIMULATED_NAME, Canvas
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
+from atw_mcp.plan_view import PlanView, round_length
 from atw_mcp.results import explained
 from atw_mcp.track_records import TrackRecord, at_rate
 from evidence_store import Case
@@ -34,6 +35,10 @@ class RolloutView:
         if not len(times):
             raise ToolError("this rollout diverged at once: there is nothing to see. ReadProperty shows its parameters")
         self.last_frame = int(np.floor(times[-1] / self.frame_time + 1e-6))
+        self.mark_every = round_length(max(times[-1], self.frame_time) / 5) if times[-1] > 0 else self.frame_time
+        self.marks = [self._sample(t / self.frame_time) for t in np.arange(0.0, times[-1] + 1e-9, self.mark_every)]
+        frame_count = world.time.frame_count
+        self.dashed_from = self._sample(frame_count - 1) if 2 <= frame_count <= self.last_frame else None
         # A branch is meant to differ from the video: measuring it against the video would mislead.
         self.follows = not any(d.how == "intervention" for d in app.store.worlds.parents(world.id))
         seen = latest_image_observation(app, case)
@@ -52,34 +57,51 @@ class RolloutView:
             raise ToolError(f"cannot draw over the video: {why}. background='rendered' always works")
 
     def draw(self, frames: list[int], names: list[str]) -> tuple[dict[str, NDArray[np.uint8]], list[dict[str, Any]]]:
-        """Pictures by name, and what the text says about each."""
+        """Pictures by name, each with the plan beside it, and what the text says about each."""
         drawn, rows = {}, []
         trajectory = self.result.trajectory
         wanted = [] if self.video is None else [frame for frame in frames if frame < self.video_frames]
         with explained():
             filmed = dict(zip(wanted, read_frames(self.video, wanted), strict=True)) if self.video and wanted else {}
-        for frame in frames:
-            sample = int(np.argmin(np.abs(trajectory.times - frame * self.frame_time)))
-            picture = render(
-                self.world,
-                trajectory.positions[sample],
-                trajectory.orientations[sample],
-                self.camera,
-                visible=trajectory.active[sample].tolist(),
-            )
+        samples = [self._sample(frame) for frame in frames]
+        plan: PlanView | None = None
+        for frame, sample in zip(frames, samples, strict=True):
+            visible = trajectory.active[sample].tolist()
+            place, turn = trajectory.positions[sample], trajectory.orientations[sample]
+            picture = render(self.world, place, turn, self.camera, visible=visible)
             real = frame in filmed
             base = filmed[frame] if real else np.ascontiguousarray(picture.color[..., ::-1])
             canvas = Canvas.of(np.asarray(base, dtype=np.uint8))
             observed = self.observation if self.observation and frame in self.observation.frames else None
+            about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
             if observed is not None and real:
                 draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
-            about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
-            _write_names(canvas, {name: picture.mask(trajectory.index(name)) for name in names}, SIMULATED)
+            objects = (picture.labels >= 0) & (picture.labels < len(trajectory.names))
+            canvas.names({name: picture.mask(trajectory.index(name)) for name in names}, SIMULATED_NAME, objects)
             time = frame * self.frame_time
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
-            drawn[f"frame {frame}"] = canvas.image
+            plan = plan or PlanView(self.world, trajectory, self.camera, names, samples, len(canvas.image))
+            strip = plan.draw(sample, self.marks, self.dashed_from, self._observed_places(names, frame))
+            line = np.full((len(strip), 3, 3), 255, np.uint8)
+            drawn[f"frame {frame}"] = np.concatenate([canvas.image, line, strip], axis=1)
             rows.append({"frame": frame, "time": time, "over_video": real, "objects": about})
         return drawn, rows
+
+    def _sample(self, frame: float) -> int:
+        return int(np.argmin(np.abs(self.result.trajectory.times - frame * self.frame_time)))
+
+    def _observed_places(self, names: list[str], frame: int) -> dict[str, NDArray[np.float64]]:
+        """Measured positions (3,) [m] in one frame, of the objects that have one."""
+        if self.record is None:
+            return {}
+        tracks = self.record.tracks
+        row = np.flatnonzero(tracks.frames == frame)
+        known = [name for name in names if len(row) and name in tracks.names]
+        return {
+            name: tracks.positions[row[0], tracks.index(name)]
+            for name in known
+            if tracks.confidence[row[0], tracks.index(name)] > 0
+        }
 
     def _draw_object(
         self,
@@ -98,17 +120,16 @@ class RolloutView:
             return {**about, "simulated": False, "why": "joins later"}
         mask = picture.mask(column)
         began = int(np.argmax(trajectory.active[:, column]))
-        canvas.path(self.camera.project(trajectory.positions[began : sample + 1, column]), SIMULATED)
+        points = self.camera.project(trajectory.positions[began : sample + 1, column])
+        dashed = None if self.dashed_from is None else max(self.dashed_from - began, 0)
+        canvas.path(points, SIMULATED, [m - began for m in self.marks if began <= m <= sample], dashed)
         if real:  # in a picture of the simulated world itself an outline would say nothing
             canvas.outline(mask, SIMULATED)
         about["visible_pixels"] = int(mask.sum())
         place = trajectory.positions[sample, column]
         about["position"] = place.tolist()
-        if self.record is not None and name in self.record.tracks.names:
-            tracks = self.record.tracks
-            row = np.flatnonzero(tracks.frames == frame)
-            if len(row) and tracks.confidence[row[0], tracks.index(name)] > 0:
-                about["error_m"] = float(np.linalg.norm(place - tracks.positions[row[0], tracks.index(name)]))
+        for measured in self._observed_places([name], frame).values():
+            about["error_m"] = float(np.linalg.norm(place - measured))
         if observed is not None and name in observed.names:
             theirs = observed.mask(name, frame)
             if theirs.any() and mask.any():
@@ -116,6 +137,15 @@ class RolloutView:
                 about["overlap"] = round(float(overlap), 3)
                 about["error_px"] = float(np.linalg.norm(_centroid(mask) - _centroid(theirs)))
         return about
+
+    def legend(self) -> str:
+        """What the colours and lines of the pictures mean."""
+        told = "magenta: simulated outline and path; white dashes: observed outline; right: the plan, seen straight "
+        told += "down on the plane of motion and to scale, with filled simulated outlines, white crosses where the "
+        told += f"objects were observed, up is away from the camera; dots on paths every {self.mark_every:g} s"
+        if self.dashed_from is None:
+            return told
+        return told + f"; paths dashed after frame {self.world.time.frame_count - 1}, the last observed"
 
     def accuracy(self) -> dict[str, Any] | None:
         """Root mean square errors over every observed frame that the rollout covers; None without tracks."""
@@ -131,7 +161,7 @@ class RolloutView:
 def draw_observed(
     canvas: Canvas, observation: ImageObservation, names: list[str], frame: int, *, label: bool
 ) -> list[dict[str, Any]]:
-    """Outline observed objects on a frame: solid with names (label), or dotted; returns what was measured of each."""
+    """Outline observed objects on a frame: solid with names (label), or dashed; returns what was measured of each."""
     row, told = observation.row(frame), []
     for name in names:
         seen = observation.object(name)
@@ -141,20 +171,16 @@ def draw_observed(
             if label:
                 canvas.outline(mask, OBSERVED)
             else:
-                canvas.outline(mask, OBSERVED, "dotted")
+                canvas.outline(mask, OBSERVED, "dashed")
             about["centroid"] = np.round(seen.centroid[row], 1).tolist()
             about["area"] = int(seen.area[row])
             about["confidence"] = round(float(seen.confidence[row]), 3)
         told.append(about)
     if label:
-        _write_names(canvas, {name: observation.mask(name, frame) for name in names}, OBSERVED)
+        masks = {name: observation.mask(name, frame) for name in observation.names}
+        others = np.any(list(masks.values()), axis=0)
+        canvas.names({name: masks[name] for name in names}, OBSERVED, others)
     return told
-
-
-def _write_names(canvas: Canvas, masks: dict[str, NDArray[np.bool_]], color: Color) -> None:
-    """Names on top of every outline, from the top of the picture down: most then find room above their object."""
-    for name, mask in sorted(masks.items(), key=lambda item: int(np.argmax(item[1].any(axis=1)))):
-        canvas.name(name, mask, color)
 
 
 def case_tracks(app: App, case: Case, world: World | None) -> TrackRecord | None:

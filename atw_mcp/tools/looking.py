@@ -167,8 +167,9 @@ def inspect_rollout(
     ] = "auto",
 ) -> Answer:
     """See whether a world follows the video: the simulated objects outlined in magenta, with names and paths, over the
-    real frames, the observed ones dotted in white; with the distance between the two for each object in the text. Works
-    on draft worlds (for judging a fit), on the committed world, and on branches."""
+    real frames, the observed ones dashed in white, and beside each picture the plan seen straight down, to scale: it
+    shows what touches and what is only behind. The text has the distance between the two for each object. Works on
+    draft worlds (for judging a fit), on the committed world, and on branches."""
     found = app.case(case)
     if rollout is not None and world is not None:
         raise ToolError("give rollout or world, not both: a rollout belongs to its world")
@@ -183,17 +184,18 @@ def inspect_rollout(
         with explained():
             identifier, result = compute_rollout(app, shown_world, horizon)
     view = RolloutView(app, found, shown_world, result, background)
+    further = _further(found, shown_world, rollout)
     span = chosen_span(
         interval,
         None,
         covered=(0.0, view.last_frame * view.frame_time),
         seconds_per_frame=view.frame_time,
-        further="Next: Rollout with a longer horizon_seconds covers more",
+        further=further,
     )
     names = chosen_names(app, found, objects, list(result.trajectory.names))
     first = int(np.ceil(span.start / view.frame_time - 1e-6))
     last = int(np.floor(span.end / view.frame_time + 1e-6))
-    chosen = _chosen_frames(frames, pictures, first, last, "the rollout")
+    chosen = _chosen_frames(frames, pictures, first, last, "the rollout", further)
     drawn, rows = view.draw(chosen, names)
     fit = view.accuracy()
     return Answer(
@@ -204,7 +206,7 @@ def inspect_rollout(
             "branch": not view.follows,
             "frames": rows,
             "error": None if fit is None else fit,
-            "legend": "magenta: simulated outline and path; white dotted: observed outline",
+            "legend": view.legend(),
             "camera": "the calibrated one" if shown_world.camera is not None else "a view from above and the side",
             "seconds_per_frame": view.frame_time,
         },
@@ -226,6 +228,24 @@ def _unobserved_horizon(world: World, interval: list[float] | None, frames: list
     if interval is None and not frames:
         raise ToolError("this world models no frames: give interval=[0, SECONDS] or frames to say how far to run it")
     return interval[1] if interval is not None else max(frames or [1]) * world.time.seconds_per_frame
+
+
+def _further(case: Case, world: World, rollout: str | None) -> str:
+    """How to see a world beyond the time that is covered."""
+    longer = f"Rollout(case={case.id!r}, horizon_seconds=...)"
+    if rollout is not None:
+        return f"Next: {longer} with a longer horizon covers more"
+    if world.time.frame_count < 2:
+        return "A longer interval covers more"
+    if case.committed_world is None:
+        return (
+            f"Drafts are shown over the observed frames only. Next: CommitWorld(case={case.id!r}, "
+            f"world={world.id!r}), then {longer}, then InspectRollout with its rollout id"
+        )
+    return (
+        f"Without a rollout id, worlds are shown over the observed frames only. Next: {longer}, then InspectRollout "
+        "with its rollout id"
+    )
 
 
 def _told_rollout(identifier: str, view: RolloutView, rows: list[dict[str, Any]], fit: dict[str, Any] | None) -> str:
@@ -267,12 +287,16 @@ def _placed(tracks: ObservedTracks | None, name: str, frame: int) -> list[Any]:
     return [*tracks.positions[row[0], column].tolist(), float(sigma), float(confidence)]
 
 
-def _chosen_frames(frames: list[int] | None, pictures: int, first: int, last: int, what: str) -> list[int]:
+def _chosen_frames(
+    frames: list[int] | None, pictures: int, first: int, last: int, what: str, further: str = ""
+) -> list[int]:
     if frames is None:
         return sorted({round(f) for f in np.linspace(first, last, pictures)})
     outside = [frame for frame in frames if not first <= frame <= last]
     if outside:
-        raise ToolError(f"frames {outside} are outside {what}: choose among {first}..{last}")
+        raise ToolError(
+            f"frames {outside} are outside {what}: choose among {first}..{last}" + (f". {further}" if further else "")
+        )
     return list(dict.fromkeys(frames))
 
 
