@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from atw_mcp.jobs import Progress
@@ -12,11 +13,14 @@ from polyworld.identification import (
     FitProgress,
     FitResult,
     FitSettings,
+    MultistartSettings,
     ObjectiveSettings,
     RefineSettings,
+    Start,
     default_parameters,
     fit,
     fit_by_random_search,
+    fit_refined,
     refine,
 )
 from polyworld.parameters import read_parameter, specification
@@ -101,16 +105,28 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
     return tracks.window(begin, end)
 
 
+@dataclass(frozen=True)
+class FitRun:
+    """What a fit did: its result, the search it came from (None for a method of one stage), and all its starts."""
+
+    result: FitResult
+    searched: FitResult | None = None
+    starts: tuple[Start, ...] = ()
+
+
 def run_fit(
     world: World, tracks: ObservedTracks, parameters: list[FitParameter], request: FitRequest, progress: Progress
-) -> list[FitResult]:
-    """Search: the results of its stages, the last of which counts.
+) -> FitRun:
+    """Search. `cem_refined`: the cross-entropy method from several seeds, least squares from each outcome.
 
-    `cem_refined` has two stages: the cross-entropy method finds the basin, least squares its bottom. A cancelled
-    search returns the best found so far, with status `cancelled`.
+    A cancelled search returns the best found so far, with status `cancelled`.
     """
+    objective = ObjectiveSettings(position_tolerance=request.position_tolerance)
+    refining = RefineSettings(objective=objective, holdout_from=request.holdout_from)
     if request.method == "refine":
-        return [_refined(world, tracks, parameters, request, progress)]
+        progress.note(progress.done, progress.total, "refining")
+        here = _at_present_values(world, parameters)
+        return FitRun(refine(world, tracks, here, settings=refining, cancelled=progress.cancelled))
 
     def tell(step: FitProgress) -> None:
         message = f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
@@ -122,55 +138,52 @@ def run_fit(
         cem=CemSettings(population=request.population, elites=elites, carried=min(4, elites)),
         restarts=request.restarts,
         seed=request.seed,
-        objective=ObjectiveSettings(position_tolerance=request.position_tolerance),
+        objective=objective,
         holdout_from=request.holdout_from,
     )
-    method = fit_by_random_search if request.method == "random_search" else fit
-    found = method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled)
-    if request.method != "cem_refined" or found.status == "cancelled":
-        return [found]
-    refined = _refined(found.world, tracks, parameters, request, progress)
-    return [found, refined] if refined.loss < found.loss else [found]
+    if request.method != "cem_refined":
+        method = fit_by_random_search if request.method == "random_search" else fit
+        return FitRun(method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled))
+    several = MultistartSettings(search=search, refining=refining)
+    starts = fit_refined(world, tracks, parameters, settings=several, progress=tell, cancelled=progress.cancelled)
+    best = starts[0]
+    ends = [result for start in starts for result in (start.searched, start.refined) if result is not None]
+    stopped = any(result.status == "cancelled" for result in ends)
+    return FitRun(replace(best.best, status="cancelled" if stopped else "completed"), best.searched, starts)
 
 
-def _refined(
-    world: World, tracks: ObservedTracks, parameters: list[FitParameter], request: FitRequest, progress: Progress
-) -> FitResult:
-    progress.note(progress.done, progress.total, "refining")
-    settings = RefineSettings(
-        objective=ObjectiveSettings(position_tolerance=request.position_tolerance), holdout_from=request.holdout_from
-    )
-    here = _at_present_values(world, parameters)
-    return refine(world, tracks, here, settings=settings, cancelled=progress.cancelled)
-
-
-def digest(stages: list[FitResult]) -> dict[str, Any]:
+def digest(run: FitRun) -> dict[str, Any]:
     """A fit's outcome without wall time, so that equal fits give equal records.
 
-    What is counted or compared with the start is of all stages; the spread of a value is that of the search.
+    rollouts are of all stages; history and the spread of a value are those of the search.
     """
-    first, last = stages[0], stages[-1]
-    document = last.to_dict()
+    document = run.result.to_dict()
     document.pop("seconds")
-    begin = first.to_dict()
-    for key in ("loss_start", "accuracy_start", "held_out_start"):
-        document[key] = begin[key]
-    document["rollouts"] = sum(stage.rollouts for stage in stages)
-    document["seed"] = first.seed
-    spread = {value.name: value.spread for value in first.values}
-    for value in document["values"]:
-        value["spread"] = spread.get(value["name"])
-    document["stages"] = [
+    ends = [result for start in run.starts for result in (start.searched, start.refined) if result is not None]
+    document["rollouts"] = sum(result.rollouts for result in ends or [run.result])
+    if run.searched is not None:
+        begin = run.searched
+        document["seed"] = min(start.searched.seed for start in run.starts)
+        spread = {value.name: value.spread for value in begin.values}
+        for value in document["values"]:
+            value["spread"] = spread.get(value["name"])
+        searches = sorted((start.searched for start in run.starts), key=lambda result: result.seed)
+        document["history"] = [vars(point).copy() for result in searches for point in result.history]
+    document["starts"] = [
         {
-            "method": stage.method,
-            "loss": stage.loss,
-            "position_rmse": None if stage.accuracy is None else stage.accuracy.to_dict()["position_rmse"],
-            "rollouts": stage.rollouts,
+            "seed": start.searched.seed,
+            "loss_searched": start.searched.loss,
+            "loss": start.best.loss,
+            "position_rmse": None if start.best.accuracy is None else _finite(start.best.accuracy.position),
+            "rotation_rmse": None if start.best.accuracy is None else _finite(start.best.accuracy.rotation),
         }
-        for stage in stages
+        for start in run.starts
     ]
-    document["history"] = begin["history"]
     return document
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _without(parameter: FitParameter, taken: set[str]) -> FitParameter | None:

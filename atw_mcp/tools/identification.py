@@ -8,14 +8,13 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
-from atw_mcp.fitting import FitRequest, Override, chosen_parameters, digest, run_fit, window
+from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, run_fit, window
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import modelled_tracks
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import CaseId, ParameterArgument, Patience
 from evidence_store import Case
-from polyworld.identification import FitResult
 from polyworld.parameters import STATE_PARAMETERS
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
@@ -33,7 +32,7 @@ def fit_world(
         Literal["cem_refined", "cem", "random_search", "refine"],
         Field(
             description="cem: cross-entropy method, global; refine: least squares from where the world is; "
-            "cem_refined: both, one after the other; random_search: for comparison"
+            "cem_refined: short searches from several seeds, each refined, the best kept; random_search: for comparison"
         ),
     ] = "cem_refined",
     fit_seconds_per_frame: Annotated[
@@ -66,9 +65,19 @@ def fit_world(
         int | None,
         Field(ge=1, description="frames from this one on are not fitted but used to judge the fit: give it to test it"),
     ] = None,
-    generations: Annotated[int, Field(ge=1, le=2000, description="generations of the search")] = 60,
+    generations: Annotated[
+        int | None, Field(ge=1, le=2000, description="generations of each search; default 60, for cem_refined 20")
+    ] = None,
     population: Annotated[int, Field(ge=8, le=4096, description="candidates a generation")] = 64,
-    restarts: Annotated[int, Field(ge=1, le=50, description="independent searches, of which the best counts")] = 1,
+    restarts: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=50,
+            description="independent searches with their own seeds, of which the best counts; default 1, for "
+            "cem_refined 5, each refined",
+        ),
+    ] = None,
     position_tolerance: Annotated[
         float, Field(ge=0, le=1e3, description="misfit the model is not asked to reproduce [m]")
     ] = 0.0,
@@ -91,9 +100,9 @@ def fit_world(
         fit_seconds_per_frame=fit_seconds_per_frame,
         fit_initial_states=fit_initial_states,
         overrides=tuple(_override(item) for item in parameters or []),
-        generations=generations,
+        generations=generations or (20 if method == "cem_refined" else 60),
         population=population,
-        restarts=restarts,
+        restarts=restarts or (5 if method == "cem_refined" else 1),
         position_tolerance=position_tolerance,
         seed=seed,
         **({} if each is None else {"each": tuple(each)}),
@@ -121,8 +130,8 @@ def fit_world(
 
     def work(progress: Progress) -> Answer:
         with explained():
-            stages = run_fit(start, tracks, unknowns, request, progress)
-        return _keep_fit(app, found, start, stages, inputs, tracks, record.id)
+            run = run_fit(start, tracks, unknowns, request, progress)
+        return _keep_fit(app, found, start, run, inputs, tracks, record.id)
 
     return LongWork(
         key=app.store.fits.key("fit", inputs) + found.id,
@@ -143,13 +152,13 @@ def _keep_fit(
     app: App,
     case: Case,
     start: World,
-    stages: list[FitResult],
+    run: FitRun,
     inputs: dict[str, Any],
     tracks: ObservedTracks,
     observation: str,
 ) -> Answer:
-    result = stages[-1]
-    document = plain(digest(stages))
+    result = run.result
+    document = plain(digest(run))
     with app.store.transaction():
         _add_to_case(app, case, start, result.world, inputs, observation)
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
@@ -190,7 +199,7 @@ def _fit_answer(
     shown = {
         "world": fitted.id,
         "from_world": start.id,
-        "stages": document["stages"],
+        "starts": document["starts"],
         "position_rmse": after,
         "position_rmse_before": before,
         "position_rmse_held_out": held,

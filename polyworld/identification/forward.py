@@ -1,4 +1,4 @@
-"""Losses and residuals of many candidates at once, by batches of rollouts of constant size."""
+"""Losses and residuals of many candidates at once, by batches of rollouts."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class MakeSimulator(Protocol):
 class ForwardModel:
     """Candidates in search coordinates in, losses or residuals out; counts the rollouts it asks for.
 
-    batch: worlds of one simulator run. Candidates are evaluated in runs of that size, the last one filled up
-    with copies that are not counted.
+    batch: worlds of one simulator run at most. What is left of the candidates runs in a smaller simulator, of a
+    power of two of worlds, filled up with copies that are not counted.
     """
 
     def __init__(
@@ -46,7 +46,8 @@ class ForwardModel:
         self.rollouts = 0
         self._batch = batch
         self._prior_weight = prior_weight
-        self._simulator = make_simulator(world, objective.sample_times, n_worlds=batch)
+        self._make_simulator = make_simulator
+        self._simulators: dict[int, Simulator] = {}
 
     @property
     def samples(self) -> int:
@@ -80,8 +81,14 @@ class ForwardModel:
         parts: list[Array] = []
         for begin in range(0, len(candidates), self._batch):
             part = candidates[begin : begin + self._batch]
-            filled = np.concatenate([part, np.repeat(part[-1:], self._batch - len(part), axis=0)])
-            batch = self._simulator.run(self.space.overrides(filled), samples=samples)
+            size = min(self._batch, 1 << (len(part) - 1).bit_length())
+            filled = np.concatenate([part, np.repeat(part[-1:], size - len(part), axis=0)])
+            batch = self._of_size(size).run(self.space.overrides(filled), samples=samples)
             parts.append(measure(batch)[: len(part)])
             self.rollouts += len(part)
         return np.concatenate(parts)
+
+    def _of_size(self, size: int) -> Simulator:
+        if size not in self._simulators:
+            self._simulators[size] = self._make_simulator(self.world, self.objective.sample_times, n_worlds=size)
+        return self._simulators[size]
