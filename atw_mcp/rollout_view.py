@@ -18,6 +18,7 @@ from atw_mcp.plan_view import PlanView, round_length
 from atw_mcp.results import explained
 from atw_mcp.track_records import TrackRecord, at_rate
 from evidence_store import Case
+from polyworld import geometry
 from polyworld.identification.accuracy import accuracy
 from polyworld.render import Picture, default_camera, render
 from polyworld.tracks import ObservedTracks
@@ -149,13 +150,39 @@ class RolloutView:
 
     def accuracy(self) -> dict[str, Any] | None:
         """Root mean square errors over every observed frame that the rollout covers; None without tracks."""
-        if self.record is None:
-            return None
-        tracks = at_rate(self.record.tracks, self.frame_time).window(0, self.last_frame)
-        if not len(tracks.frames) or not set(tracks.names) & set(self.result.trajectory.names):
+        tracks = self._compared_tracks()
+        if tracks is None:
             return None
         with explained():
             return accuracy(self.world, tracks, _sampled(self.result.trajectory, tracks)).to_dict()
+
+    def worst_errors(self) -> dict[str, tuple[float, int]]:
+        """The largest distance [m] to the observed position and its frame, over every observed frame, by object."""
+        tracks = self._compared_tracks()
+        if tracks is None:
+            return {}
+        simulated, worst = _sampled(self.result.trajectory, tracks), {}
+        normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
+        for name in tracks.names:
+            if name not in simulated.names:
+                continue
+            column, theirs = simulated.index(name), tracks.index(name)
+            apart = simulated.positions[:, column] - tracks.positions[:, theirs]
+            if self.world.planar:  # as `accuracy` compares: in the plane
+                apart = apart - np.outer(apart @ normal, normal)
+            distance = np.linalg.norm(apart, axis=1)
+            known = (tracks.confidence[:, theirs] > 0) & simulated.active[:, column] & np.isfinite(distance)
+            if known.any():
+                row = int(np.argmax(np.where(known, distance, -1.0)))
+                worst[name] = float(distance[row]), int(tracks.frames[row])
+        return worst
+
+    def _compared_tracks(self) -> ObservedTracks | None:
+        """What the rollout can be compared with; None where nothing observed is in it."""
+        if self.record is None:
+            return None
+        tracks = at_rate(self.record.tracks, self.frame_time).window(0, self.last_frame)
+        return tracks if len(tracks.frames) and set(tracks.names) & set(self.result.trajectory.names) else None
 
 
 def draw_observed(

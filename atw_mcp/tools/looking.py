@@ -16,6 +16,7 @@ from atw_mcp.observing import latest_image_observation, video_file
 from atw_mcp.overlay import Canvas, encoded
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
+from atw_mcp.picture_rows import EVERY_FRAME, observed_rows, simulated_rows
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollout_view import RolloutView, case_tracks, draw_observed
 from atw_mcp.rollouts import checked_horizon, compute_rollout, stored_rollout
@@ -33,6 +34,7 @@ Frames = Annotated[
     Field(description="frame numbers, from 0; default: spread over the whole video", min_length=1, max_length=12),
 ]
 Pictures = Annotated[int, Field(ge=1, le=12, description="how many pictures when frames are not given")]
+FILE_TIME = "times are the file's: BuildWorld(seconds_per_frame=...) or FitWorld gives physical ones"
 BORDER = 2  # [px] a mask this near to the image's edge touches it
 
 
@@ -61,6 +63,8 @@ def inspect_frames(
     with explained():
         images = read_frames(path, chosen)
     frame_time = _seconds_per_frame(app, found)
+    # Before a world says otherwise, the time is what the file states, which need not be physical time.
+    clock = "" if app.store.cases.worlds(found.id) else " (file time)"
     drawn, rows = {}, []
     for frame, image in zip(chosen, images, strict=True):
         canvas = Canvas.of(image)
@@ -69,17 +73,19 @@ def inspect_frames(
             row["objects"] = draw_observed(canvas, observation, names, frame, label=True)
         elif observation is not None:
             row["objects"] = None
-        canvas.write(f"frame {frame}   {frame * frame_time:.3f} s", (8, 16))
+        canvas.write(f"frame {frame}   {frame * frame_time:.3f} s{clock}", (8, 16))
         drawn[f"frame {frame}"] = canvas.image
         rows.append(row)
     what = "as they are" if observation is None else f"with {len(names)} objects outlined"
+    facts = {
+        "video": {"width": int(images.shape[2]), "height": int(images.shape[1]), "frames": count},
+        "seconds_per_frame": frame_time,
+        "time_is": "file time" if clock else "physical time",
+    }
     return Answer(
-        summary=f"frames {', '.join(map(str, chosen))} of {count} {what}",
-        data={
-            "frames": rows,
-            "video": {"width": int(images.shape[2]), "height": int(images.shape[1]), "frames": count},
-            "seconds_per_frame": frame_time,
-        },
+        summary=f"frames {', '.join(map(str, chosen))} of {count} {what}{'; ' * bool(clock)}{FILE_TIME * bool(clock)}",
+        data={"frames": rows, **facts},
+        shown=None if observation is None else {**observed_rows(rows), **facts, "every_frame": EVERY_FRAME},
         case=found.id,
         observation=None if seen is None else seen[0],
         objects=tuple(names),
@@ -198,18 +204,18 @@ def inspect_rollout(
     chosen = _chosen_frames(frames, pictures, first, last, "the rollout", further)
     drawn, rows = view.draw(chosen, names)
     fit = view.accuracy()
+    facts = {
+        "rollout": identifier,
+        "world": shown_world.id,
+        "branch": not view.follows,
+        "legend": view.legend(),
+        "camera": "the calibrated one" if shown_world.camera is not None else "a view from above and the side",
+        "seconds_per_frame": view.frame_time,
+    }
     return Answer(
         summary=_told_rollout(identifier, view, rows, fit),
-        data={
-            "rollout": identifier,
-            "world": shown_world.id,
-            "branch": not view.follows,
-            "frames": rows,
-            "error": None if fit is None else fit,
-            "legend": view.legend(),
-            "camera": "the calibrated one" if shown_world.camera is not None else "a view from above and the side",
-            "seconds_per_frame": view.frame_time,
-        },
+        data={**facts, "frames": rows, "error": fit},
+        shown={**facts, **simulated_rows(rows, fit, view.worst_errors()), "every_frame": EVERY_FRAME},
         case=found.id,
         world=shown_world.id,
         rollout=identifier,

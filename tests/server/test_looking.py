@@ -113,6 +113,38 @@ def test_world_is_drawn_over_the_frames_with_its_error(app: App) -> None:
     assert gained.sum() > 200
 
 
+def test_text_beside_pictures_has_one_row_for_each_object_and_its_worst_frame(app: App) -> None:
+    answer = looking.inspect_rollout(app, CASE, frames=list(range(0, 72, 8)))
+    assert answer.shown is not None
+    rows = {row["name"]: row for row in answer.shown["objects"]}
+    assert len(rows) == len(answer.shown["objects"]) == 4
+    for name, row in rows.items():
+        each = {f["frame"]: i for f in answer.data["frames"] for i in f["objects"] if i["name"] == name}
+        # All observed frames are compared, those shown among them.
+        assert row["worst_error_m"] >= max(i["error_m"] for i in each.values() if "error_m" in i) - 1e-3
+        assert row["worst_error_m"] >= row["position_rmse"]
+        (there,) = looking.inspect_rollout(app, CASE, frames=[row["worst_at_frame"]], objects=[name]).data["frames"]
+        assert there["objects"][0]["error_m"] == pytest.approx(row["worst_error_m"], abs=1e-3)
+        assert row["mean_overlap"] == pytest.approx(np.mean([i["overlap"] for i in each.values()]), abs=1e-3)
+    assert len(json.dumps(answer.shown)) < 0.5 * len(json.dumps(answer.data))
+
+
+def test_time_is_called_the_files_until_a_world_has_its_own(app: App, tmp_path: Path) -> None:
+    assert "file" not in looking.inspect_frames(app, CASE, frames=[3]).summary
+    fresh = App(tmp_path / "fresh.db")
+    observation.open_case(fresh, video=str(FOLDER / "collision.mp4"), name="new")
+    answer = looking.inspect_frames(fresh, "new", frames=[3])
+    assert "the file's" in answer.summary
+    assert answer.data["time_is"] == "file time"
+    fresh.store.close()
+
+
+def test_draft_is_shown_over_the_observed_frames_and_the_way_beyond_is_named(app: App) -> None:
+    for beyond in ({"frames": [99]}, {"interval": [0.0, 9.0]}):
+        with pytest.raises(ToolError, match=r"observed frames only. Next: CommitWorld\(.*Rollout\(.*horizon_seconds"):
+            looking.inspect_rollout(app, CASE, **beyond)
+
+
 def test_branch_is_drawn_on_its_own_and_not_measured_against_the_video(app: App) -> None:
     case = app.case(CASE)
     base = app.world(case)
