@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
+from pydantic.json_schema import SkipJsonSchema
 
 from atw_mcp import importing
 from atw_mcp.app import App
@@ -27,6 +28,8 @@ from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
+# A record with the matrix in it, of which the tool tells what to take; not offered to the agent.
+Unread = SkipJsonSchema[dict[str, Any]]
 
 
 @GROUP.tool("ImportObservation", title="Import an observation", read_only=False)
@@ -160,7 +163,7 @@ def calibrate_camera(
         ),
     ] = None,
     homography: Annotated[
-        Matrix | None, Field(description="3 x 3 map of (x, y, 1) in the plane z = plane_z [m] to pixels")
+        Matrix | Unread | None, Field(description="3 x 3 map of (x, y, 1) in the plane z = plane_z [m] to pixels")
     ] = None,
     plane_z: Annotated[float, Field(ge=-1e4, le=1e4, description="height of the homography's plane [m]")] = 0.0,
     known_length: Annotated[LengthArgument | None, Field(description="one known length, for a flat view")] = None,
@@ -185,6 +188,8 @@ def calibrate_camera(
     with explained():
         if points is not None:
             made = calibrate_from_points([p.world for p in points], [p.pixel for p in points], size, intrinsics)
+        elif isinstance(homography, dict):
+            raise ToolError(_matrix_within(homography))
         elif homography is not None:
             made = calibrate_from_homography(homography, size, plane_z=plane_z, intrinsics=intrinsics)
         elif known_length is not None:
@@ -199,10 +204,33 @@ def calibrate_camera(
     return _camera_answer(found, content.id, made)
 
 
+def _matrix_within(record: dict[str, Any]) -> str:
+    """What to give instead of a record that holds a homography."""
+    held = [
+        key
+        for key, value in record.items()
+        if isinstance(value, list) and [len(row) for row in value if isinstance(row, list)] == [3, 3, 3]
+    ]
+    where = f", here the value of {held[0]!r}" if held else f"; got an object with {list(record)}"
+    rest = {key: value for key, value in record.items() if key not in held}
+    told = f". What else it says ({', '.join(f'{k}: {v}' for k, v in rest.items())}) goes into plane_z" if rest else ""
+    return f"homography: give the 3 x 3 list itself{where}{told}"
+
+
 def _camera_answer(case: Case, identifier: str, made: Calibration) -> Answer:
+    told = made.to_dict()
+    errors = told.pop("errors")
+    checked = "" if made.rms is None else f", {made.rms:.3g} px rms, at most {max(errors):.3g} px"
+    unchecked = next((f"; {warning}" for warning in made.warnings if "nothing left over" in warning), "")
     return Answer(
-        summary=f"camera: {made.method}" + ("" if made.rms is None else f", {made.rms:.3g} px rms"),
-        data={**made.to_dict(), "centre": made.camera.centre, "next": f"BuildWorld(case={case.id!r})"},
+        summary=f"camera: {made.method}{checked}{unchecked}",
+        data={
+            **told,
+            "largest_error": max(errors, default=None),
+            "compared": len(errors),
+            "centre": made.camera.centre,
+            "next": f"BuildWorld(case={case.id!r})",
+        },
         case=case.id,
         observation=identifier,
     )

@@ -89,6 +89,8 @@ def test_missing_and_wrongly_typed_arguments_are_named(session: Session) -> None
         ({"points": [{"world": [0, 0, 0], "pixel": [10, 20]}] * 3}, "points"),
         ({"homography": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "singular"),
         ({"homography": [[1, 0], [0, 1]]}, "homography"),
+        ({"homography": {"plane": "z=0.2", "H": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}, "here the value of 'H'"),
+        ({"homography": {"rows": [[1, 0], 2]}}, "got an object with ['rows']"),
         ({"known_length": {"first_pixel": [5, 5], "second_pixel": [5, 5], "length": 1.0}}, "at least 2 px"),
         ({"known_length": {"first_pixel": [5, 5], "second_pixel": [50, 5], "length": -1.0}}, "length"),
         (
