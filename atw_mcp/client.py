@@ -6,17 +6,20 @@ import base64
 import json
 import os
 import sys
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import threading
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TextIO
 
 import anyio
 from mcp import Client, StdioServerParameters
+from mcp.client.stdio import stdio_client
 from mcp.shared.exceptions import MCPError
 from mcp_types import CallToolResult, ImageContent, TextContent, Tool
 
+NO_GPU = "Warp CUDA warning:"  # Warp's native code writes it whatever the log level
 LOOK_AGAIN = 1.0  # [s] between two looks at work that outlived its call
 
 
@@ -123,16 +126,38 @@ def reply_of(tool: str, result: CallToolResult) -> Reply:
 @asynccontextmanager
 async def connected(store: Path | None, progress: ProgressDisplay) -> AsyncIterator[Session]:
     """A session with a server of its own on `store` (default: the server's)."""
-    async with Client(server_process(store)) as client:
-        tools: list[Tool] = []
-        cursor = None
-        while True:
-            page = await client.list_tools(cursor=cursor)
-            tools += page.tools
-            cursor = page.next_cursor
-            if cursor is None:
-                break
-        yield Session(client, tools, progress)
+    with _errors_shown() as errors:
+        async with Client(stdio_client(server_process(store), errlog=errors)) as client:
+            tools: list[Tool] = []
+            cursor = None
+            while True:
+                page = await client.list_tools(cursor=cursor)
+                tools += page.tools
+                cursor = page.next_cursor
+                if cursor is None:
+                    break
+            yield Session(client, tools, progress)
+
+
+@contextmanager
+def _errors_shown() -> Iterator[TextIO]:
+    """A file whose lines go on to stderr, but for those that tell of a machine without a GPU, which needs none."""
+    source, sink = os.pipe()
+
+    def pass_on() -> None:
+        with open(source, encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                if not line.startswith(NO_GPU):
+                    sys.stderr.write(line)
+                    sys.stderr.flush()
+
+    reader = threading.Thread(target=pass_on, daemon=True)
+    reader.start()
+    try:
+        with open(sink, "w", encoding="utf-8") as file:
+            yield file
+    finally:
+        reader.join(timeout=2.0)  # what the server left running may hold the other end
 
 
 def server_process(store: Path | None) -> StdioServerParameters:

@@ -10,9 +10,15 @@ import pytest
 from mcp import Client
 
 from atw_mcp import server
-from atw_mcp.client import Session, ToolFailed
+from atw_mcp.client import Session, ToolFailed, _errors_shown
 from atw_mcp.demo.truth import FOLDER
 from tests.server.stdio_process import SLOW
+
+
+def test_lines_of_the_server_are_shown_but_for_the_missing_gpu(capfd: pytest.CaptureFixture[str]) -> None:
+    with _errors_shown() as errors:
+        errors.write("Warp CUDA warning: no driver\nsomething is wrong\n")
+    assert capfd.readouterr().err == "something is wrong\n"
 
 
 class Told:
