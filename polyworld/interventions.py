@@ -74,7 +74,10 @@ class SetParameter(Description):
     """Give one parameter another value, by path."""
 
     action: Literal["set_parameter"] = "set_parameter"
-    path: str = Field(description="parameter path, e.g. objects.red.friction")
+    path: str = Field(
+        description="parameter path, e.g. objects.red.friction; a contact's friction and restitution are each the "
+        "geometric mean of both bodies' values, or the object's own where a static has none"
+    )
     value: float = Field(description="new value, in the parameter's unit")
 
 

@@ -6,6 +6,7 @@ A path is text with dots, for example `objects.red.friction`, `objects.red.veloc
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -78,7 +79,9 @@ def specification(world: World, path: str) -> ParameterSpec:
     head = path.rsplit(".", 1)[0]
     near = [p for p in paths if p.startswith(head + ".")]
     heads = sorted({".".join(p.split(".")[:2]) for p in paths if p.count(".") >= 2} | {"time.seconds_per_frame"})
-    raise KeyError(f"unknown parameter {path!r}; choices: {near or heads}")
+    close = difflib.get_close_matches(path, paths, n=1, cutoff=0.8)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    raise KeyError(f"unknown parameter {path!r}{hint}; choices: {near or heads}")
 
 
 def read_parameter(world: World, path: str) -> float | None:

@@ -111,7 +111,8 @@ def read_property(
 ) -> Answer:
     """Read a physical property from a world without running it: value, unit, and how it is known. fitted values come
     with their standard error; observed ones were read off the tracks; given or default ones were never inferred from
-    the video, so they are no evidence about it; edited ones were set in a branch."""
+    the video, so they are no evidence about it; edited ones were set in a branch. A contact's friction and restitution
+    are each the geometric mean of both bodies' values, or the object's own where a static has none."""
     found_case = app.case(case)
     found = app.world(found_case, world)
     if "." in property:
