@@ -44,13 +44,18 @@ class App:
             )
         return case
 
-    def case_to_probe(self, identifier: str, tool: str) -> tuple[Case, World]:
-        """The case and its committed world, refused before there is one (experimentation tools)."""
+    def case_to_probe(self, identifier: str, tool: str, wanted: str | None = None) -> tuple[Case, World]:
+        """The case and its committed world, refused before there is one (experimentation tools).
+
+        wanted: the world that was asked for; the refusal tells how to commit this one, default the latest.
+        """
         case = self.case(identifier)
         if case.committed_world is None:
             drafts = [world for world, _ in self.store.cases.worlds(case.id)]
+            if wanted is not None and drafts:
+                self.world(case, wanted)
             step = (
-                f"CommitWorld(case={case.id!r}, world={drafts[-1]!r})"
+                f"CommitWorld(case={case.id!r}, world={wanted or drafts[-1]!r})"
                 if drafts
                 else f"BuildWorld(case={case.id!r}), FitWorld and CommitWorld"
             )

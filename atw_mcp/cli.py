@@ -16,10 +16,25 @@ import anyio
 from mcp.shared.exceptions import MCPError
 
 from atw_mcp.client import Reply, Session, ToolFailed, connected, save_pictures
+from atw_mcp.forms import did_you_mean
 from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 PICTURES = Path("atw-pictures")
+
+SCRIPT_HELP = """\
+Call the tools of a script, one call a line: a name for the result and a colon, if it is wanted later; the tool;
+its arguments as key=value. $name.field is a field of an earlier result or of its data, $name alone a variable of
+the command line, @path a file's content, $folder the script's own folder; > says what is being done, # is a comment.
+
+  > What if the red ball had not been there?
+  open: OpenCase video=$clip
+  as_it_was: Rollout case=$open.case horizon_frames=100
+  without: Rollout case=$open.case horizon_frames=100 edits='[{"action": "remove", "object": "red"}]'
+  CompareWorlds base=$as_it_was.rollout edited=$without.rollout
+
+run with: atw-mcp run ask.atw clip=film.mp4 (here of a case whose world is committed)
+"""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -66,7 +81,12 @@ def _parser() -> argparse.ArgumentParser:
     call.add_argument("pairs", nargs="*", metavar="key=value", help="JSON where the tool wants it; @path reads a file")
     call.set_defaults(command=_call)
 
-    run = commands.add_parser("run", help="call the tools of a script, whose arguments may refer to earlier results")
+    run = commands.add_parser(
+        "run",
+        help="call the tools of a script, whose arguments may refer to earlier results",
+        description=SCRIPT_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     run.add_argument("script", type=Path, metavar="SCRIPT")
     run.add_argument("pairs", nargs="*", metavar="name=value", help="variables: $name in the script")
     run.set_defaults(command=_run)
@@ -143,7 +163,8 @@ def _tools(options: argparse.Namespace) -> int:
             print(f"{tool.name:24}{textwrap.shorten(tool.description or '', 120, placeholder=' ...')}")
         return OK
     if options.tool not in tools:
-        raise ScriptError(f"there is no tool {options.tool!r}; tools: {', '.join(tools)}")
+        near = did_you_mean(options.tool, tools)
+        raise ScriptError(f"there is no tool {options.tool!r}{near}; tools: {', '.join(tools)}")
     chosen = tools[options.tool]
     print(f"{chosen.name} ({chosen.role})\n\n{chosen.description}\n\n{json.dumps(chosen.parameters, indent=2)}")
     return OK

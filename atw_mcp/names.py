@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.app import App
+from atw_mcp.forms import did_you_mean
 from evidence_store import Case
 from polyworld.world import World
 
@@ -21,9 +20,10 @@ def object_name(app: App, case: Case, name: str, known: Sequence[str]) -> str:
     meant = _meant(app, case, name, known)
     if meant is not None:
         return meant
-    close = difflib.get_close_matches(_plain(name), known, n=1)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    raise ToolError(f"no object {name!r}{hint}; objects: {list(known)}. UpdateBindings ties other names to them")
+    raise ToolError(
+        f"no object {name!r}{did_you_mean(_plain(name), known)}; objects: {list(known)}. "
+        "UpdateBindings ties other names to them"
+    )
 
 
 def chosen_names(app: App, case: Case, names: Sequence[str] | None, known: Sequence[str]) -> list[str]:
@@ -35,20 +35,35 @@ def chosen_names(app: App, case: Case, names: Sequence[str] | None, known: Seque
     return list(dict.fromkeys(object_name(app, case, name, known) for name in names))
 
 
-def with_own_names(app: App, case: Case, world: World, item: Mapping[str, Any]) -> dict[str, Any]:
-    """An edit or a predicate with names replaced by the world's own; those that mean nothing are left as they are.
+def with_own_names(
+    app: App, case: Case, world: World, item: Mapping[str, Any], added: Collection[str] = ()
+) -> dict[str, Any]:
+    """An edit or a predicate with names replaced by the world's own.
 
-    Raises ToolError for text that could not be the name of any object.
+    Left as it is: a name of `added`, and one that is not in this world but in another of the case, such as the
+    one it was removed from. Raises ToolError with the names there are for a name that means nothing in the case.
     """
     known = [o.name for o in world.objects] + [s.name for s in world.statics]
     changed = dict(item)
     for field in NAME_FIELDS:
         name = item.get(field)
-        if isinstance(name, str):
-            could_be = re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_\-]*", name)
-            meant = _meant(app, case, name, known) if could_be else object_name(app, case, name, known)
-            changed[field] = meant or name
+        if isinstance(name, str) and name not in added:
+            changed[field] = _meant(app, case, name, known) or _of_another_world(app, case, name)
+            if changed[field] is None:
+                object_name(app, case, name, known)
     return changed
+
+
+def case_hint(app: App) -> str:
+    """How a hint writes the case argument where it is not known which case is meant."""
+    cases = [case.id for case in app.store.cases.all()]
+    return repr(cases[0]) if len(cases) == 1 else f"CASE, one of {cases}" if cases else "CASE"
+
+
+def _of_another_world(app: App, case: Case, name: str) -> str | None:
+    worlds = [app.world(case, identifier) for identifier, _ in app.store.cases.worlds(case.id)]
+    known = [name for w in worlds for name in [*(o.name for o in w.objects), *(s.name for s in w.statics)]]
+    return _meant(app, case, name, list(dict.fromkeys(known)))
 
 
 def _meant(app: App, case: Case, name: str, known: Sequence[str]) -> str | None:

@@ -9,6 +9,7 @@ import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.app import App
+from atw_mcp.names import case_hint
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.rollout import MAX_SUBSTEPS, rollout
 from polyworld.trajectory import Event, Rollout, Trajectory
@@ -61,10 +62,12 @@ def stored_rollout(app: App, identifier: str) -> tuple[Case, World, Rollout]:
     except UnknownRecord as error:
         made = sorted({e.rollout for c in app.store.cases.all() for e in app.store.evidence.of_case(c.id) if e.rollout})
         known = f"rollouts: {made[-20:]}" if made else "there are none yet"
-        raise ToolError(f"{error}; {known}. Next: Rollout(case=CASE) makes one and returns its id") from error
+        raise ToolError(
+            f"{error}; {known}. Next: Rollout(case={case_hint(app)}) makes one and returns its id"
+        ) from error
     cases = [c for c in app.store.cases.all() if result.world_id in dict(app.store.cases.worlds(c.id))]
     if not cases:
-        raise ToolError(f"{identifier} belongs to no case of this store. Next: Rollout(case=CASE)")
+        raise ToolError(f"{identifier} belongs to no case of this store. Next: Rollout(case={case_hint(app)})")
 
     def last_use(case: Case) -> int:
         used = [int(e.id.removeprefix("ev-")) for e in app.store.evidence.of_case(case.id) if e.rollout == identifier]

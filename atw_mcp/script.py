@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from atw_mcp.client import Reply, ToolCaller
+from atw_mcp.forms import did_you_mean
 
 NAME = r"[A-Za-z_][\w-]*"
 REFERENCE = re.compile(rf"\$(?:\$|\{{(?P<braced>{NAME}(?:\.[\w-]+)*)\}}|(?P<bare>{NAME}(?:\.[\w-]+)*))")
@@ -107,7 +108,7 @@ def read_arguments(given: Mapping[str, Any], schemas: Mapping[str, Any], tool: s
     refusal names its arguments.
     """
     if tool not in schemas:
-        raise ScriptError(f"there is no tool {tool!r}; tools: {', '.join(schemas)}")
+        raise ScriptError(f"there is no tool {tool!r}{did_you_mean(tool, schemas)}; tools: {', '.join(schemas)}")
     properties = schemas[tool].get("properties", {})
     return {key: _read_value(value, properties.get(key, {}), key) for key, value in given.items()}
 

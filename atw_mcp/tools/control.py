@@ -10,6 +10,7 @@ from mcp_types import CallToolResult
 from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.app import App
+from atw_mcp.names import case_hint
 from atw_mcp.results import Answer, page, to_result
 from atw_mcp.schemas import argument_lines, inlined
 from atw_mcp.toolbox import ToolGroup
@@ -76,7 +77,9 @@ STAGES = {
 def read_evidence(
     app: App,
     evidence: Annotated[str | None, Field(description="evidence id, e.g. ev-12; or give case to list them")] = None,
-    case: Annotated[str | None, Field(description="case id: lists the evidence of the case, latest first")] = None,
+    case: Annotated[
+        str | None, Field(description="case id: without evidence, lists the evidence of the case, latest first")
+    ] = None,
     path: Annotated[
         str | None,
         Field(description="part of the result to read in full, e.g. 'events' or 'objects.0.positions'", max_length=200),
@@ -90,15 +93,16 @@ def read_evidence(
 ) -> CallToolResult:
     """Return an earlier result without running anything again. Of work still running it tells how far it is
     (cancel=true stops it); of a long result it returns the part at `path`, list items from `cursor` on."""
-    if (evidence is None) == (case is None):
-        raise ToolError("ReadEvidence takes either evidence (an id such as ev-12) or case (to list its evidence)")
-    if case is not None:
+    if evidence is None:
+        if case is None:
+            raise ToolError("ReadEvidence takes either evidence (an id such as ev-12) or case (to list its evidence)")
         return to_result(_listing(app, app.case(case).id, cursor, limit))
-    assert evidence is not None
     try:
         record = app.store.read_evidence(evidence)
     except UnknownRecord as error:
-        raise ToolError(f"{error}. Next: ReadEvidence(case=CASE) lists the evidence of a case") from error
+        raise ToolError(f"{error}. Next: ReadEvidence(case={case_hint(app)}) lists the evidence of a case") from error
+    if case is not None and record.case != app.case(case).id:
+        raise ToolError(f"{evidence} belongs to case {record.case!r}, not to {case!r}")
     if cancel:
         if record.status != "running":
             raise ToolError(f"{evidence} is {record.status} already: there is nothing to cancel")

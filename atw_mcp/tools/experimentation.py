@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import BaseModel, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
 from atw_mcp.flat_unions import flat_schema
+from atw_mcp.forms import read_form, tagged
 from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name, with_own_names
@@ -18,9 +20,9 @@ from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, sto
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
 from polyworld.compare import compare
-from polyworld.interventions import Intervention, branch
+from polyworld.interventions import Add, Intervention, branch
 from polyworld.predicates import Predicate, names_in
-from polyworld.query import Aggregation, query
+from polyworld.query import Aggregation, QueryResult, query
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -30,18 +32,12 @@ CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
 RolloutId = Annotated[str, Field(description="rollout id, as Rollout returned it", pattern=r"^rollout-[0-9a-f]+$")]
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
 # Checked after names have been replaced, so that a name of a binding may be any text.
-Edit = Annotated[dict[str, Any], WithJsonSchema(flat_schema(Intervention, "action"))]
+Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
 STATEMENTS = flat_schema(Predicate, "predicate")
-Statement = Annotated[dict[str, Any], WithJsonSchema(STATEMENTS)]
+Statement = Annotated[Any, WithJsonSchema(STATEMENTS)]
+EDIT_EXAMPLE = {"action": "remove", "object": "red"}
+STATEMENT_EXAMPLE = {"predicate": "collides", "a": "red", "b": "blue"}
 PATIENCE = 40.0  # [s]
-
-
-class _Edits(BaseModel):
-    edits: list[Intervention]
-
-
-class _Asked(BaseModel):
-    predicate: Predicate
 
 
 @GROUP.tool("Rollout", title="Run a world forward", read_only=False)
@@ -70,11 +66,10 @@ def roll_out(
     Without edits it replays the observed stretch and, with a horizon beyond it, predicts what comes next. With edits
     it runs a branch in which they hold from the beginning. The same request is never computed twice.
     """
-    found, committed = app.case_to_probe(case, "Rollout")
+    found, committed = app.case_to_probe(case, "Rollout", None if world == "committed" else world)
     base = committed if world == "committed" else app.world(found, world)
-    with explained("DescribeTool(tool='Rollout') lists every edit"):
-        wanted = _Edits.model_validate({"edits": [with_own_names(app, found, base, e) for e in edits or []]}).edits
-    with explained("InspectWorld(case=CASE) lists objects, statics and effects"):
+    wanted = _edits(app, found, base, edits or [])
+    with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
         branched = branch(base, wanted)
     if horizon_seconds is not None and horizon_frames is not None:
         raise ToolError("give horizon_seconds or horizon_frames, not both")
@@ -104,6 +99,32 @@ def roll_out(
     return LongWork(f"rollout {branched.id} {horizon!r}", work, draft, PATIENCE)
 
 
+def _edits(app: App, case: Case, base: World, given: list[Any]) -> list[Intervention]:
+    """Edits of `base` as exact types; what one adds, the later ones may name."""
+    wanted: list[Intervention] = []
+    added: set[str] = set()
+    for number, item in enumerate(given, start=1):
+        what = f"edit {number}"
+        edit = tagged(item, Intervention, "action", what=what, example=EDIT_EXAMPLE)
+        read = read_form(with_own_names(app, case, base, edit, added), Intervention, "action", what=what)
+        if isinstance(read, Add):
+            added |= {part.name for part in (read.object, read.static) if part is not None}
+        wanted.append(read)
+    return wanted
+
+
+def _told(rows: list[dict[str, Any]], observed: float, span: Span) -> str:
+    """The timeline in words: what lies beyond the observed frames first, since it is what was asked for."""
+    if not 0.0 < observed < span.end - 1e-6 * span.seconds_per_frame:
+        return readouts.told(rows)
+    beyond = [row for row in rows if row["time"] > observed]
+    within = [row for row in rows if row["time"] <= observed]
+    return (
+        f"after the last observed frame ({observed:.4g} s) {readouts.told(beyond, most=12)}. "
+        f"Before it {readouts.told(within)}"
+    )
+
+
 def _rollout_answer(
     case: Case, base: World, world: World, edits: list[dict[str, Any]], identifier: str, result: Rollout
 ) -> Answer:
@@ -111,7 +132,7 @@ def _rollout_answer(
     rows = readouts.timeline(world, result, span)
     what = "the committed world" if not edits else f"a branch with {len(edits)} edit{'s' * (len(edits) > 1)}"
     observed = (world.time.frame_count - 1) * world.time.seconds_per_frame
-    summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {readouts.told(rows)}"
+    summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {_told(rows, observed, span)}"
     if result.status == "diverged":
         summary = (
             f"{identifier} DIVERGED at {result.diverged_time:.4g} s ({result.diverged_object}): valid only before. "
@@ -277,10 +298,7 @@ def query_world(
     rollout: RolloutId,
     predicate: Annotated[
         Statement,
-        Field(
-            description='what to decide, e.g. {"predicate": "collides", "a": "red", "b": "blue"}. '
-            + STATEMENTS["description"]
-        ),
+        Field(description=f"what to decide, e.g. {json.dumps(STATEMENT_EXAMPLE)}. " + STATEMENTS["description"]),
     ],
     aggregation: Annotated[
         Aggregation,
@@ -290,19 +308,24 @@ def query_world(
     ] = "any",
     interval: Annotated[
         list[float] | None,
-        Field(description="[start, end] in seconds; default: the whole rollout", min_length=2, max_length=2),
+        Field(
+            description="[start, end] in seconds; default: from when all the objects named take part to the end",
+            min_length=2,
+            max_length=2,
+        ),
     ] = None,
     frames: FrameRange = None,
 ) -> Answer:
     """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
-    reason. Unknown means that the rollout does not cover what is asked; it never means false."""
+    reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
+    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was."""
     case, world, result = stored_rollout(app, rollout)
     frame = world.time.seconds_per_frame
     if interval is not None and frames is not None:
         raise ToolError("give interval (seconds) or frames, not both")
     asked = interval if interval is not None else None if frames is None else [frames[0] * frame, frames[1] * frame]
-    with explained("DescribeTool(tool='QueryWorld') lists every predicate"):
-        asked_of = _Asked.model_validate({"predicate": with_own_names(app, case, world, predicate)}).predicate
+    statement = tagged(predicate, Predicate, "predicate", what="predicate", example=STATEMENT_EXAMPLE)
+    asked_of = read_form(with_own_names(app, case, world, statement), Predicate, "predicate", what="predicate")
     with explained():
         answer = query(result, world, asked_of, None if asked is None else (asked[0], asked[1]), aggregation)
     span = Span(*(answer.covered or (0.0, _end(result))), frame)
@@ -313,14 +336,13 @@ def query_world(
     why = f": {answer.reason}" if answer.reason else ""
     spoken = " ".join([asked_of.predicate, *names_in(asked_of)])
     return Answer(
-        summary=f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s): {shown_value}{why}"
-        + _diverged(result),
+        summary=f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s{_joining(world, asked_of, asked)}): "
+        f"{shown_value}{why}{_how_near(answer)}{_diverged(result)}",
         data={
             "verdict": verdict,
             **answer.to_dict(),
             "predicate": asked_of.model_dump(mode="json", exclude_none=True),
             "aggregation": aggregation,
-            "asked": asked or [0.0, result.horizon],
             "covers": None if answer.covered is None else span.shown(),
         },
         case=case.id,
@@ -330,6 +352,22 @@ def query_world(
         interval=answer.covered,
         status=result.status,
     )
+
+
+def _joining(world: World, predicate: Predicate, asked: list[float] | None) -> str:
+    """Why a default stretch does not begin at 0."""
+    late = [o for o in world.objects if o.name in names_in(predicate) and o.start_time > 0.0]
+    if asked is not None or not late:
+        return ""
+    last = max(late, key=lambda o: o.start_time)
+    return f", from when {last.name} joins"
+
+
+def _how_near(answer: QueryResult) -> str:
+    nearest = answer.evidence.get("closest_approach")
+    if nearest is None or nearest["gap_m"] == 0.0:
+        return ""
+    return f"; closest approach of the surfaces {nearest['gap_m']:.3g} m at {nearest['time']:.4g} s"
 
 
 @GROUP.tool("CompareWorlds", title="Compare two rollouts")

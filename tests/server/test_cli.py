@@ -77,7 +77,7 @@ def test_file_that_is_no_store_is_named_and_left_alone(tmp_path: Path) -> None:
     [
         (["call", "OpenCase", "video"], "'video' is not key=value"),
         (["run", "/no/such/script"], "cannot read the script"),
-        (["tools", "OpenKase"], "there is no tool 'OpenKase'; tools: OpenCase"),
+        (["tools", "OpenKase"], "no tool 'OpenKase' (did you mean 'OpenCase'?); tools: OpenCase"),
         (["call"], "required: TOOL"),
         (["clal"], "invalid choice: 'clal'"),
         (["schema", "rope"], "invalid choice: 'rope'"),
@@ -92,7 +92,7 @@ def test_wrong_usage_has_exit_code_2(capfd: pytest.CaptureFixture[str], argument
 def test_unknown_tool_is_wrong_usage(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, _, err = run(capfd, "call", "OpenKase", "--store", str(tmp_path / "atw.db"))
     assert code == 2
-    assert "there is no tool 'OpenKase'; tools: OpenCase" in err
+    assert "there is no tool 'OpenKase' (did you mean 'OpenCase'?); tools: OpenCase" in err
 
 
 def test_schema_of_a_world_describes_what_a_world_accepts(capfd: pytest.CaptureFixture[str]) -> None:

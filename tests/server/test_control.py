@@ -85,6 +85,18 @@ def test_bindings_are_corrected_and_kept(session: Session, case: str) -> None:
     assert session("OpenCase", case=case)["data"]["bindings"][0]["object"] == "puck"
 
 
+def test_evidence_may_be_asked_for_with_its_own_case_only(session: Session, case: str) -> None:
+    evidence = session("ReadEvidence", case=case)["data"]["records"][0]["evidence"]
+    assert session("ReadEvidence", case=case, evidence=evidence) == session("ReadEvidence", evidence=evidence)
+    foreign = session("OpenCase", data=session("OpenCase", case=case)["data"]["path"], name="other")["case"]
+    assert "belongs to case 'slide', not to 'other'" in session.refused("ReadEvidence", case=foreign, evidence=evidence)
+
+
+def test_an_argument_in_the_wrong_number_is_named_rightly(session: Session, case: str) -> None:
+    assert "did you mean 'objects'" in session.refused("ReadProperty", case=case, property="mass", object="ball")
+    assert "did you mean 'object'" in session.refused("ReadTrajectory", rollout="rollout-0", objects=["ball"])
+
+
 def test_an_answer_is_kept_with_the_evidence_it_rests_on(session: Session, case: str) -> None:
     opened = session("OpenCase", case=case)
     done = session("Finish", case=case, question="does it stop?", answer="yes", evidence=[opened["evidence"]],

@@ -15,10 +15,19 @@ from atw_mcp.results import Answer
 from atw_mcp.rollouts import KIND, SERIES
 from atw_mcp.tools import experimentation as tools
 from evidence_store import Binding
+from polyworld.interventions import SetVelocity, branch
 from polyworld.rollout import rollout
-from tests.server.probing import FRAME, GAP, MEETING, SPEED, case_with, two_discs
+from tests.server.probing import FRAME, GAP, MEETING, RADIUS, SPEED, case_with, two_discs
 
 END = 60 * FRAME
+ALONE = {"action": "remove", "object": "target"}
+THIRD = {
+    "name": "third",
+    "representation": "rigid_planar",
+    "shape": {"kind": "cylinder", "radius": RADIUS, "half_height": 0.05},
+    "position": [0.0, 2.0, 0.05],
+    "start_time": 0.5,
+}
 
 
 @pytest.fixture
@@ -103,7 +112,39 @@ def test_query_is_unknown_beyond_the_horizon_and_false_only_within(app: App, rol
     long = roll(horizon_seconds=1.0).rollout or ""
     assert ask(app, long, collides)["verdict"] == "true"
     assert ask(app, long, collides, aggregation="first")["value"] == pytest.approx(MEETING, abs=0.004)
-    assert ask(app, long, {"predicate": "moving", "object": "ghost"})["verdict"] == "unknown"
+    roll([{"action": "add", "object": {**THIRD, "name": "ghost"}}])
+    absent = ask(app, long, {"predicate": "moving", "object": "ghost"})  # it is only in the branch
+    assert absent["verdict"] == "unknown"
+    assert "'ghost' is not in this world" in absent["reason"]
+
+
+def test_query_covers_the_stretch_in_which_a_late_object_takes_part(app: App, roll: Callable[..., Answer]) -> None:
+    """The third disc joins 2 m beside the striker's path; when the target is gone, the striker is at x = t then."""
+    branch = roll([ALONE, {"action": "add", "object": THIRD}]).rollout or ""
+    answer = tools.query_world(app, branch, {"predicate": "collides", "a": "third", "b": "striker"})
+    assert answer.data["verdict"] == "false"
+    assert answer.data["asked"] == pytest.approx([0.5, END])
+    gap = (2.0**2 + 0.5**2) ** 0.5 - 2 * RADIUS
+    assert answer.data["evidence"]["closest_approach"]["gap_m"] == pytest.approx(gap, abs=1e-4)
+    assert "from when third joins" in answer.summary
+    assert f"closest approach of the surfaces {gap:.3g} m at 0.5 s" in answer.summary
+    early = ask(app, branch, {"predicate": "collides", "a": "third", "b": "striker"}, interval=[0.0, 1.0])
+    assert early["verdict"] == "unknown"
+    assert "'third' joins at 0.5 s. Asked over [0.5, 1] it is false" in early["reason"]
+
+
+def test_an_edit_may_name_what_an_earlier_one_added(roll: Callable[..., Answer]) -> None:
+    moved = {"action": "move", "object": "third", "position": [0.0, 3.0, 0.05]}
+    branch = roll([{"action": "add", "object": THIRD}, moved])
+    assert {row["object"]: row.get("start") for row in branch.data["objects"]}["third"][1] == pytest.approx(3.0)
+
+
+def test_what_lies_beyond_the_observed_frames_is_told_first(roll: Callable[..., Answer]) -> None:
+    """The target meets a fourth disc, 1.4 m ahead of it, after the 1.2 s that were observed."""
+    fourth = {**THIRD, "name": "fourth", "position": [2.4 + 2 * RADIUS, 0.0, 0.05], "start_time": 0.0, "friction": 0}
+    summary = roll([{"action": "add", "object": fourth}], horizon_seconds=3.0).summary
+    later, observed = summary.index("fourth and target collide at 2.2 s"), summary.index("striker and target collide")
+    assert summary.index("after the last observed frame (1.2 s)") < later < summary.index("Before it") < observed
 
 
 def test_trajectory_is_thinned_and_keeps_its_ends(app: App, roll: Callable[..., Answer]) -> None:
@@ -193,15 +234,44 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
             lambda app, _: tools.roll_out(app, "discs", edits=[{"action": "remove", "object": "x"}]),
             r"objects: \['striker', 'target'\]",
         ),
+        (
+            lambda app, _: tools.roll_out(
+                app, "discs", edits=[ALONE, {"action": "set_parameter", "path": "objects.striker.fricton", "value": 0}]
+            ),
+            r"edit 2 \(set_parameter\): .*did you mean 'objects.striker.friction'.*InspectWorld\(case='discs'",
+        ),
+        (
+            lambda app, _: tools.roll_out(
+                app, "discs", edits=[{"action": "move", "object": "strikr", "position": [0, 0, 0]}]
+            ),
+            "did you mean 'striker'",
+        ),
         (lambda app, r: tools.compare_worlds(app, r, r, ["ghost"]), "no object 'ghost'"),
-        (lambda app, r: tools.query_world(app, r, {"predicate": "near", "a": "target"}), "predicate: .*'nearer_than'"),
+        (
+            lambda app, r: tools.query_world(app, r, {"predicate": "collide", "a": "target"}),
+            r"no predicate 'collide' \(did you mean 'collides'\?\); there are .*nearer_than",
+        ),
+        (
+            lambda app, r: tools.query_world(app, r, {"predicate": "collides", "object": "target"}),
+            r"collides takes a, \[b\]; not object",
+        ),
+        (lambda app, r: tools.query_world(app, r, "collides"), r'for example \{"predicate": "collides", "a"'),
+        (lambda app, r: tools.query_world(app, r, {"a": "target"}), "needs 'predicate', one of in_contact"),
+        (
+            lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "targte"}),
+            "did you mean 'target'",
+        ),
+        (
+            lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "target", "speed": "fast"}),
+            "predicate: moving: speed: .*got 'fast'",
+        ),
         (
             lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "big disc"}),
             "no object 'big disc'",
         ),
         (
             lambda app, _: tools.roll_out(app, "discs", edits=[{"action": "remove"}]),
-            "edits.0.remove.object: is required",
+            "edit 1: remove takes object; object is missing",
         ),
     ],
 )
@@ -217,3 +287,8 @@ def test_probing_is_refused_before_commit(tmp_path: Path) -> None:
     case_with(app, two_discs(), committed=False)
     with pytest.raises(ToolError, match="Next: CommitWorld"):
         tools.roll_out(app, "discs")
+    first = two_discs()
+    later = branch(first, [SetVelocity(object="striker", velocity=(2.0, 0.0, 0.0))])
+    app.keep_world(app.case("discs"), later, how="built")
+    with pytest.raises(ToolError, match=f"Next: CommitWorld.*world='{first.id}'"):
+        tools.roll_out(app, "discs", world=first.id)

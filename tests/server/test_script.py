@@ -179,7 +179,7 @@ def test_reference_to_nothing_names_what_there_is(reference: str, complaint: str
 
 
 def test_unknown_tool_is_refused_before_any_call(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match="there is no tool 'Ecko'; tools: Echo"):
+    with pytest.raises(ScriptError, match=r"there is no tool 'Ecko' \(did you mean 'Echo'\?\); tools: Echo"):
         run(script(tmp_path, "Ecko text=1"))
 
 
