@@ -19,6 +19,7 @@ from atw_mcp.results import explained
 from atw_mcp.track_records import TrackRecord, at_rate
 from evidence_store import Case
 from polyworld import geometry
+from polyworld.contact_shadow import with_contact_shadows
 from polyworld.identification.accuracy import accuracy
 from polyworld.render import Picture, default_camera, render
 from polyworld.tracks import ObservedTracks
@@ -71,7 +72,11 @@ class RolloutView:
             place, turn = trajectory.positions[sample], trajectory.orientations[sample]
             picture = render(self.world, place, turn, self.camera, visible=visible)
             real = frame in filmed
-            base = filmed[frame] if real else np.ascontiguousarray(picture.color[..., ::-1])
+            if real:
+                base = filmed[frame]
+            else:
+                color = with_contact_shadows(self.world, place, turn, self.camera, picture, visible=visible)
+                base = np.ascontiguousarray(color[..., ::-1])
             canvas = Canvas.of(np.asarray(base, dtype=np.uint8))
             observed = self.observation if self.observation and frame in self.observation.frames else None
             about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
