@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
+from atw_mcp.app import App
 from atw_mcp.server import build_server
 from evidence_store import EvidenceStore, NotAStore
 from tests.server.calls import Session
 from tests.server.clips import FRAMES, write_clip, write_tracks
+from tests.server.probing import case_with, two_discs
 
 
 @pytest.fixture
@@ -105,6 +107,17 @@ def test_degenerate_calibrations_are_refused(
 ) -> None:
     case = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))["case"]
     assert expected in session.refused("CalibrateCamera", case=case, **arguments)
+
+
+def test_predicates_and_edits_in_a_wrong_form_are_shown_an_example(session: Session) -> None:
+    app = App(session.store)
+    case_with(app, two_discs(), committed=True)
+    rollout = session("Rollout", case="discs", horizon_seconds=0.1)["source"]["rollout"]
+    assert '{"predicate": "collides", "a"' in session.refused("QueryWorld", rollout=rollout, predicate="collides")
+    assert '{"action": "remove", "object"' in session.refused("Rollout", case="discs", edits=["remove"])
+    assert "no action 'delete'; there are remove" in session.refused(
+        "Rollout", case="discs", edits=[{"action": "delete", "object": "target"}]
+    )
 
 
 def test_building_before_observing_names_the_next_tool(session: Session, tmp_path: Path) -> None:
