@@ -84,13 +84,22 @@ class PlanView:
             points = self._pixel_points(self._flat(self.trajectory.positions[began : sample + 1, column]))
             dashed = None if dashed_from is None else max(dashed_from - began, 0)
             canvas.path(points, SIMULATED, [m - began for m in marks if began <= m <= sample], dashed)
-        for place in observed.values():
-            x, y = np.rint(self._pixel_points(self._flat(place))).astype(int)
-            cv2.drawMarker(canvas.image, (int(x), int(y)), DARK, cv2.MARKER_TILTED_CROSS, 9, 3, cv2.LINE_AA)
-            cv2.drawMarker(canvas.image, (int(x), int(y)), OBSERVED, cv2.MARKER_TILTED_CROSS, 8, 1, cv2.LINE_AA)
+        for name, place in observed.items():
+            self._draw_observed(canvas, place, self.trajectory.positions[sample, self.trajectory.index(name)])
         canvas.names(shown, OBSERVED, others > 0)
         self._draw_scale(canvas)
         return canvas.image
+
+    def _draw_observed(self, canvas: Canvas, observed: Array, simulated: Array) -> None:
+        """A cross where an object was observed, and a line from there to where it is simulated."""
+        if not np.all(np.isfinite([observed, simulated])):
+            return
+        line = fine(self._pixel_points(self._flat(np.stack([observed, simulated]))))
+        cv2.polylines(canvas.image, [line], False, DARK, 3, cv2.LINE_AA, FINE_BITS)
+        cv2.polylines(canvas.image, [line], False, OBSERVED, 1, cv2.LINE_AA, FINE_BITS)
+        x, y = (round(float(v)) for v in self._pixel_points(self._flat(observed)))
+        cv2.drawMarker(canvas.image, (x, y), DARK, cv2.MARKER_TILTED_CROSS, 9, 3, cv2.LINE_AA)
+        cv2.drawMarker(canvas.image, (x, y), OBSERVED, cv2.MARKER_TILTED_CROSS, 8, 1, cv2.LINE_AA)
 
     def _flat(self, points: Array) -> Array:
         """World points (..., 3) [m] in the strip's axes (..., 2) [m]."""
@@ -145,14 +154,14 @@ class PlanView:
         for color, thickness in ((DARK, 5), (OBSERVED, 2)):
             cv2.line(canvas.image, (left, y), (right, y), color, thickness, cv2.LINE_8)
         canvas.write(f"{length:g} m", (right + 8, y + 4))
-        foot = np.array([self.width - 40.0, self.height - 32.0])
+        foot = np.array([self.width - 44.0, self.height - 44.0])
         for name, axis in zip("xyz", np.eye(3), strict=True):
             flat = self.axes[:2] @ axis * np.array([1.0, -1.0])
             if np.linalg.norm(flat) < 0.5:
                 continue
-            start, tip = (tuple(np.rint(p).astype(int).tolist()) for p in (foot, foot + 20.0 * flat))
+            start, tip = (tuple(np.rint(p).astype(int).tolist()) for p in (foot, foot + 18.0 * flat))
             cv2.arrowedLine(canvas.image, start, tip, STATIC, 1, cv2.LINE_AA, 0, 0.3)
-            canvas.write(name, tuple((foot + 29.0 * flat + np.array([-4.0, 4.0])).tolist()), STATIC)
+            canvas.write(name, tuple((foot + 27.0 * flat + np.array([-4.0, 4.0])).tolist()), STATIC)
 
 
 def silhouette(shape: geometry.ConvexShape, rotation: Array, axes: Array) -> Array:

@@ -83,6 +83,9 @@ class RolloutView:
             if observed is not None and real:
                 draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
             objects = (picture.labels >= 0) & (picture.labels < len(trajectory.names))
+            if observed is not None and real:
+                for name in observed.names:
+                    objects |= observed.mask(name, frame)
             canvas.names({name: picture.mask(trajectory.index(name)) for name in names}, SIMULATED_NAME, objects)
             time = frame * self.frame_time
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
@@ -146,9 +149,12 @@ class RolloutView:
 
     def legend(self) -> str:
         """What the colours and lines of the pictures mean."""
-        told = "magenta: simulated outline and path; white dashes: observed outline; right: the plan, seen straight "
-        told += "down on the plane of motion and to scale, with filled simulated outlines, white crosses where the "
-        told += f"objects were observed, up is away from the camera; dots on paths every {self.mark_every:g} s"
+        told = "magenta: simulated outline (over the video) and path up to the frame; "
+        told += "right: the plan, seen straight down on the plane of motion and to scale, up is away from the camera; "
+        if self.observation is not None or self.record is not None:
+            told += "white dashes: observed outline; white crosses in the plan: observed positions, "
+            told += "with a line to where the object is simulated; "
+        told += f"dots on paths every {self.mark_every:g} s"
         if self.dashed_from is None:
             return told
         return told + f"; paths dashed after frame {self.world.time.frame_count - 1}, the last observed"
