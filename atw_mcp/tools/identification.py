@@ -8,6 +8,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
+from atw_mcp.fit_reading import CONTACTS, doubts, lower_draft, open_questions
 from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, run_fit, window
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import modelled_tracks
@@ -85,9 +86,10 @@ def fit_world(
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new
-    world, its error on the frames (position_rmse [m]), every fitted value with its uncertainty, and what the data
-    cannot determine. The same request is never computed twice. Next: InspectRollout to see it over the frames,
-    CommitWorld when it follows the video; else FitWorld again with more generations, restarts or other parameters."""
+    world, its errors on the frames (position_rmse [m], rotation_rmse [rad]), warnings where the minimum is doubtful,
+    every fitted value with its uncertainty, and what the data cannot determine. The same request is never computed
+    twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows the video; else FitWorld again
+    with another seed, more restarts or other parameters."""
     found = app.case_to_model(case, "FitWorld")
     start = app.world(found, world)
     with explained(f"BuildWorld(case={found.id!r})"):
@@ -126,7 +128,7 @@ def fit_world(
     if kept is not None:
         fitted = World.model_validate_json(app.store.worlds.document(kept.document["world"]))
         _add_to_case(app, found, start, fitted, inputs, record.id)  # it may have been fitted for another case
-        return _fit_answer(found, start, fitted, kept.document, tracks, record.id, again=True)
+        return _fit_answer(app, found, start, fitted, kept.document, tracks, record.id, again=True)
 
     def work(progress: Progress) -> Answer:
         with explained():
@@ -158,12 +160,12 @@ def _keep_fit(
     observation: str,
 ) -> Answer:
     result = run.result
-    document = plain(digest(run))
+    document = plain(digest(run)) | {"position_tolerance": inputs["request"]["position_tolerance"]}
     with app.store.transaction():
         _add_to_case(app, case, start, result.world, inputs, observation)
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)
-    return _fit_answer(case, start, result.world, document, tracks, observation, again=False)
+    return _fit_answer(app, case, start, result.world, document, tracks, observation, again=False)
 
 
 def _add_to_case(app: App, case: Case, start: World, fitted: World, inputs: dict[str, Any], observation: str) -> None:
@@ -178,6 +180,7 @@ def _add_to_case(app: App, case: Case, start: World, fitted: World, inputs: dict
 
 
 def _fit_answer(
+    app: App,
     case: Case,
     start: World,
     fitted: World,
@@ -193,17 +196,29 @@ def _fit_answer(
 
     before, after, held = rmse("accuracy_start"), rmse("accuracy"), rmse("held_out")
     said = "diverged" if after is None else f"position_rmse {after:.4g} m"
-    was = "a diverging one" if before is None else f"{before:.4g} m"
+    turn = document["accuracy"]["rotation_rmse"] if document["accuracy"] else None
+    said += "" if turn is None else f", rotation_rmse {turn:.3g} rad"
+    was = "which diverges" if before is None else f"{before:.4g} m"
+    doubtful = doubts(fitted, document)
+    rows, count = open_questions(document)
+    fits = [item.id for item in app.store.evidence.of_case(case.id, tool="FitWorld") if item.status == "completed"]
+    better = lower_draft([app.store.evidence.get(item) for item in fits], document, observation)
+    if better is not None:
+        doubtful.append(f"draft {better['world']} has a lower loss on the same frames, {better['loss']:.3g}")
     kept = "" if document["held_out"] is None else f", {held:.4g} m on the frames held out"
     cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
+    whole = "ReadEvidence(evidence=this result's evidence id"
     shown = {
         "world": fitted.id,
         "from_world": start.id,
+        "warnings": doubtful,
+        "best_draft": better,
+        "loss": document["loss"],
         "starts": document["starts"],
         "position_rmse": after,
-        "position_rmse_before": before,
+        "position_rmse_of_starting_world": before,
         "position_rmse_held_out": held,
-        "rotation_rmse": document["accuracy"]["rotation_rmse"] if document["accuracy"] else None,
+        "rotation_rmse": turn,
         "position_rmse_by_object": document["accuracy"]["position_rmse_by_object"] if document["accuracy"] else None,
         "frames": document["fitted_frames"],
         "values": [
@@ -211,8 +226,10 @@ def _fit_answer(
             for value in document["values"]
             if not _is_state(value)
         ],
-        "initial_states": f"{sum(map(_is_state, document['values']))} values fitted: ReadEvidence(path='values')",
-        "undetermined": document["undetermined"],
+        "initial_states": f"{sum(map(_is_state, document['values']))} values fitted: {whole}, path='values')",
+        "contacts": CONTACTS,
+        "undetermined": rows,
+        "undetermined_whole": None if count <= len(rows) else f"{count} rows: {whole}, path='undetermined')",
         "unobserved": document["unobserved"],
         "not_in_world": document["unmodelled"],
         "rollouts": document["rollouts"],
@@ -223,8 +240,10 @@ def _fit_answer(
     step = fitted.time.seconds_per_frame
     frames = document["fitted_frames"]
     return Answer(
-        summary=f"{cancelled}fitted world {fitted.id}: {said} (before: {was}){kept}",
-        data={"world": fitted.id, "from_world": start.id, **document},
+        summary=f"{cancelled}fitted world {fitted.id}: {said}, loss {document['loss']:.3g}"
+        f"{kept} (the starting world {start.id}, before any search: {was})"
+        + "".join(f". WARNING: {text}" for text in doubtful),
+        data={"world": fitted.id, "from_world": start.id, "warnings": doubtful, **document},
         shown=shown,
         case=case.id,
         world=fitted.id,

@@ -144,7 +144,11 @@ class Problem:
     def _values(self, at: Array, spread: Array | None, laplace: Sensitivity | None) -> tuple[FittedValue, ...]:
         values = self.space.values(at)
         width = self.space.upper - self.space.lower
-        on_bound = np.minimum(at - self.space.lower, self.space.upper - at) < 1e-6 * width
+        # Nearer to a bound than the value is known: the data may well want it beyond.
+        near = 0.01 * width
+        if laplace is not None:
+            near = np.maximum(near, laplace.standard_error)
+        on_bound = np.minimum(at - self.space.lower, self.space.upper - at) < near
         # d value / d coordinate: the value itself on a logarithmic scale.
         slope = np.where(self.space.logarithmic, values, 1.0)
         return tuple(

@@ -18,7 +18,8 @@ class FittedValue:
     """A fitted parameter: its value and how well it is known, in its own unit.
 
     spread: standard deviation of the last elite set (None for methods without one); standard_error: from the
-    sensitivity of the observations around the optimum. at_bound: the value lies on a bound of the search.
+    sensitivity of the observations around the optimum. at_bound: the value lies within one standard error,
+    or a hundredth of the range, of a bound of the search.
     """
 
     name: str
