@@ -107,11 +107,13 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
 
 @dataclass(frozen=True)
 class FitRun:
-    """What a fit did: its result, the search it came from (None for a method of one stage), and all its starts."""
+    """What a fit did: its result, the search it came from (None for a method of one stage), all its starts, and the
+    seed that was asked for."""
 
     result: FitResult
     searched: FitResult | None = None
     starts: tuple[Start, ...] = ()
+    seed: int = 0
 
 
 def run_fit(
@@ -144,12 +146,16 @@ def run_fit(
     if request.method != "cem_refined":
         method = fit_by_random_search if request.method == "random_search" else fit
         return FitRun(method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled))
+    # Neighbouring seeds must not repeat each other's searches.
+    search = replace(search, seed=request.seed * request.restarts)
     several = MultistartSettings(search=search, refining=refining)
     starts = fit_refined(world, tracks, parameters, settings=several, progress=tell, cancelled=progress.cancelled)
     best = starts[0]
     ends = [result for start in starts for result in (start.searched, start.refined) if result is not None]
     stopped = any(result.status == "cancelled" for result in ends)
-    return FitRun(replace(best.best, status="cancelled" if stopped else "completed"), best.searched, starts)
+    return FitRun(
+        replace(best.best, status="cancelled" if stopped else "completed"), best.searched, starts, request.seed
+    )
 
 
 def digest(run: FitRun) -> dict[str, Any]:
@@ -163,7 +169,7 @@ def digest(run: FitRun) -> dict[str, Any]:
     document["rollouts"] = sum(result.rollouts for result in ends or [run.result])
     if run.searched is not None:
         begin = run.searched
-        document["seed"] = min(start.searched.seed for start in run.starts)
+        document["seed"] = run.seed
         spread = {value.name: value.spread for value in begin.values}
         for value in document["values"]:
             value["spread"] = spread.get(value["name"])
