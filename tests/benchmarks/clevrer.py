@@ -83,12 +83,14 @@ def print_tracks(scores: list[TrackScore], out: Callable[[str], None]) -> None:
     if not scores:
         return
     out(
-        f"{'scene':>7} {'median error m':>14} {'worst object m':>14} {'swaps':>5} {'objects':>7} {'found':>5} "
+        f"{'scene':>7} {'median error m':>14} {'own sizes m':>11} {'worst object m':>14} "
+        f"{'swaps':>5} {'objects':>7} {'found':>5} "
         f"{'extra':>5} {'colour':>6} {'shape':>5} {'material':>8} {'coverage':>8} {'seconds':>7}"
     )
     for s in scores:
         out(
-            f"{s.scene:>7} {s.median_error:14.4f} {s.worst_object:14.4f} {s.swaps:5d} {s.objects:7d} {s.found:5d} "
+            f"{s.scene:>7} {s.median_error:14.4f} {s.median_error_own_sizes:11.4f} {s.worst_object:14.4f} "
+            f"{s.swaps:5d} {s.objects:7d} {s.found:5d} "
             f"{s.extra:5d} {s.colours:6d} {s.shapes:5d} {s.materials:8d} {s.coverage:8.2f} {s.seconds:7.1f}"
         )
     out("")

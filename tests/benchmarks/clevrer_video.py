@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,7 @@ class TrackScore:
 
     median_error [m]: over all samples of matched tracks in which the annotation says the object is in view;
     worst_object [m]: the largest median of one object. swaps: times a track goes over to another object.
+    median_error_own_sizes: the same where perception is not told the objects' sizes but estimates them.
     objects: annotated objects ever in view; found: those with a track; extra: tracks that are nobody's.
     colours, shapes, materials: how many of the found objects' cues are right.
     """
@@ -46,6 +47,7 @@ class TrackScore:
     materials: int
     coverage: float
     seconds: float
+    median_error_own_sizes: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,10 @@ def observe_scene(scene: Scene, folder: Path, say: Callable[[str], None]) -> tup
     tracks = world_tracks(observation, camera, solids, seconds_per_frame=SECONDS_PER_FRAME)
     seconds = time.perf_counter() - begun
     say(f"{scene.number} video: {len(tracks.names)} tracks in {seconds:.1f} s")
-    return _compare(scene, from_trusted_start(tracks), tracks, kinds, seconds)
+    made, score = _compare(scene, from_trusted_start(tracks), tracks, kinds, seconds)
+    own = world_tracks(observation, camera, seconds_per_frame=SECONDS_PER_FRAME)
+    _, without_sizes = _compare(scene, from_trusted_start(own), own, kinds, seconds)
+    return made, replace(score, median_error_own_sizes=without_sizes.median_error)
 
 
 def _compare(

@@ -54,8 +54,8 @@ def test_official_question_not_responsible() -> None:
     # The brown cube comes in and drives the ball into the cylinder; the yellow one comes in and hits nothing.
     events = [enters(3, "dice"), met(20, "dice", "ball"), enters(30, "late"), met(45, "ball", "can")]
     question = official("0")[0]
-    for choice in question["choices"]:  # type: ignore[attr-defined]
-        said = answer_choice(question["program"], choice["program"], things, events)  # type: ignore[arg-type]
+    for choice in question["choices"]:
+        said = answer_choice(question["program"], choice["program"], things, events)
         assert said == (choice["answer"] == "correct"), choice["choice"]
 
 
@@ -69,8 +69,8 @@ def test_official_question_responsible() -> None:
     ]
     events = [enters(2, "rod"), met(30, "rod", "pot"), enters(50, "dice"), met(70, "leaf", "rod")]
     question = official("1000")[0]
-    for choice in question["choices"]:  # type: ignore[attr-defined]
-        said = answer_choice(question["program"], choice["program"], things, events)  # type: ignore[arg-type]
+    for choice in question["choices"]:
+        said = answer_choice(question["program"], choice["program"], things, events)
         assert said == (choice["answer"] == "correct"), choice["choice"]
 
 

@@ -51,7 +51,7 @@ def wrong_world() -> World:
     return with_parameters(thrown_ball(), changed)
 
 
-def run(tracks, parameters=None, **settings):  # type: ignore[no-untyped-def]
+def run(tracks, parameters=None, **settings):
     return fit(
         wrong_world(), tracks, parameters or unknowns(), settings=FitSettings(**settings), make_simulator=ClosedForm
     )

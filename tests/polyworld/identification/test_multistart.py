@@ -20,7 +20,7 @@ SPIN = [FitParameter("spin", ("objects.ball.angular_velocity.z",), -60.0, 60.0, 
 TRUE_SPIN = 2.0
 
 
-def searched(restarts: int, **given):  # type: ignore[no-untyped-def]
+def searched(restarts: int, **given):
     objective = ObjectiveSettings(rotation_sigma=0.05)
     cem = CemSettings(population=6, elites=2, carried=1)
     return fit_refined(

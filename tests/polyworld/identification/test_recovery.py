@@ -76,7 +76,7 @@ def slide_pucks(law: Pucks, times: Array) -> Array:
     def touch(_: float, state: Array) -> float:
         return float(np.hypot(*(state[2:4] - state[0:2])) - 2.0 * RADIUS)
 
-    touch.terminal, touch.direction = True, -1.0  # type: ignore[attr-defined]
+    touch.terminal, touch.direction = True, -1.0
     state = np.array([0, 0, 0.8, 0.06, 0, 0, 1.7, 0, -0.4, 0, 0, 0], dtype=float)
     poses: list[Array] = []
     start, rest = 0.0, times
