@@ -11,26 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from polyworld.camera import Camera
+from polyworld.description import Appearance
 from polyworld.geometry import hull
 from polyworld.initial_states import initial_states, with_initial_states
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import (
-    Appearance,
-    BodyShape,
-    Box,
-    Capsule,
-    ConvexMesh,
-    Cylinder,
-    Effect,
-    Environment,
-    MotionPlane,
-    Plane,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    TimeBase,
-    World,
-)
+from polyworld.world import Effect, Environment, MotionPlane, StaticObject, TimeBase, World
 
 Representation = Literal["auto", "planar", "spatial"]
 

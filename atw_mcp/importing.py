@@ -20,8 +20,8 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.results import validation_text
 from atw_mcp.track_records import TrackRecord, at_rate, to_document
 from evidence_store import Case, Content
+from polyworld.shapes import BodyShape, Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import BodyShape, Box, Cylinder, Sphere
 
 _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 

@@ -21,7 +21,8 @@ from atw_mcp.perception.tracks import estimate_sizes, world_tracks
 from atw_mcp.track_records import TrackRecord, read_record, to_document
 from evidence_store import Case, Content
 from polyworld.camera import Camera
-from polyworld.world import BodyShape, Box, Cylinder, MotionPlane, Sphere, World
+from polyworld.shapes import BodyShape, Box, Cylinder, Sphere
+from polyworld.world import MotionPlane, World
 
 SIDE_VIEW = MotionPlane(point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), supports=False)
 UNKNOWN_RATE = 0.04  # [s] between frames of a file that states no rate; BuildWorld says so

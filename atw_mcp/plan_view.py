@@ -13,8 +13,9 @@ from atw_mcp.overlay import DARK, FINE_BITS, OBSERVED, SIMULATED, Canvas, Image,
 from polyworld import geometry
 from polyworld.camera import Camera
 from polyworld.colors import display_color
+from polyworld.shapes import Plane, TriangleMesh, Wall
 from polyworld.trajectory import Trajectory
-from polyworld.world import Plane, TriangleMesh, Wall, World
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 

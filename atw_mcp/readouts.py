@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from atw_mcp.intervals import Span
 from polyworld.geometry import quaternion_matrix
+from polyworld.shapes import Plane
 from polyworld.trajectory import Event, Rollout
-from polyworld.world import Plane, World
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 

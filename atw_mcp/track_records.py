@@ -10,8 +10,9 @@ from pydantic import TypeAdapter
 
 from atw_mcp.building import ObservedObject
 from evidence_store import Case, Content, EvidenceStore
+from polyworld.shapes import BodyShape
 from polyworld.tracks import ObservedTracks
-from polyworld.world import BodyShape, MotionPlane
+from polyworld.world import MotionPlane
 
 KIND = "tracks"
 _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)

@@ -8,8 +8,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from polyworld.render import render
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import rollout
-from polyworld.world import Box, Plane, RigidObject, Sphere, StaticObject, TriangleMesh, World
+from polyworld.shapes import Box, Plane, Sphere, TriangleMesh
+from polyworld.world import StaticObject, World
 
 
 def warm_up() -> Iterator[tuple[str, float]]:

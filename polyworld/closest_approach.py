@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar, nnls
 
 from polyworld import geometry
+from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.planar.scene import Outline, body_outline, static_outline
 from polyworld.trajectory import Trajectory
-from polyworld.world import Box, Capsule, Cylinder, Plane, Sphere, StaticObject, TriangleMesh, Wall, World
+from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
 

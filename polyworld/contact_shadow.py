@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.camera import Camera
 from polyworld.render import Picture
-from polyworld.world import Plane, World
+from polyworld.shapes import Plane
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from polyworld.world import Box, Capsule, ConvexMesh, Cylinder, MotionPlane, Sphere, Wall
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere, Wall
+from polyworld.world import MotionPlane
 
 Array = NDArray[np.float64]
 ConvexShape = Sphere | Box | Cylinder | Capsule | ConvexMesh

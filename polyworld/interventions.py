@@ -10,9 +10,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from polyworld.description import Description, Name, NonNegative, Quaternion, Vec3
 from polyworld.joints import check_hinges_hold, turned_about
 from polyworld.parameters import with_parameters
-from polyworld.world import Description, Name, NonNegative, Quaternion, RigidObject, StaticObject, Vec3, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import StaticObject, World
 
 
 class Remove(Description):

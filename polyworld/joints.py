@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.world import Hinge, RigidObject, World
+from polyworld.representations.joint import Hinge
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from polyworld.description import Description, Name, Positive, Vec3
 from polyworld.events import REST_SPEED, REST_SPIN
-from polyworld.world import Description, Name, Positive, Vec3
 
 
 class InContact(Description):

@@ -15,17 +15,8 @@ from polyworld import geometry, raycast
 from polyworld.camera import Camera
 from polyworld.colors import display_color
 from polyworld.raycast_mesh import cast_mesh
-from polyworld.world import (
-    Box,
-    Capsule,
-    ConvexMesh,
-    Cylinder,
-    Plane,
-    Sphere,
-    TriangleMesh,
-    Wall,
-    World,
-)
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | Plane | Wall | TriangleMesh

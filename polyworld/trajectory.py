@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-EventKind = Literal["contact_begin", "contact_end", "entry", "exit", "rest"]
+EventKind = Literal["contact_begin", "contact_end", "entry", "exit", "rest", "release"]
 Status = Literal["completed", "diverged"]
 
 
@@ -44,8 +45,29 @@ class Event:
 
 
 @dataclass(frozen=True)
+class PointMotion:
+    """Points of one deformable object at T times: nodes of a rope, cloth or soft body, particles of a fluid.
+
+    points, velocities (..., T, k, 3) [m], [m/s]: NaN for a fluid particle that is not (yet, or any more) there.
+    quantities: name -> (..., T, m), for example tension of a rope's segments [N]. In a batch the arrays have a
+    leading axis W. Elements between the points: `polyworld.meshing.mesh_of`.
+    """
+
+    points: Array
+    velocities: Array
+    quantities: Mapping[str, Array] = field(default_factory=dict)
+
+    def select(self, index: Any) -> PointMotion:
+        """The same with its leading axes indexed: one world of a batch, or some of the times."""
+        return PointMotion(
+            self.points[index], self.velocities[index], {k: v[index] for k, v in self.quantities.items()}
+        )
+
+
+@dataclass(frozen=True)
 class Trajectory:
-    """Motion of n objects at T times.
+    """Motion of n objects at T times: rigid ones, then deformable ones, of which these are the motion of the centre
+    of mass, the mean rotation (identity for fluids) and the mean angular velocity. `deformables` has their points.
 
     times (T,) [s]; positions (T, n, 3) [m]; orientations (T, n, 4) w, x, y, z; velocities (T, n, 3) [m/s];
     angular_velocities (T, n, 3) [rad/s]; active (T, n): False before an object's start_time.
@@ -59,6 +81,7 @@ class Trajectory:
     velocities: Array
     angular_velocities: Array
     active: Bools
+    deformables: Mapping[str, PointMotion] = field(default_factory=dict)
 
     def index(self, name: str) -> int:
         """Column of an object; raises KeyError naming the valid choices."""
@@ -100,6 +123,7 @@ class BatchTrajectory:
     diverged_time: Array
     diverged_object: NDArray[np.int64]
     events: tuple[tuple[Event, ...], ...]  # one tuple a world; empty tuples when events were not recorded
+    deformables: Mapping[str, PointMotion] = field(default_factory=dict)
 
     def world(self, index: int) -> Trajectory:
         """The trajectory of one world, cut before its divergence."""
@@ -116,4 +140,5 @@ class BatchTrajectory:
             velocities=self.velocities[index, keep],
             angular_velocities=self.angular_velocities[index, keep],
             active=self.active[keep],
+            deformables={name: motion.select((index, keep)) for name, motion in self.deformables.items()},
         )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from polyworld.rollout import rollout, simulator
+from polyworld.shapes import Box, Cylinder, Sphere, TriangleMesh, Wall
 from polyworld.solver.spatial.simulator import SpatialSimulator
-from polyworld.world import Box, Cylinder, Effect, Sphere, StaticObject, TriangleMesh, Wall, World
+from polyworld.world import Effect, StaticObject, World
 from tests.benchmarks.six_body_scene import six_body_world
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 

@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
 from polyworld.parameters import parameter_paths, read_parameter, with_parameters
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.solver.arrays import rigid_arrays
-from polyworld.world import Box, Capsule, ConvexMesh, Cylinder, Effect, MotionPlane, RigidObject, Sphere, World
+from polyworld.world import Effect, MotionPlane, World
 
 
 def ball(name: str = "ball", **fields: object) -> RigidObject:

@@ -12,8 +12,8 @@ from atw_mcp.perception.observation import ImageObservation, ObservationError, O
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 from polyworld.camera import Camera
 from polyworld.geometry import hull, mass_properties
+from polyworld.shapes import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 

@@ -15,8 +15,9 @@ from atw_mcp.perception.pose_fit import OutlineProblem, PoseFit, fit_poses
 from atw_mcp.perception.silhouettes import SIZE_COUNT, SolidKind, Stage, lift_of, trusted_outline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 from polyworld.camera import Camera
+from polyworld.shapes import Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Box, Cylinder, MotionPlane, Sphere
+from polyworld.world import MotionPlane
 
 Floats = NDArray[np.float64]
 Solid = Sphere | Box | Cylinder

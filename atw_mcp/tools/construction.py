@@ -29,8 +29,9 @@ from atw_mcp.tools.world_arguments import (
 )
 from atw_mcp.track_records import TrackRecord
 from evidence_store import Case
+from polyworld.shapes import Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Box, Cylinder, Effect, MotionPlane, Sphere, StaticObject, TimeBase, World
+from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
 
 GROUP = ToolGroup("world construction")
 

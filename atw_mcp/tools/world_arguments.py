@@ -10,16 +10,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from atw_mcp.building import Given, hull_vertices
-from polyworld.world import (
-    Appearance,
-    BodyShape,
-    ConvexMesh,
-    Effect,
-    MotionPlane,
-    StaticObject,
-    TriangleMesh,
-    Wall,
-)
+from polyworld.description import Appearance
+from polyworld.shapes import BodyShape, ConvexMesh, TriangleMesh, Wall
+from polyworld.world import Effect, MotionPlane, StaticObject
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]

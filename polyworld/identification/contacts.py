@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Box, Capsule, Cylinder, Plane, RigidObject, Sphere, StaticObject, TriangleMesh, Wall, World
+from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.representations.rigid import RigidObject
 from polyworld.symmetry import smallest_rotation, turn_about
 from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import RigidObject, World
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -15,9 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from polyworld.description import Appearance
 from polyworld.initial_states import with_initial_states
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Appearance, Box, Cylinder, Effect, RigidObject, Sphere, TimeBase, World
+from polyworld.world import Effect, TimeBase, World
 
 SECONDS_PER_FRAME = 0.028
 HALF_SIZE = 0.2

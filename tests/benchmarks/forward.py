@@ -23,18 +23,10 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import simulator
-from polyworld.world import (
-    Box,
-    Environment,
-    MotionPlane,
-    Plane,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    TimeBase,
-    World,
-)
+from polyworld.shapes import Box, Plane, Sphere
+from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 from tests.benchmarks.six_body_scene import DURATION, SUBSTEP, initial_velocities, six_body_mjcf, six_body_world
 
 GRAVITY = 9.81  # [m/s^2]

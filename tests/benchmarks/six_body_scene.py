@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-from polyworld.world import (
-    Box,
-    Cylinder,
-    Environment,
-    MotionPlane,
-    Plane,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    TimeBase,
-    World,
-)
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Cylinder, Plane, Sphere
+from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 
 DURATION = 5.0  # [s]
 SUBSTEP = 0.002  # [s]

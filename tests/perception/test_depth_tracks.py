@@ -11,7 +11,9 @@ from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.video import VideoInfo
 from polyworld.camera import Camera
 from polyworld.render import render
-from polyworld.world import Box, ConvexMesh, Cylinder, RigidObject, Sphere, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, ConvexMesh, Cylinder, Sphere
+from polyworld.world import World
 
 CAMERA = Camera(
     width=320,

@@ -22,8 +22,9 @@ from atw_mcp.perception import (
 )
 from atw_mcp.perception.silhouettes import Stage, outline_distance
 from polyworld.camera import Camera
+from polyworld.shapes import Box, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Box, MotionPlane, Sphere
+from polyworld.world import MotionPlane
 from tests.perception.clips import HEIGHT, WIDTH, Disc, render
 
 ROOT = Path(__file__).parents[2]

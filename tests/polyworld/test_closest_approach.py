@@ -11,21 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
 from polyworld.closest_approach import closest_approach
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import rollout
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, Wall
 from polyworld.trajectory import Trajectory
-from polyworld.world import (
-    Box,
-    Capsule,
-    ConvexMesh,
-    Cylinder,
-    Environment,
-    Plane,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    Wall,
-    World,
-)
+from polyworld.world import Environment, StaticObject, World
 from tests.verification.planar_scenes import body, disc, top_view
 
 POINTS = np.random.default_rng(5).normal(size=(14, 3)) * 0.15

@@ -7,7 +7,9 @@ import pytest
 
 from polyworld.contact_shadow import with_contact_shadows
 from polyworld.render import look_at, render
-from polyworld.world import Box, Plane, RigidObject, Sphere, StaticObject, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Plane, Sphere
+from polyworld.world import StaticObject, World
 
 CAMERA = look_at(np.array([0.0, -4.0, 2.5]), np.array([0.0, 0.0, 0.2]), focal=300.0, width=320, height=240)
 FLOOR = StaticObject(name="floor", shape=Plane(normal=(0.0, 0.0, 1.0), offset=0.0))

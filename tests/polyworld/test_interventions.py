@@ -17,7 +17,8 @@ from polyworld.interventions import (
     branch,
 )
 from polyworld.rollout import rollout
-from polyworld.world import Effect, Sphere, StaticObject, Wall, World
+from polyworld.shapes import Sphere, Wall
+from polyworld.world import Effect, StaticObject, World
 from tests.verification.planar_scenes import body, disc, top_view
 
 

@@ -9,8 +9,11 @@ import pytest
 from pydantic import ValidationError
 
 from polyworld.interventions import Add, Move, Remove, SetParameter, SetVelocity, branch
+from polyworld.representations.joint import Hinge
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import rollout
-from polyworld.world import Box, Environment, Hinge, RigidObject, Sphere, StaticObject, Wall, World
+from polyworld.shapes import Box, Sphere, Wall
+from polyworld.world import Environment, StaticObject, World
 from tests.verification.planar_scenes import SIDE_VIEW, body
 
 ROD = Box(half_extents=(0.05, 0.05, 0.5))

@@ -21,7 +21,8 @@ from polyworld.predicates import (
 )
 from polyworld.query import QueryResult, query
 from polyworld.rollout import rollout
-from polyworld.world import Region, Sphere, StaticObject, Wall, World
+from polyworld.shapes import Sphere, Wall
+from polyworld.world import Region, StaticObject, World
 from tests.verification.planar_scenes import G, body, disc, side_view, top_view
 
 

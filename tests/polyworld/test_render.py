@@ -10,23 +10,12 @@ from scipy.spatial import ConvexHull
 
 from polyworld.camera import Camera
 from polyworld.colors import rgb
+from polyworld.description import Appearance
 from polyworld.geometry import quaternion_matrix
 from polyworld.render import Picture, default_camera, look_at, render
-from polyworld.world import (
-    Appearance,
-    Box,
-    Capsule,
-    ConvexMesh,
-    Cylinder,
-    MotionPlane,
-    Plane,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    TriangleMesh,
-    Wall,
-    World,
-)
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.world import MotionPlane, StaticObject, World
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from polyworld.rollout import MAX_SUBSTEPS, rollout, simulator
+from polyworld.shapes import Box, Plane, Sphere, Wall
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import Box, Effect, Environment, Plane, Sphere, StaticObject, TimeBase, Wall, World
+from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
 from tests.verification.planar_scenes import G, body, disc, run, side_view, top_view
 
 FIELDS = ("times", "positions", "orientations", "velocities", "angular_velocities")

@@ -9,7 +9,9 @@ import numpy as np
 from atw_mcp.app import App
 from evidence_store import Case
 from polyworld.render import look_at
-from polyworld.world import Cylinder, Environment, MotionPlane, RigidObject, TimeBase, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Cylinder
+from polyworld.world import Environment, MotionPlane, TimeBase, World
 
 SPEED, GAP, RADIUS = 1.0, 0.8, 0.1
 MEETING = GAP / SPEED  # [s]

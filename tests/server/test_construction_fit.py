@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from atw_mcp.fit_reading import ROWS, doubts, open_questions
-from polyworld.world import Box, RigidObject, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box
+from polyworld.world import World
 from tests.server.calls import Session
 from tests.server.clips import write_tracks
 

@@ -7,10 +7,13 @@ import pytest
 
 from atw_mcp.overlay import SIMULATED
 from atw_mcp.plan_view import FOOT, PlanView, round_length, silhouette
+from polyworld.description import Appearance
 from polyworld.geometry import quaternion_matrix
 from polyworld.render import look_at
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, Sphere
 from polyworld.trajectory import Trajectory
-from polyworld.world import Appearance, Box, Capsule, RigidObject, Sphere, World
+from polyworld.world import World
 
 HEIGHT = 400
 

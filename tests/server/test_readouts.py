@@ -7,8 +7,10 @@ import pytest
 
 from atw_mcp import readouts
 from atw_mcp.intervals import Span
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Plane, Sphere
 from polyworld.trajectory import Event, Rollout, Trajectory
-from polyworld.world import Plane, RigidObject, Sphere, StaticObject, World
+from polyworld.world import StaticObject, World
 
 FRAME = 0.04
 SPAN = Span(0.0, 1.0, FRAME)

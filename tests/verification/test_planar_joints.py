@@ -10,22 +10,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
+from polyworld.representations.joint import Hinge
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import simulator
+from polyworld.shapes import Box, Capsule, Cylinder, Sphere, Wall
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import (
-    Box,
-    Capsule,
-    Cylinder,
-    Effect,
-    Environment,
-    Hinge,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    TimeBase,
-    Wall,
-    World,
-)
+from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
 from tests.verification.planar_scenes import SIDE_VIEW, G, body, run, top_view
 
 Array = NDArray[np.float64]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from polyworld.world import Box, Cylinder, MotionPlane, Sphere, World
+from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.world import MotionPlane, World
 from tests.verification.planar_scenes import G, body, disc, run, side_view, top_view
 
 

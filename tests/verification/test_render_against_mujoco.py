@@ -12,7 +12,8 @@ import pytest
 
 from polyworld.camera import Camera
 from polyworld.render import Picture, render
-from polyworld.world import RigidObject, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import World
 
 
 @pytest.fixture(scope="module")

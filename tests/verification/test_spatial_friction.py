@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from polyworld import geometry
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run, slope
 
 CUBE = Box(half_extents=(0.1, 0.1, 0.1))

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from polyworld import geometry
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, Wall
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import Box, Capsule, Cylinder, Plane, RigidObject, Sphere, StaticObject, Wall, World
+from polyworld.world import StaticObject, World
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
 SPACE = (0.0, 0.0, 0.0)

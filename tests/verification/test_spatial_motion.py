@@ -6,7 +6,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
-from polyworld.world import Box, ConvexMesh, Effect, Sphere
+from polyworld.shapes import Box, ConvexMesh, Sphere
+from polyworld.world import Effect
 from tests.verification.spatial_world import GRAVITY, body, make_world, run
 
 

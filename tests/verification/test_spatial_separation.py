@@ -11,10 +11,12 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.separation import separating_direction, separation
-from polyworld.world import Box, Capsule, ConvexMesh, Cylinder, RigidObject, Sphere, World
+from polyworld.world import World
 
 wp.set_module_options(OPTIONS)
 

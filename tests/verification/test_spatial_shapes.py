@@ -9,17 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
-from polyworld.world import (
-    Box,
-    Capsule,
-    ConvexMesh,
-    Cylinder,
-    Plane,
-    Sphere,
-    StaticObject,
-    TriangleMesh,
-    Wall,
-)
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.world import StaticObject
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
 CORNERS = np.array(list(itertools.product([-1.0, 1.0], repeat=3)))

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import KIND_INDEX
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Plane, Wall
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.solver.time_table import TimeTable
-from polyworld.world import Plane, RigidObject, StaticObject, Wall, World
+from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
 

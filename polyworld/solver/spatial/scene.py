@@ -12,19 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.spatial import layout
-from polyworld.world import (
-    Box,
-    Capsule,
-    ConvexMesh,
-    Cylinder,
-    Plane,
-    Sphere,
-    StaticObject,
-    TriangleMesh,
-    Wall,
-    World,
-)
+from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
 

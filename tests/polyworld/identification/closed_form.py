@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Sphere
 from polyworld.solver.arrays import rigid_arrays
 from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import RigidObject, Sphere, TimeBase, World
+from polyworld.world import TimeBase, World
 
 Array = NDArray[np.float64]
 

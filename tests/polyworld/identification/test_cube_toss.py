@@ -10,8 +10,10 @@ import pytest
 
 from polyworld.identification import FitSettings, ObjectiveSettings, RefineSettings, default_parameters, fit, refine
 from polyworld.initial_states import with_initial_states
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Plane
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Box, Plane, RigidObject, StaticObject, TimeBase, World
+from polyworld.world import StaticObject, TimeBase, World
 
 FOLDER = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "cube_toss"
 UNIT = 0.0524  # [m], the data's unit of length: half the cube's width

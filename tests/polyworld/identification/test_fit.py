@@ -21,7 +21,9 @@ from polyworld.identification import (
 )
 from polyworld.identification.horizon import stages
 from polyworld.parameters import with_parameters
-from polyworld.world import RigidObject, Sphere, World
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Sphere
+from polyworld.world import World
 from tests.polyworld.identification.closed_form import ClosedForm, observe, thrown_ball
 
 TRUTH = {

@@ -11,8 +11,10 @@ from polyworld import geometry
 from polyworld.identification import Objective, ObjectiveSettings, accuracy, trajectory_rmse
 from polyworld.identification.objective import DIVERGED, huber
 from polyworld.identification.readout import gyration_radius
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import Box, Cylinder, RigidObject, Sphere, TimeBase, World
+from polyworld.world import TimeBase, World
 from tests.polyworld.identification.closed_form import ClosedForm, observe, thrown_ball
 
 EXACT = {"sigma": 0.0, "turn_sigma": 0.0}

@@ -25,20 +25,11 @@ from polyworld.identification import (
 from polyworld.identification.default_parameters import REACH
 from polyworld.initial_states import initial_states, with_initial_states
 from polyworld.parameters import with_parameters
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import simulator
+from polyworld.shapes import Box, Cylinder, Plane, Sphere
 from polyworld.tracks import ObservedTracks
-from polyworld.world import (
-    Box,
-    Cylinder,
-    Environment,
-    MotionPlane,
-    Plane,
-    RigidObject,
-    Sphere,
-    StaticObject,
-    TimeBase,
-    World,
-)
+from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81

@@ -1,0 +1,1 @@
+"""The physical models of objects: what each is described by."""

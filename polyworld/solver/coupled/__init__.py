@@ -1,0 +1,1 @@
+"""The coupled solver: rigid bodies, ropes, cloth, soft bodies and fluids in one scene."""

@@ -1,0 +1,48 @@
+"""What a material brings to the coupled solver."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
+
+Array = NDArray[np.float64]
+
+
+class MaterialStage(Protocol):
+    """Elastic forces of all objects of one material. Arrays are allocated once, so that captured graphs stay valid.
+
+    A new set of parameters is written in place (`write`); a shape change of a parameter array (shared to per-world)
+    is the only reason for allocating it anew, and `write` returns True then, so that the graph is captured again.
+    """
+
+    def write(self, fields: Fields) -> bool:
+        """Take parameter values: object name -> parameter -> (1,) or (W,). True where arrays were made anew."""
+        ...
+
+    def reset(self) -> None:
+        """Back to the initial state: twist, plastic strain, wheel angles, and whatever else the stage keeps."""
+        ...
+
+    def stable_step(self) -> Array:
+        """Longest inner step (1,) or (W,) for which the explicit forces are stable and accurate [s]."""
+        ...
+
+    def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch kernels that add forces at the current x and v to nodes.f."""
+        ...
+
+    def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch kernels that change nodes.v after the forces did: implicit parts. May do nothing."""
+        ...
+
+    def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch kernels that follow the change of nodes.x: twist, plastic flow. May do nothing."""
+        ...
+
+    def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
+        """Object name -> readable quantity (`tension`, `strain`, ...) -> values (W, m) at this moment, SI."""
+        ...
