@@ -12,10 +12,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from polyworld.camera import Camera
 from polyworld.description import Appearance
-from polyworld.geometry import hull
+from polyworld.geometry import hull, planar_outline
 from polyworld.initial_states import initial_states, with_initial_states
 from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere
+from polyworld.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere
 from polyworld.tracks import ObservedTracks
 from polyworld.world import Effect, Environment, MotionPlane, StaticObject, TimeBase, World
 
@@ -215,6 +215,8 @@ def half_height(shape: BodyShape) -> float:
         return shape.half_height
     if isinstance(shape, Capsule):
         return shape.half_height + shape.radius
+    if isinstance(shape, Compound):
+        return _compound_half_height(shape)
     return _mesh_half_height(shape)
 
 
@@ -239,6 +241,12 @@ def hull_vertices(points: NDArray[np.float64]) -> tuple[tuple[float, float, floa
 
 def _mesh_half_height(shape: ConvexMesh) -> float:
     return float(-np.asarray(hull(shape).vertices)[:, 2].min())
+
+
+def _compound_half_height(shape: Compound) -> float:
+    sideways = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z is the second axis of the outline
+    outline, radius = planar_outline(shape, np.eye(3), sideways)
+    return radius - float(outline[:, 1].min())
 
 
 def _body(

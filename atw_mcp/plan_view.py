@@ -165,7 +165,7 @@ class PlanView:
             canvas.write(name, tuple((foot + 27.0 * flat + np.array([-4.0, 4.0])).tolist()), STATIC)
 
 
-def silhouette(shape: geometry.ConvexShape, rotation: Array, axes: Array) -> Array:
+def silhouette(shape: geometry.Solid, rotation: Array, axes: Array) -> Array:
     """The outline (k, 2) [m] of a turned shape about its origin, seen along the third of `axes` (3, 3)."""
     points, radius = geometry.planar_outline(shape, rotation, axes)
     if radius == 0.0:

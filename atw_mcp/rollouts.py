@@ -96,11 +96,19 @@ def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[A
 
 
 def _from_content(content: Content) -> Rollout:
-    document = content.document
+    document, arrays = content.document, content.arrays
     return Rollout(
         world_id=document["world"],
         horizon=document["horizon"],
-        trajectory=Trajectory(names=tuple(document["names"]), **{name: content.arrays[name] for name in SERIES}),
+        trajectory=Trajectory(
+            names=tuple(document["names"]),
+            times=arrays["times"],
+            positions=arrays["positions"],
+            orientations=arrays["orientations"],
+            velocities=arrays["velocities"],
+            angular_velocities=arrays["angular_velocities"],
+            active=arrays["active"],
+        ),
         events=tuple(_event(item) for item in document["events"]),
         status=document["status"],
         diverged_time=document["diverged_time"],

@@ -58,7 +58,7 @@ class _Solid:
     half_space: tuple[Array, float] | None = None
 
 
-_Place = Callable[[float], _Solid]
+_Place = Callable[[float], list[_Solid]]  # the convex pieces of a body at a time
 
 
 def closest_approach(
@@ -78,9 +78,9 @@ def closest_approach(
     grid = np.unique(np.concatenate([[interval[0]], times[inner], [interval[1]]]))
 
     def gap(time: float) -> float:
-        return _gap(first(time), second(time))
+        return _least(_gap, first(time), second(time))
 
-    floor = np.array([_lowest_gap(first(t), second(t)) for t in grid])
+    floor = np.array([_least(_lowest_gap, first(t), second(t)) for t in grid])
     best, at = np.inf, 0
     for k in np.argsort(floor, kind="stable"):
         if floor[k] > best or best == 0.0:
@@ -102,19 +102,19 @@ def _place(world: World, trajectory: Trajectory, name: str) -> _Place | None:
     static = next((s for s in world.statics if s.name == name), None)
     if static is not None:
         solid = _static(world, static)
-        return None if solid is None else lambda _: solid
+        return None if solid is None else lambda _: [solid]
     item = world.object(name)
     column = trajectory.index(name)
     if not world.planar:
-        return lambda time: _solid(item.shape, *_pose(trajectory, column, time))
+        return lambda time: _solids(item.shape, *_pose(trajectory, column, time))
     axes = geometry.plane_axes(world.environment.motion_plane)
     outline = body_outline(item, axes)
     back = geometry.quaternion_matrix(np.asarray(item.orientation)).T
 
-    def there(time: float) -> _Solid:
+    def there(time: float) -> list[_Solid]:
         position, rotation = _pose(trajectory, column, time)
         turn = axes[:2] @ rotation @ back @ axes[:2].T
-        return _points(outline.vertices @ turn.T + axes[:2] @ position, outline.sweep, axes[:2] @ position)
+        return [_points(outline.vertices @ turn.T + axes[:2] @ position, outline.sweep, axes[:2] @ position)]
 
     return there
 
@@ -173,6 +173,13 @@ def _pose(trajectory: Trajectory, column: int, time: float) -> tuple[Array, Arra
     return (1 - share) * p[k] + share * p[k + 1], geometry.quaternion_matrix(turned / np.linalg.norm(turned))
 
 
+def _solids(shape: geometry.Solid, position: Array, rotation: Array) -> list[_Solid]:
+    return [
+        _solid(piece.shape, position + rotation @ piece.position, rotation @ piece.rotation)
+        for piece in geometry.pieces(shape)
+    ]
+
+
 def _solid(shape: geometry.ConvexShape, position: Array, rotation: Array) -> _Solid:
     if isinstance(shape, Sphere):
         return _points(position[None], shape.radius, position)
@@ -208,6 +215,10 @@ def _half_space(normal: Array, offset: float) -> _Solid:
         raise AssertionError(f"a half space reaches for ever in direction {direction}")
 
     return _Solid(nowhere, normal * offset, half_space=(normal, offset))
+
+
+def _least(measure: Callable[[_Solid, _Solid], float], a: list[_Solid], b: list[_Solid]) -> float:
+    return min(measure(p, q) for p in a for q in b)
 
 
 def _lowest_gap(a: _Solid, b: _Solid) -> float:

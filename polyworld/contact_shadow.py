@@ -96,7 +96,7 @@ def _axes(normal: Array) -> Array:
     return np.stack([x, np.cross(normal, x), normal])
 
 
-def _depth_below(shape: geometry.ConvexShape, rotation: Array, axes: Array) -> float:
+def _depth_below(shape: geometry.Solid, rotation: Array, axes: Array) -> float:
     """How far a shape reaches below its centre, against the third axis [m]."""
     sideways = np.stack([axes[0], axes[2], -axes[1]])  # seen from the side, the normal is the second axis
     outline, radius = geometry.planar_outline(shape, rotation, sideways)

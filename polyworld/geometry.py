@@ -10,11 +10,14 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere, Wall
+from polyworld.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Sphere, Wall
 from polyworld.world import MotionPlane
 
 Array = NDArray[np.float64]
 ConvexShape = Sphere | Box | Cylinder | Capsule | ConvexMesh
+Solid = ConvexShape | Compound
+
+ROUND_CORNERS = 64  # of the polygon that stands for a disc where outlines are joined
 
 
 @dataclass(frozen=True)
@@ -33,9 +36,40 @@ def hull(shape: ConvexMesh) -> trimesh.Trimesh:
     return solid
 
 
+@dataclass(frozen=True)
+class Piece:
+    """A convex piece of a body: position (3,) of its origin and rotation (3, 3) of its axes, in body axes."""
+
+    shape: ConvexShape
+    position: Array
+    rotation: Array
+
+
 @lru_cache(maxsize=512)
-def mass_properties(shape: ConvexShape) -> MassProperties:
-    """Volume and unit-density inertia of a solid shape (any mechanics handbook)."""
+def pieces(shape: Solid) -> tuple[Piece, ...]:
+    """The convex pieces of a body about its centre of mass; a convex shape is its own only piece."""
+    if not isinstance(shape, Compound):
+        return (Piece(shape, np.zeros(3), np.eye(3)),)
+    places = np.array([part.position for part in shape.parts])
+    volumes = np.array([mass_properties(part.shape).volume for part in shape.parts])
+    centre = volumes @ places / volumes.sum()
+    return tuple(
+        Piece(part.shape, place - centre, quaternion_matrix(np.asarray(part.orientation)))
+        for part, place in zip(shape.parts, places, strict=True)
+    )
+
+
+@lru_cache(maxsize=512)
+def mass_properties(shape: Solid) -> MassProperties:
+    """Volume and unit-density inertia of a solid shape (any mechanics handbook); pieces of a compound add up."""
+    if isinstance(shape, Compound):
+        volume, inertia = 0.0, np.zeros((3, 3))
+        for piece in pieces(shape):
+            own, p = mass_properties(piece.shape), piece.position
+            volume += own.volume
+            inertia += piece.rotation @ own.inertia @ piece.rotation.T
+            inertia += own.volume * (p @ p * np.eye(3) - np.outer(p, p))  # Huygens and Steiner
+        return MassProperties(volume, inertia)
     if isinstance(shape, Sphere):
         volume = 4.0 / 3.0 * np.pi * shape.radius**3
         return MassProperties(volume, np.eye(3) * 0.4 * volume * shape.radius**2)
@@ -55,6 +89,22 @@ def mass_properties(shape: ConvexShape) -> MassProperties:
         return MassProperties(rod + ball, np.diag([side, side, rod * r**2 / 2 + ball * 0.4 * r**2]))
     solid = hull(shape)
     return MassProperties(float(solid.volume), np.asarray(solid.moment_inertia, dtype=float))
+
+
+@lru_cache(maxsize=512)
+def circumscribed_radius(shape: Solid) -> float:
+    """Radius [m] of the smallest ball about the centre of mass that holds the shape; an upper bound for compounds."""
+    if isinstance(shape, Compound):
+        return max(float(np.linalg.norm(p.position)) + circumscribed_radius(p.shape) for p in pieces(shape))
+    if isinstance(shape, Sphere):
+        return shape.radius
+    if isinstance(shape, Box):
+        return float(np.linalg.norm(shape.half_extents))
+    if isinstance(shape, Cylinder):
+        return float(np.hypot(shape.radius, shape.half_height))
+    if isinstance(shape, Capsule):
+        return shape.radius + shape.half_height
+    return float(np.linalg.norm(hull(shape).vertices, axis=1).max())
 
 
 def wall_box(wall: Wall) -> tuple[Box, Array, Array]:
@@ -119,13 +169,17 @@ def rotation_quaternion(rotation_vector: Array) -> Array:
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
 
 
-def planar_outline(shape: ConvexShape, rotation: Array, axes: Array) -> tuple[Array, float]:
+def planar_outline(shape: Solid, rotation: Array, axes: Array) -> tuple[Array, float]:
     """Projection of a shape on the motion plane: a convex polygon swept by a disc.
 
     rotation (3, 3) is the shape's rest orientation, axes (3, 3) the rows of `plane_axes`. Returns the
     polygon's vertices (k, 2), counter-clockwise about the centre of mass (k = 1 for a disc, 2 for a capsule
-    lying down), and the disc's radius [m].
+    lying down), and the disc's radius [m]. A compound's outline is the convex hull of its pieces' outlines.
     """
+    if isinstance(shape, Compound):
+        joined = np.concatenate([_flat_points(piece, rotation, axes) for piece in pieces(shape)])
+        around: Array = joined[ConvexHull(joined).vertices]
+        return around, 0.0
     if isinstance(shape, Sphere):
         return np.zeros((1, 2)), shape.radius
     to_plane = axes @ rotation  # body axes to plane axes
@@ -151,7 +205,18 @@ def planar_outline(shape: ConvexShape, rotation: Array, axes: Array) -> tuple[Ar
     return outline, 0.0
 
 
-def footprint_radius(shape: ConvexShape, outline: Array) -> float:
+def _flat_points(piece: Piece, rotation: Array, axes: Array) -> Array:
+    """Corners (k, 2) of a piece's outline about the body's centre, round ones as polygons around them."""
+    outline, radius = planar_outline(piece.shape, rotation @ piece.rotation, axes)
+    points: Array = outline + axes[:2] @ rotation @ piece.position
+    if radius > 0.0:
+        angle = np.arange(ROUND_CORNERS) * (2.0 * np.pi / ROUND_CORNERS)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (radius / np.cos(np.pi / ROUND_CORNERS))
+        points = (points[:, None] + ring).reshape(-1, 2)
+    return points
+
+
+def footprint_radius(shape: Solid, outline: Array) -> float:
     """Mean distance of the supporting patch from the centre of mass [m]: 2/3 R for a flat disc, 0 for a ball.
 
     With uniform pressure the spinning-friction moment of a patch is mu N times this radius.

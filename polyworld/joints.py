@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.representations.joint import Hinge
+from polyworld.representations.joint import Joint
 from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 SLACK = 1e-6  # an edit may shift an attached point by this much: positions come written in decimals [m]
 
 
-def attached_point(item: RigidObject, hinge: Hinge) -> Array:
+def attached_point(item: RigidObject, hinge: Joint) -> Array:
     """The point (3,) of an object that a hinge holds, in body axes from its centre [m]."""
     rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
     point: Array = rotation.T @ (np.asarray(hinge.anchor) - np.asarray(item.position))
@@ -23,7 +23,7 @@ def attached_point(item: RigidObject, hinge: Hinge) -> Array:
 
 
 def turned_about(
-    item: RigidObject, hinge: Hinge, orientation: tuple[float, float, float, float]
+    item: RigidObject, hinge: Joint, orientation: tuple[float, float, float, float]
 ) -> tuple[float, float, float]:
     """Position of an object's centre once it is turned to `orientation` (a quaternion) about a hinge [m]."""
     quaternion = np.asarray(orientation) / np.linalg.norm(orientation)
@@ -38,7 +38,8 @@ def check_hinges_hold(before: World, after: World) -> None:
             if name is None:
                 continue
             was, now = before.object(name), after.object(name)
-            if np.linalg.norm(attached_point(was, hinge) - attached_point(now, hinge)) > SLACK:
+            shift = attached_point(was, hinge) - attached_point(now, hinge)
+            if np.linalg.norm(shift) > SLACK:
                 position = tuple(round(x, 9) for x in turned_about(was, hinge, now.orientation))
                 raise ValueError(
                     f"{name!r} turns on joint {hinge.name!r} at {hinge.anchor} and would leave it: "

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.shapes import Box, Plane, TriangleMesh, Wall
 from polyworld.tracks import ObservedTracks
 from polyworld.world import StaticObject, World
 
@@ -53,25 +53,11 @@ def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05
 
 def _reach(world: World, item: RigidObject) -> float:
     if not world.planar:
-        return circumscribed_radius(item)
+        return geometry.circumscribed_radius(item.shape)
     rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
     axes = geometry.plane_axes(world.environment.motion_plane)
     outline, disc = geometry.planar_outline(item.shape, rotation, axes)
     return float(np.linalg.norm(outline, axis=1).max() + disc)
-
-
-def circumscribed_radius(item: RigidObject) -> float:
-    """Radius [m] of the smallest ball about the centre of mass that holds the object."""
-    shape = item.shape
-    if isinstance(shape, Sphere):
-        return shape.radius
-    if isinstance(shape, Box):
-        return float(np.linalg.norm(shape.half_extents))
-    if isinstance(shape, Cylinder):
-        return float(np.hypot(shape.radius, shape.half_height))
-    if isinstance(shape, Capsule):
-        return shape.radius + shape.half_height
-    return float(np.linalg.norm(geometry.hull(shape).vertices, axis=1).max())
 
 
 def distance_to_static(static: StaticObject, points: Array) -> Array:
@@ -92,8 +78,7 @@ def distance_to_static(static: StaticObject, points: Array) -> Array:
         corners = np.asarray(shape.vertices)
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         return _outside_box(local - middle, (corners.max(axis=0) - corners.min(axis=0)) / 2)
-    radius = circumscribed_radius(RigidObject(name="static", shape=shape, position=(0.0, 0.0, 0.0)))
-    gap: Array = np.maximum(np.linalg.norm(local, axis=1) - radius, 0.0)
+    gap: Array = np.maximum(np.linalg.norm(local, axis=1) - geometry.circumscribed_radius(shape), 0.0)
     return gap
 
 
