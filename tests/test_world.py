@@ -63,7 +63,7 @@ def test_flat_mesh_is_refused() -> None:
 def test_repeated_names_and_mixed_representations_are_refused() -> None:
     with pytest.raises(ValidationError, match="repeated"):
         World(objects=(ball(), ball()))
-    with pytest.raises(ValidationError, match="same representation"):
+    with pytest.raises(ValidationError, match="planar and spatial objects cannot share one world"):
         World(objects=(ball(), ball("other", representation="rigid_planar")))
 
 

@@ -103,7 +103,7 @@ def test_edits_apply_in_their_order() -> None:
                     update={"representation": "rigid_spatial"}
                 )
             ),
-            "give every object the same representation",
+            "give all objects planar or all objects spatial representations",
         ),
     ],
 )
