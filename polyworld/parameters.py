@@ -7,7 +7,7 @@ A path is text with dots, for example `objects.red.friction`, `objects.red.veloc
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from polyworld import geometry
 from polyworld.effects import CATALOGUE
 from polyworld.representations.rigid import RigidObject
-from polyworld.world import StaticObject, World
+from polyworld.world import Deformable, StaticObject, World
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,12 @@ _STATE = {
     "rotation": ParameterSpec("rad", -100.0, 100.0, (-np.pi, np.pi), "turn about a world axis, on top of orientation"),
 }
 STATE_PARAMETERS: dict[str, ParameterSpec] = {f"{k}.{a}": s for k, s in _STATE.items() for a in "xyz"}
+_SHIFT = {f"shift.{a}": ParameterSpec("m", -1e6, 1e6, (-1.0, 1.0), "displacement of its start") for a in "xyz"}
+_VELOCITY = {f"velocity.{a}": _STATE["velocity"] for a in "xyz"}
+_SPIN = {f"angular_velocity.{a}": _STATE["angular_velocity"] for a in "xyz"}
+DEFORMABLE_STATE: dict[str, dict[str, ParameterSpec]] = {
+    kind: {**_SHIFT, **_VELOCITY, **(_SPIN if kind.startswith("soft") else {})} for kind in DEFORMABLE_PARAMETERS
+}
 GRAVITY = ParameterSpec("m/s^2", -1e4, 1e4, (-20.0, 20.0), "gravitational acceleration")
 STATIC_PARAMETERS = {k: OBJECT_PARAMETERS[k] for k in ("friction", "restitution")}
 SECONDS_PER_FRAME = ParameterSpec("s", 1e-6, 1e4, (0.01, 0.1), "physical time between frames")
@@ -120,9 +126,23 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
     for item in world.objects:
         for field, spec in {**OBJECT_PARAMETERS, **STATE_PARAMETERS}.items():
             paths[f"objects.{item.name}.{field}"] = spec
+    for soft in world.deformables:
+        kind = soft.representation
+        for field, spec in {**DEFORMABLE_PARAMETERS[kind], **DEFORMABLE_STATE[kind]}.items():
+            paths[f"objects.{soft.name}.{field}"] = spec
     for static in world.statics:
         for field, spec in STATIC_PARAMETERS.items():
             paths[f"statics.{static.name}.{field}"] = spec
+    for pulley in world.pulleys:
+        for field, spec in PULLEY_PARAMETERS.items():
+            paths[f"pulleys.{pulley.name}.{field}"] = spec
+    for emitter in world.emitters:
+        for field, spec in EMITTER_PARAMETERS.items():
+            paths[f"emitters.{emitter.name}.{field}"] = spec
+    for joint in world.joints:
+        for field, spec in JOINT_PARAMETERS.items():
+            if hasattr(joint, field):
+                paths[f"joints.{joint.name}.{field}"] = spec
     for axis in "xyz":
         paths[f"environment.gravity.{axis}"] = GRAVITY
     paths["environment.motion_plane.friction"] = OBJECT_PARAMETERS["friction"]
@@ -153,7 +173,13 @@ def read_parameter(world: World, path: str) -> float | None:
     specification(world, path)
     parts = path.split(".")
     if parts[0] == "objects":
-        return _read_object(world, world.object(parts[1]), parts[2:])
+        item = world.item(parts[1])
+        if isinstance(item, RigidObject):
+            return _read_object(world, item, parts[2:])
+        return _read_deformable(item, parts[2:])
+    if parts[0] in ("pulleys", "emitters", "joints"):
+        part = next(x for x in getattr(world, parts[0]) if x.name == parts[1])
+        return float(getattr(part, parts[2]))
     if parts[0] == "statics":
         return _static_value(world, parts[1], parts[2])
     if parts[0] == "environment" and parts[1] == "gravity":
@@ -170,12 +196,24 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
     """A child world with some values changed; raises ValueError for a value outside its bounds."""
     data: dict[str, Any] = world.model_dump()
     turns: dict[str, list[float]] = {}
+    shifts: dict[str, list[float]] = {}
+    soft = {d.name for d in world.deformables}
     for path, value in values.items():
         spec = specification(world, path)
         if not (np.isfinite(value) and spec.lower <= value <= spec.upper):
             raise ValueError(f"{path} = {value} is outside its bounds {spec.lower} to {spec.upper} {spec.unit}")
         parts = path.split(".")
-        if parts[0] in ("objects", "statics"):
+        if parts[0] == "objects" and parts[1] in soft:
+            item = next(d for d in data["deformables"] if d["name"] == parts[1])
+            if parts[2] == "shift":
+                shifts.setdefault(parts[1], [0.0, 0.0, 0.0])["xyz".index(parts[3])] = float(value)
+            elif len(parts) == 4:
+                item[parts[2]] = _replace(item[parts[2]], "xyz".index(parts[3]), float(value))
+            else:
+                item[parts[2]] = float(value)
+        elif parts[0] in ("pulleys", "emitters", "joints"):
+            next(d for d in data[parts[0]] if d["name"] == parts[1])[parts[2]] = float(value)
+        elif parts[0] in ("objects", "statics"):
             item = next(d for d in data[parts[0]] if d["name"] == parts[1])
             if parts[2] == "rotation":
                 turns.setdefault(parts[1], [0.0, 0.0, 0.0])["xyz".index(parts[3])] = float(value)
@@ -194,8 +232,11 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
         else:
             ratio = float(value) / world.time.seconds_per_frame
             data["time"]["seconds_per_frame"] = float(value)
-            for item in data["objects"]:  # an object joins at a frame: keep the frame
-                item["start_time"] *= ratio
+            for item in (*data["objects"], *data["deformables"]):  # an object joins at a frame: keep the frame
+                if "start_time" in item:
+                    item["start_time"] *= ratio
+    for name, shift in shifts.items():
+        shift_deformable(next(d for d in data["deformables"] if d["name"] == name), shift)
     for name, vector in turns.items():
         item = next(d for d in data["objects"] if d["name"] == name)
         turned = geometry.quaternion_product(
@@ -203,6 +244,22 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
         )
         item["orientation"] = tuple(float(x) for x in turned)
     return World.model_validate(data)
+
+
+def shift_deformable(item: dict[str, Any], shift: Sequence[float]) -> None:
+    """Displace the start of a deformable object, given as its JSON-like description, by a vector [m]."""
+    kind = item["representation"]
+    if kind.startswith("rope"):
+        item["points"] = [_sum(p, shift) for p in item["points"]]
+    elif kind == "cloth" and item["geometry"]["kind"] == "sheet":
+        item["geometry"]["corner"] = _sum(item["geometry"]["corner"], shift)
+    elif kind == "cloth":
+        item["geometry"]["vertices"] = [_sum(p, shift) for p in item["geometry"]["vertices"]]
+    elif kind.startswith("soft"):
+        item["position"] = _sum(item["position"], shift)
+    else:
+        for volume in item["volumes"]:
+            volume["position"] = _sum(volume["position"], shift)
 
 
 def object_mass(item: RigidObject) -> float:
@@ -235,10 +292,23 @@ def _read_object(world: World, item: RigidObject, field: list[str]) -> float:
     return float(value["xyz".index(field[1])] if len(field) == 2 else value)
 
 
+def _read_deformable(item: Deformable, field: list[str]) -> float | None:
+    if field[0] == "shift":  # measured from where the world already starts it
+        return 0.0
+    value = getattr(item, field[0])
+    if value is None:
+        return None
+    return float(value["xyz".index(field[1])] if len(field) == 2 else value)
+
+
 def _static_value(world: World, name: str, field: str) -> float | None:
     static: StaticObject = next(s for s in world.statics if s.name == name)
     value: float | None = getattr(static, field)
     return value
+
+
+def _sum(a: Sequence[float], b: Sequence[float]) -> tuple[float, ...]:
+    return tuple(float(x + y) for x, y in zip(a, b, strict=True))
 
 
 def _replace(vector: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:

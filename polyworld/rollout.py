@@ -55,6 +55,10 @@ def simulator(
     if n_worlds < 1:
         raise ValueError(f"n_worlds must be at least 1, got {n_worlds}")
     # Imported here: a world needs only its own solver, and each brings its kernels.
+    if world.coupled:
+        from polyworld.solver.coupled.simulator import CoupledSimulator
+
+        return CoupledSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
     if world.planar:
         from polyworld.solver.planar import PlanarSimulator
 
@@ -100,4 +104,5 @@ def rollout(world: World, horizon: float, *, sample_interval: float | None = Non
         status="diverged" if diverged else "completed",
         diverged_time=float(batch.diverged_time[0]) if diverged else None,
         diverged_object=batch.names[int(batch.diverged_object[0])] if diverged else None,
+        diverged_element=int(batch.diverged_element[0]) if diverged and batch.diverged_element is not None else None,
     )

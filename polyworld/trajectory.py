@@ -101,6 +101,7 @@ class Rollout:
     status: Status = "completed"
     diverged_time: float | None = None
     diverged_object: str | None = None
+    diverged_element: int | None = None  # node of a deformable object
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ class BatchTrajectory:
     diverged_object: NDArray[np.int64]
     events: tuple[tuple[Event, ...], ...]  # one tuple a world; empty tuples when events were not recorded
     deformables: Mapping[str, PointMotion] = field(default_factory=dict)
+    diverged_element: NDArray[np.int64] | None = None  # (W,) node of a deformable object, 0 of a rigid one, -1
 
     def world(self, index: int) -> Trajectory:
         """The trajectory of one world, cut before its divergence."""

@@ -29,7 +29,8 @@ class TimeTable:
 def time_table(world: World, sample_times: Array) -> TimeTable:
     """Segments of a run; every substep is at most `world.time.substep` at the world's own seconds_per_frame."""
     starts = np.array([o.start_time for o in world.objects])
-    inner = starts[(starts > 0) & (starts < sample_times[-1])]
+    every = np.concatenate([starts, [getattr(d, "start_time", 0.0) for d in world.deformables]])
+    inner = every[(every > 0) & (every < sample_times[-1])]
     end = np.unique(np.concatenate([sample_times, inner]))
     before = np.concatenate([[0.0], end[:-1]])
     # A ratio that is whole but for rounding is whole: 0.04 / 0.002 makes 20 substeps, not 21.

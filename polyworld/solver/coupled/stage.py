@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,10 @@ class MaterialStage(Protocol):
     A new set of parameters is written in place (`write`); a shape change of a parameter array (shared to per-world)
     is the only reason for allocating it anew, and `write` returns True then, so that the graph is captured again.
     """
+
+    def bind(self, bodies: Any) -> None:
+        """Take the Warp array (W, n + s) of `polyworld.solver.spatial.layout.Body`; not called where there is none."""
+        ...
 
     def write(self, fields: Fields) -> bool:
         """Take parameter values: object name -> parameter -> (1,) or (W,). True where arrays were made anew."""

@@ -1,0 +1,361 @@
+"""The coupled solver's loop over some of the worlds: one thread runs one shard."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.meshing import DeformableMesh
+from polyworld.parameters import DEFORMABLE_STATE
+from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.coupled import motion
+from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
+from polyworld.solver.coupled.stage import MaterialStage
+from polyworld.solver.time_table import TimeTable
+from polyworld.trajectory import Event
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+LONGEST_INNER_STEP = 1e-3  # contacts are first order in it [s]
+RIGID_LOST = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
+BLOCK = 8  # inner steps in one graph
+DENSITY = {"rope": "linear_density", "cloth": "areal_density", "soft": "density"}
+
+
+class Shard:
+    """W worlds that differ in parameters only; buffers and graphs are kept from one run to the next."""
+
+    def __init__(
+        self, world: World, meshes: dict[str, DeformableMesh], table: TimeTable, n_worlds: int, record_events: bool
+    ) -> None:
+        self.world = world
+        self.n_worlds = n_worlds
+        self.table = table
+        self.meshes = meshes
+        solids = [d for d in world.deformables if not d.representation.startswith("fluid")]
+        self.solids = tuple(solids)
+        self.owners = {d.name: i for i, d in enumerate(world.deformables)}
+        self.nodes = self._allocate(n_worlds)
+        self.clock = _clock(n_worlds)
+        self.stages = _stages(world, self.nodes, n_worlds)
+        self.record_events = record_events
+        plane = world.environment.motion_plane
+        normal = np.asarray(plane.normal, dtype=float)
+        self._across = wp.vec3d(*(normal / np.linalg.norm(normal))) if world.planar else wp.vec3d()
+        self._graphs: dict[str, Any] | None = None
+        self._scale: Any = None
+        self._damping: Any = None
+        self._start: Any = wp.array(
+            [getattr(d, "start_time", 0.0) for d in world.deformables], dtype=wp.float64, device="cpu"
+        )
+        self.diverged_node = wp.full((n_worlds,), -1, dtype=wp.int32, device="cpu")
+        self.diverged_time = wp.full((n_worlds,), np.nan, dtype=wp.float64, device="cpu")
+        self.fluid: Any = None
+        self._build_rigid()
+
+    # --- set-up --------------------------------------------------------------------------------
+
+    def _allocate(self, w: int) -> Nodes:
+        first: dict[str, int] = {}
+        count: dict[str, int] = {}
+        total = 0
+        for item in self.solids:
+            first[item.name], count[item.name] = total, len(self.meshes[item.name].nodes)
+            total += count[item.name]
+        owner = np.concatenate([np.full(count[d.name], self.owners[d.name]) for d in self.solids] or [np.zeros(0)])
+        radius = np.concatenate([self.meshes[d.name].radius for d in self.solids] or [np.zeros(0)])
+
+        def vectors() -> Any:
+            return wp.zeros((w, total), dtype=wp.vec3d, device="cpu")
+
+        return Nodes(
+            x=vectors(),
+            v=vectors(),
+            f=vectors(),
+            mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
+            inverse_mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
+            radius=wp.array(radius, dtype=wp.float64, device="cpu"),
+            owner=wp.array(owner.astype(np.int32), dtype=wp.int32, device="cpu"),
+            friction=wp.zeros((1, len(self.owners)), dtype=wp.float64, device="cpu"),
+            restitution=wp.zeros((1, len(self.owners)), dtype=wp.float64, device="cpu"),
+            active=wp.zeros((w, total), dtype=wp.int32, device="cpu"),
+            first=first,
+            count=count,
+        )
+
+    def _build_rigid(self) -> None:
+        self.rigid: Any = None
+        if not self.world.objects and not self.world.statics:
+            return
+        from polyworld.solver.spatial.stepper import RigidStepper
+
+        self.rigid = RigidStepper(self.world, self.n_worlds, record_events=self.record_events)
+        bodies = self.rigid.bodies
+        self._kept_position = wp.zeros(bodies.shape, dtype=wp.vec3d, device="cpu")
+        self._kept_orientation = wp.zeros(bodies.shape, dtype=wp.quatd, device="cpu")
+        for stage in self.stages:
+            stage.bind(bodies)
+
+    # --- one run -------------------------------------------------------------------------------
+
+    def write(self, arrays: RigidArrays, fields: Fields) -> None:
+        """Take parameters and go back to the initial state."""
+        anew = self._write_nodes(fields)
+        for stage in self.stages:
+            anew |= stage.write(fields)
+        gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
+        anew |= _put(self.clock, "gravity", gravity)
+        anew |= _put(self, "_scale", wp.array(arrays.time_scale[:, 0], dtype=wp.float64, device="cpu"))
+        if self.rigid is not None:
+            self.rigid.write(arrays)
+        if anew:
+            self._graphs = None
+        self._reset(arrays, fields)
+
+    def _write_nodes(self, fields: Fields) -> bool:
+        nodes = self.nodes
+        masses = []
+        for item in self.solids:
+            density = np.atleast_1d(fields[item.name][DENSITY[item.representation.removesuffix("_planar")]])
+            masses.append(density[:, None] * self.meshes[item.name].measure[None, :])
+        rows = max((len(m) for m in masses), default=1)
+        mass = np.concatenate([np.broadcast_to(m, (rows, m.shape[1])) for m in masses] or [np.zeros((1, 0))], axis=1)
+        with np.errstate(divide="ignore"):
+            inverse = np.where(mass > 0, 1.0 / mass, 0.0)
+        names = tuple(self.owners)
+        zero = np.zeros(1)
+        for name in names:  # a fluid has neither friction nor restitution nor damping of its own
+            for parameter in ("friction", "restitution", "linear_damping"):
+                fields[name].setdefault(parameter, zero)
+        anew = _put(nodes, "mass", wp.array(mass, dtype=wp.float64, device="cpu"))
+        anew |= _put(nodes, "inverse_mass", wp.array(inverse, dtype=wp.float64, device="cpu"))
+        anew |= _put(nodes, "friction", parameter_row(fields, names, "friction"))
+        anew |= _put(nodes, "restitution", parameter_row(fields, names, "restitution"))
+        anew |= _put(self, "_damping", parameter_row(fields, names, "linear_damping"))
+        return anew
+
+    def _reset(self, arrays: RigidArrays, fields: Fields) -> None:
+        x, v = self.nodes.x.numpy(), self.nodes.v.numpy()
+        for item in self.solids:
+            mesh = self.meshes[item.name]
+            keep = slice(self.nodes.first[item.name], self.nodes.first[item.name] + self.nodes.count[item.name])
+            state = {
+                k: np.broadcast_to(fields[item.name][k], (self.n_worlds,))
+                for k in DEFORMABLE_STATE[item.representation]
+            }
+            shift = np.stack([state[f"shift.{a}"] for a in "xyz"], axis=1)
+            velocity = np.stack([state[f"velocity.{a}"] for a in "xyz"], axis=1)
+            x[:, keep] = mesh.nodes[None] + shift[:, None]
+            v[:, keep] = velocity[:, None]
+            if "angular_velocity.x" in state:
+                spin = np.stack([state[f"angular_velocity.{a}"] for a in "xyz"], axis=1)
+                centre = (mesh.measure[:, None] * mesh.nodes).sum(axis=0) / mesh.measure.sum()
+                v[:, keep] += np.cross(spin[:, None], (mesh.nodes - centre)[None])
+        self.nodes.active.numpy()[:] = 0
+        self.clock.time.numpy()[:] = 0.0
+        self.diverged_node.numpy()[:] = -1
+        self.diverged_time.numpy()[:] = np.nan
+        for stage in self.stages:
+            stage.reset()
+        if self.rigid is not None:
+            self.rigid.reset()
+        longest = self.world.time.substep * np.broadcast_to(arrays.time_scale[:, 0], (self.n_worlds,))
+        stable = np.full(self.n_worlds, LONGEST_INNER_STEP)
+        for stage in self.stages:
+            stable = np.minimum(stable, stage.stable_step())
+        self.clock.inner_steps.numpy()[:] = np.maximum(np.ceil(longest / stable * (1.0 - 1e-12)), 1)
+
+    def advance(self, segment: int) -> None:
+        """Run the steps of one segment of the time table."""
+        self.prepare()
+        graphs = self._graphs
+        assert graphs is not None
+        end = self.table.end[segment] * np.broadcast_to(self._scale.numpy(), (self.n_worlds,))
+        steps = int(self.table.steps[segment])
+        time, h = self.clock.time.numpy(), self.clock.h.numpy()
+        lost = self.diverged_node.numpy()
+        for step in range(steps):
+            h[:] = np.where(lost >= 0, 0.0, (end - time) / (steps - step))
+            wp.capture_launch(graphs["begin"])
+            left = int(self.clock.inner_steps.numpy().max())
+            while left > 0:
+                size = BLOCK if left >= BLOCK else 1
+                wp.capture_launch(graphs["block" if size == BLOCK else "inner"])
+                left -= size
+            wp.capture_launch(graphs["end"])
+            self._note_lost_bodies()
+        time[:] = np.where(lost >= 0, time, end)
+
+    def _note_lost_bodies(self) -> None:
+        """Rigid objects whose state cannot be trusted end their world as nodes do."""
+        if not self.world.objects:
+            return
+        body = self.rigid.diverged()
+        lost = self.diverged_node.numpy()
+        for w in np.flatnonzero((body >= 0) & (lost < 0)):
+            lost[w] = RIGID_LOST + body[w]
+            self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
+
+    # --- what it is at this moment -------------------------------------------------------------
+
+    def point_counts(self) -> dict[str, int]:
+        """Number of points of each deformable object."""
+        counts = {d.name: self.nodes.count[d.name] for d in self.solids}
+        if self.fluid is not None:
+            counts.update(self.fluid.particle_counts())
+        return counts
+
+    def points(self) -> dict[str, tuple[Array, Array]]:
+        """Positions and velocities (W, k, 3) of each deformable object's points."""
+        x, v = self.nodes.x.numpy(), self.nodes.v.numpy()
+        found = {}
+        for name, first in self.nodes.first.items():
+            keep = slice(first, first + self.nodes.count[name])
+            found[name] = (x[:, keep], v[:, keep])
+        if self.fluid is not None:
+            found.update(self.fluid.particles())
+        return found
+
+    def quantities(self) -> dict[str, dict[str, Array]]:
+        """Readable quantities of each deformable object, values (W, m)."""
+        found: dict[str, dict[str, Array]] = {}
+        for stage in self.stages:
+            for name, values in stage.quantities(self.nodes).items():
+                found.setdefault(name, {}).update(values)
+        return found
+
+    def lost(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+        """Time [s], index of the moving object and of its element at which each world diverged; NaN, -1, -1."""
+        node = self.diverged_node.numpy()
+        rigid_count = len(self.world.objects)
+        objects = np.full(self.n_worlds, -1, dtype=np.int64)
+        elements = np.full(self.n_worlds, -1, dtype=np.int64)
+        for w in np.flatnonzero(node >= 0):
+            if node[w] >= RIGID_LOST:
+                objects[w], elements[w] = node[w] - RIGID_LOST, 0
+                continue
+            owner = int(self.nodes.owner.numpy()[node[w]])
+            name = self.world.deformables[owner].name
+            objects[w] = rigid_count + owner
+            elements[w] = node[w] - self.nodes.first[name]
+        return self.diverged_time.numpy().copy(), objects, elements
+
+    def events(self, w: int, end: float) -> tuple[Event, ...]:
+        """Contacts of world w up to the time `end`, in order of time."""
+        if not self.record_events:
+            return ()
+        found = [] if self.rigid is None else list(self.rigid.events(w, end))
+        return tuple(sorted(found, key=lambda e: (e.time, e.participants, e.kind)))
+
+    def prepare(self) -> None:
+        """Load the kernels and capture the graphs, before threads run them."""
+        if self._graphs is None:
+            self._capture()
+
+    def _capture(self) -> None:
+        self._graphs = {}
+        for name, launch, repeats in (
+            ("begin", self._begin, 1),
+            ("inner", self._inner, 1),
+            ("block", self._inner, BLOCK),
+            ("end", self._end, 1),
+        ):
+            with wp.ScopedCapture(device="cpu") as capture:
+                for _ in range(repeats):
+                    launch()
+            self._graphs[name] = capture.graph
+
+    # --- the loop --------------------------------------------------------------------------------
+
+    def _launch(self, kernel: Any, dim: Any, inputs: list[Any]) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")
+
+    def _begin(self) -> None:
+        n, c = self.nodes, self.clock
+        self._launch(motion.begin_coupling_step, 1, [c.inner])
+        self._launch(motion.activate, n.x.shape, [c.time, self._scale, self._start, n.owner, n.active])
+        if self.rigid is not None:
+            bodies = self.rigid.bodies
+            self._launch(motion.keep_poses, bodies.shape, [bodies, self._kept_position, self._kept_orientation])
+
+    def _inner(self) -> None:
+        n, c = self.nodes, self.clock
+        self._launch(motion.begin_inner_step, self.n_worlds, [c.h, c.inner_steps, c.inner, c.dt])
+        self._launch(motion.external_forces, n.x.shape, [c.dt, c.gravity, n.owner, n.mass, self._damping, n.v, n.f])
+        for stage in self.stages:
+            stage.launch_forces(n, c)
+        self._launch(motion.accelerate, n.x.shape, [c.dt, n.inverse_mass, n.active, self._across, n.f, n.v])
+        for stage in self.stages:
+            stage.launch_velocities(n, c)
+        self._launch(motion.move, n.x.shape, [c.dt, c.gravity, n.inverse_mass, n.active, n.v, n.x])
+        if self.rigid is not None:
+            bodies = self.rigid.bodies
+            self._launch(motion.carry_bodies, bodies.shape, [c.dt, c.gravity, len(self.world.objects), bodies])
+        for stage in self.stages:
+            stage.launch_positions(n, c)
+        self._launch(motion.count_inner_step, 1, [c.inner])
+
+    def _end(self) -> None:
+        c = self.clock
+        if self.rigid is not None:
+            bodies = self.rigid.bodies
+            objects = len(self.world.objects)
+            kept = [self._kept_position, self._kept_orientation]
+            self._launch(motion.put_back_bodies, bodies.shape, [c.h, c.gravity, objects, *kept, bodies])
+            self.rigid.launch_step(c.time, c.h)
+        self._launch(motion.advance_time, self.n_worlds, [c.h, c.time])
+        self._launch(
+            motion.find_divergence,
+            self.n_worlds,
+            [c.time, self.nodes.x, self.nodes.v, self.diverged_node, self.diverged_time],
+        )
+
+
+def _clock(w: int) -> Clock:
+    def seconds() -> Any:
+        return wp.zeros((w,), dtype=wp.float64, device="cpu")
+
+    return Clock(
+        time=seconds(),
+        h=seconds(),
+        dt=seconds(),
+        inner_steps=wp.zeros((w,), dtype=wp.int32, device="cpu"),
+        inner=wp.zeros((1,), dtype=wp.int32, device="cpu"),
+        gravity=wp.zeros((1,), dtype=wp.vec3d, device="cpu"),
+    )
+
+
+def _stages(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
+    """The stages of the materials that the world has; only their kernels are compiled."""
+    stages: list[MaterialStage] = []
+    kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
+    if "cloth" in kinds:
+        from polyworld.solver.cloth.stage import ClothStage
+
+        cloths = [d for d in world.deformables if d.representation == "cloth"]
+        stages.append(ClothStage(world, cloths, nodes.first, n_worlds))
+    if "soft" in kinds:
+        from polyworld.solver.soft.stage import SoftStage
+
+        softs = [d for d in world.deformables if d.representation in ("soft", "soft_planar")]
+        stages.append(SoftStage(world, softs, nodes.first, n_worlds))
+    if "rope" in kinds:
+        from polyworld.solver.rope.stage import RopeStage
+
+        ropes = [d for d in world.deformables if d.representation in ("rope", "rope_planar")]
+        stages.append(RopeStage(world, ropes, nodes.first, n_worlds))
+    return stages
+
+
+def _put(holder: Any, name: str, values: Any) -> bool:
+    """Write values into holder.name in place; allocate anew, and return True, where the shape differs."""
+    kept = getattr(holder, name)
+    if kept is not None and kept.shape == values.shape:
+        kept.numpy()[:] = values.numpy()
+        return False
+    setattr(holder, name, values)
+    return True

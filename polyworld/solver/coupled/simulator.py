@@ -1,0 +1,134 @@
+"""W variants of one world with deformable objects, spread over threads."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.meshing import mesh_of
+from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.coupled.centres import centre_motion
+from polyworld.solver.coupled.fields import deformable_fields, split_overrides
+from polyworld.solver.coupled.nodes import Fields
+from polyworld.solver.coupled.record import Record
+from polyworld.solver.coupled.shard import Shard
+from polyworld.solver.time_table import time_table
+from polyworld.trajectory import BatchTrajectory, PointMotion
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+
+class CoupledSimulator:
+    """See `polyworld.rollout.simulator`. Each thread runs a shard of the worlds; they share nothing."""
+
+    def __init__(
+        self,
+        world: World,
+        sample_times: Array,
+        *,
+        n_worlds: int = 1,
+        record_events: bool = False,
+        threads: int | None = None,
+    ) -> None:
+        self.world = world
+        self.names = world.moving_names
+        self.n_worlds = n_worlds
+        self.sample_times = np.asarray(sample_times, dtype=float)
+        self._table = time_table(world, self.sample_times)
+        self._meshes = {d.name: mesh_of(world, d) for d in world.deformables}
+        count = min(n_worlds, threads or len(os.sched_getaffinity(0)))
+        edges = np.linspace(0, n_worlds, count + 1).astype(int)
+        self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
+        self._shards = [Shard(world, self._meshes, self._table, s.stop - s.start, record_events) for s in self._spans]
+
+    def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
+        """Roll all variants out from their initial state, to the first `samples` sample times."""
+        count = len(self.sample_times) if samples is None else samples
+        if not 1 <= count <= len(self.sample_times):
+            raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
+        lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
+        if lengths - {self.n_worlds}:
+            raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
+        rigid, soft = split_overrides(self.world, overrides)
+        arrays = rigid_arrays(self.world, rigid)
+        fields = deformable_fields(self.world, soft)
+        segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
+        records = []
+        for shard, span in zip(self._shards, self._spans, strict=True):
+            shard.write(_rows(arrays, span), _field_rows(fields, span))
+            shard.prepare()
+            records.append(Record(shard, count))
+
+        def run(record: Record) -> None:
+            for segment in range(segments):
+                record.shard.advance(segment)
+                if self._table.sample[segment] >= 0:
+                    record.take(int(self._table.sample[segment]))
+
+        if len(records) == 1:
+            run(records[0])
+        else:
+            with ThreadPoolExecutor(len(records)) as pool:
+                list(pool.map(run, records))
+        return self._assemble(records, arrays, count)
+
+    def _assemble(self, records: list[Record], arrays: RigidArrays, count: int) -> BatchTrajectory:
+        times = np.broadcast_to(self.sample_times[None, :count] * arrays.time_scale, (self.n_worlds, count)).copy()
+        rigid = [np.concatenate([r.rigid[k] for r in records]) for k in range(4)]
+        lost_time = np.concatenate([r.lost()[0] for r in records])
+        lost_object = np.concatenate([r.lost()[1] for r in records])
+        lost_element = np.concatenate([r.lost()[2] for r in records])
+        diverged = lost_object >= 0
+        deformables: dict[str, PointMotion] = {}
+        columns = [rigid]
+        for item in self.world.deformables:
+            points = np.concatenate([r.points[item.name] for r in records])
+            velocities = np.concatenate([r.velocities[item.name] for r in records])
+            quantities = {
+                name: np.concatenate([r.quantities[item.name][name] for r in records])
+                for name in records[0].quantities.get(item.name, {})
+            }
+            deformables[item.name] = PointMotion(points, velocities, quantities)
+            mesh = self._meshes[item.name]
+            is_fluid = item.representation.startswith("fluid")
+            mass = np.ones(points.shape[2]) if is_fluid else mesh.measure
+            centre = centre_motion(points, velocities, mass, None if is_fluid else mesh.nodes)
+            columns.append([c[:, :, None] for c in centre])
+        motion = [np.concatenate([c[k] for c in columns], axis=2) for k in range(4)]
+        for w in np.flatnonzero(diverged):
+            gone = times[w] >= lost_time[w] * (1 - 1e-12)
+            for values in motion:
+                values[w, gone] = np.nan
+        starts = np.array([getattr(o, "start_time", 0.0) for o in (*self.world.objects, *self.world.deformables)])
+        events = [e for r in records for e in r.events(times)]
+        return BatchTrajectory(
+            names=self.names,
+            times=times,
+            positions=motion[0],
+            orientations=motion[1],
+            velocities=motion[2],
+            angular_velocities=motion[3],
+            active=self.sample_times[:count, None] >= starts[None, :],
+            diverged=diverged,
+            diverged_time=lost_time,
+            diverged_object=lost_object,
+            diverged_element=lost_element,
+            events=tuple(events),
+            deformables=deformables,
+        )
+
+
+def _rows(arrays: RigidArrays, span: slice) -> RigidArrays:
+    """The same for some of the worlds: shared rows stay, others are cut."""
+    fixed = {"effect_kind", "effect_acts"}
+    return RigidArrays(**{k: v if k in fixed or v.shape[0] == 1 else v[span].copy() for k, v in vars(arrays).items()})
+
+
+def _field_rows(fields: Fields, span: slice) -> Fields:
+    return {n: {p: v if len(v) == 1 else v[span].copy() for p, v in ps.items()} for n, ps in fields.items()}
