@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 from atw_mcp.app import App
 from evidence_store import Case, UnknownRecord
-from polyworld.parameters import STATE_PARAMETERS, read_parameter
+from polyworld.parameter_tables import STATE_PARAMETERS
+from polyworld.parameters import read_parameter
 from polyworld.world import World
 
 Origin = Literal["fitted", "edited", "observed", "given or default"]

@@ -16,7 +16,7 @@ from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import CaseId, ParameterArgument, Patience
 from evidence_store import Case
-from polyworld.parameters import STATE_PARAMETERS
+from polyworld.parameter_tables import STATE_PARAMETERS
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 

@@ -15,7 +15,8 @@ from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
 from polyworld.effects import CATALOGUE
-from polyworld.parameters import OBJECT_PARAMETERS, STATE_PARAMETERS, read_parameter, specification
+from polyworld.parameter_tables import OBJECT_PARAMETERS, STATE_PARAMETERS
+from polyworld.parameters import read_parameter, specification
 from polyworld.world import World
 
 GROUP = ToolGroup("world inspection")

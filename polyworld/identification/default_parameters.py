@@ -12,7 +12,8 @@ from polyworld.identification.contacts import possible_contacts
 from polyworld.identification.free_parameters import FitParameter
 from polyworld.identification.resistance import begun_from_slowing
 from polyworld.initial_states import InitialState, initial_states
-from polyworld.parameters import OBJECT_PARAMETERS, SECONDS_PER_FRAME, read_parameter, specification
+from polyworld.parameter_tables import OBJECT_PARAMETERS, SECONDS_PER_FRAME
+from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 

@@ -7,14 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.parameters import (
-    DEFORMABLE_PARAMETERS,
-    DEFORMABLE_STATE,
-    EMITTER_PARAMETERS,
-    PULLEY_PARAMETERS,
-    read_parameter,
-    specification,
-)
+from polyworld.parameter_tables import DEFORMABLE_PARAMETERS, DEFORMABLE_STATE, EMITTER_PARAMETERS, PULLEY_PARAMETERS
+from polyworld.parameters import read_parameter, specification
 from polyworld.solver.coupled.nodes import Fields
 from polyworld.world import World
 

@@ -9,9 +9,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
-from polyworld.parameters import DEFORMABLE_STATE
+from polyworld.parameter_tables import DEFORMABLE_STATE
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled import motion
+from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.coupled.stage import MaterialStage
 from polyworld.solver.time_table import TimeTable
@@ -42,6 +43,7 @@ class Shard:
         self.nodes = self._allocate(n_worlds)
         self.clock = _clock(n_worlds)
         self.stages = _stages(world, self.nodes, n_worlds)
+        self.effects = MassEffects(world)
         self.record_events = record_events
         plane = world.environment.motion_plane
         normal = np.asarray(plane.normal, dtype=float)
@@ -105,6 +107,7 @@ class Shard:
     def write(self, arrays: RigidArrays, fields: Fields) -> None:
         """Take parameters and go back to the initial state."""
         anew = self._write_nodes(fields)
+        anew |= self.effects.write(arrays)
         for stage in self.stages:
             anew |= stage.write(fields)
         gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
@@ -286,6 +289,7 @@ class Shard:
         n, c = self.nodes, self.clock
         self._launch(motion.begin_inner_step, self.n_worlds, [c.h, c.inner_steps, c.inner, c.dt])
         self._launch(motion.external_forces, n.x.shape, [c.dt, c.gravity, n.owner, n.mass, self._damping, n.v, n.f])
+        self.effects.launch(n, c)
         for stage in self.stages:
             stage.launch_forces(n, c)
         self._launch(motion.accelerate, n.x.shape, [c.dt, n.inverse_mass, n.active, self._across, n.f, n.v])

@@ -1,0 +1,85 @@
+"""Effects whose force is proportional to mass, on the nodes of deformable objects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.effect_forces import effect_forces
+from polyworld.solver.spatial.layout import OPTIONS
+from polyworld.world import World
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.kernel
+def add_effects(
+    dt: wp.array[wp.float64],
+    time: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    mass: wp.array2d[wp.float64],
+    kinds: wp.array[wp.int32],
+    acts: wp.array2d[wp.int32],
+    parameters: wp.array3d[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    f: wp.array2d[wp.vec3d],
+) -> None:
+    w, i = wp.tid()
+    if dt[w] <= wp.float64(0.0):
+        return
+    m = mass[w % mass.shape[0], i]
+    wrench = effect_forces(
+        kinds, acts, parameters, w, owner[i], m, wp.float64(0.0), x[w, i], v[w, i], wp.vec3d(), time[w]
+    )
+    f[w, i] = f[w, i] + wp.spatial_top(wrench)
+
+
+class MassEffects:
+    """The enabled effects of a world that act on its deformable objects."""
+
+    def __init__(self, world: World) -> None:
+        enabled = [e for e in world.effects if e.enabled]
+        acts = [[e.objects is None or d.name in e.objects for d in world.deformables] for e in enabled]
+        self.any = bool(np.any(acts)) if acts else False
+        table = np.array(acts, dtype=np.int32).reshape(len(enabled), len(world.deformables))
+        self._acts: Any = wp.array(table, dtype=wp.int32, device="cpu")
+        self._kinds: Any = None
+        self._parameters: Any = None
+
+    def write(self, arrays: RigidArrays) -> bool:
+        """Take parameter values; True where the arrays were made anew."""
+        if not self.any:
+            return False
+        values = arrays.effect_parameters
+        if self._parameters is not None and self._parameters.shape == values.shape:
+            self._parameters.numpy()[:] = values
+            return False
+        self._kinds = wp.array(arrays.effect_kind, dtype=wp.int32, device="cpu")
+        self._parameters = wp.array(values, dtype=wp.float64, device="cpu")
+        return True
+
+    def launch(self, nodes: Nodes, clock: Clock) -> None:
+        """Add the forces at the current positions and velocities."""
+        if self.any:
+            wp.launch(
+                add_effects,
+                dim=nodes.x.shape,
+                inputs=[
+                    clock.dt,
+                    clock.time,
+                    nodes.owner,
+                    nodes.mass,
+                    self._kinds,
+                    self._acts,
+                    self._parameters,
+                    nodes.x,
+                    nodes.v,
+                    nodes.f,
+                ],
+                device="cpu",
+            )
