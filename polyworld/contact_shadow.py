@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from polyworld import geometry
 from polyworld.camera import Camera
 from polyworld.render import Picture
+from polyworld.representations.fluid import Fluid
 from polyworld.shapes import Plane
 from polyworld.world import World
 
@@ -18,6 +20,7 @@ Array = NDArray[np.float64]
 DARKEST = 0.55  # of the floor's light is taken away under an object that stands on it
 SOFT = 0.35  # width of the shadow's edge, in sizes of the object
 LEVEL = 0.7  # least cosine between a floor's normal and the way up
+SHEER = 0.6  # of that darkness, under what is soft and thin
 
 
 def with_contact_shadows(
@@ -27,20 +30,22 @@ def with_contact_shadows(
     camera: Camera,
     picture: Picture,
     *,
+    points: Mapping[str, Array] | None = None,
     visible: Sequence[bool] | None = None,
 ) -> NDArray[np.uint8]:
     """The colours (H, W, 3) of a picture of the world by this camera, with a footprint under each object near a floor.
 
     Floors are static planes, and the plane a planar world slides on, that lie across gravity. An object's shadow
     is its silhouette seen along the floor's normal, with a soft edge; it fades as the object rises and is gone
-    one size of the object (the largest reach of its silhouette) above the floor. Arguments as in `render`.
+    one size of the object (the largest reach of its silhouette) above the floor. Ropes, cloth and soft bodies
+    darken the floor near those of their points that are low; fluids do not. Arguments as in `render`.
     """
     color = picture.color.astype(float)
     for label, foot, normal in _floors(world):
         rows, columns = np.nonzero(picture.labels == label)
         if not len(rows):
             continue
-        points = _points(camera, rows, columns, picture.depth[rows, columns])
+        places = _points(camera, rows, columns, picture.depth[rows, columns])
         light = np.ones(len(rows))
         axes = _axes(normal)
         for index, item in enumerate(world.objects):
@@ -54,13 +59,32 @@ def with_contact_shadows(
             strength = DARKEST * float(np.clip(1.0 - max(height, 0.0) / size, 0.0, 1.0))
             if strength == 0.0:
                 continue
-            flat = (points - place) @ axes[:2].T
+            flat = (places - place) @ axes[:2].T
             near = np.flatnonzero(np.linalg.norm(flat, axis=1) < size * (1.0 + SOFT))
             outside = _distance_outside(flat[near], outline) - radius
             light[near] *= 1.0 - strength * np.clip(1.0 - outside / (SOFT * size), 0.0, 1.0) ** 2
+        for index, soft in enumerate(world.deformables, start=len(world.objects)):
+            nodes = None if isinstance(soft, Fluid) else (points or {}).get(soft.name)
+            if nodes is not None and (visible is None or visible[index]):
+                light *= _under_points(nodes - foot, places - foot, axes)
         color[rows, columns] *= light[:, None]
     shaded: NDArray[np.uint8] = np.clip(np.rint(color), 0, 255).astype(np.uint8)
     return shaded
+
+
+def _under_points(nodes: Array, floor: Array, axes: Array) -> Array:
+    """Share (k,) of the light left on floor points (k, 3) under nodes (m, 3), both from a point of the floor."""
+    size = 0.25 * float(np.linalg.norm(np.ptp(nodes, axis=0)))
+    height = nodes @ axes[2]
+    low = (height < size) & np.all(np.isfinite(nodes), axis=1)
+    light: Array = np.ones(len(floor))
+    if size <= 0.0 or not low.any():
+        return light
+    distance, nearest = cKDTree(nodes[low] @ axes[:2].T).query(floor @ axes[:2].T, distance_upper_bound=SOFT * size)
+    close = np.isfinite(distance)
+    strength = SHEER * DARKEST * (1.0 - np.clip(height[low][nearest[close]] / size, 0.0, 1.0))
+    light[close] -= strength * (1.0 - distance[close] / (SOFT * size)) ** 2
+    return light
 
 
 def _floors(world: World) -> list[tuple[int, Array, Array]]:
@@ -74,10 +98,10 @@ def _floors(world: World) -> list[tuple[int, Array, Array]]:
             turned = geometry.quaternion_matrix(np.asarray(static.orientation)) @ np.asarray(static.shape.normal)
             normal = turned / np.linalg.norm(turned)
             foot = np.asarray(static.position, dtype=float) + normal * static.shape.offset
-            found.append((len(world.objects) + index, foot, normal))
+            found.append((len(world.moving_names) + index, foot, normal))
     plane = world.environment.motion_plane
     normal = np.asarray(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
-    found.append((len(world.objects) + len(world.statics), np.asarray(plane.point, dtype=float), normal))
+    found.append((len(world.moving_names) + len(world.statics), np.asarray(plane.point, dtype=float), normal))
     return [floor for floor in found if floor[2] @ up > LEVEL]
 
 

@@ -163,6 +163,7 @@ def cast(
     origin: wp.vec3,
     pixel_to_ray: wp.mat33,
     # shapes
+    label_of: wp.array[int],
     kind: wp.array[int],
     position: wp.array[wp.vec3],
     rotation: wp.array[wp.mat33],
@@ -184,7 +185,7 @@ def cast(
     row, column = wp.tid()
     d = wp.normalize(pixel_to_ray @ wp.vec3(float(column), float(row), 1.0))
     nearest = distance_out[row, column]
-    label = wp.int32(-1)
+    found = wp.int32(-1)
     normal = wp.vec3(0.0, 0.0, 0.0)
     for i in range(kind.shape[0]):
         r = rectangle[i]
@@ -208,12 +209,12 @@ def cast(
                 hit = _plane(o, ray, wp.vec3(0.0, 0.0, 1.0), 0.0)
             if hit[0] > 0.0 and hit[0] < nearest:
                 nearest = hit[0]
-                label = i
+                found = i
                 normal = rotation[i] @ wp.vec3(hit[1], hit[2], hit[3])
-    if label >= 0:
-        surface = color[label]
-        if kind[label] == PLANE:
-            surface = surface * _tiled(wp.transpose(rotation[label]) @ (origin + d * nearest - position[label]), tile)
-        labels_out[row, column] = label
+    if found >= 0:
+        surface = color[found]
+        if kind[found] == PLANE:
+            surface = surface * _tiled(wp.transpose(rotation[found]) @ (origin + d * nearest - position[found]), tile)
+        labels_out[row, column] = label_of[found]
         distance_out[row, column] = nearest
         color_out[row, column] = _shaded(surface, normal, light)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from polyworld import geometry, raycast
 from polyworld.camera import Camera
 from polyworld.colors import display_color
+from polyworld.deformable_pictures import Raster, draw_solids, starting_points
+from polyworld.liquid_shading import liquid_seen, with_liquid
 from polyworld.raycast_mesh import cast_mesh
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.representations.rope import Pulley
+from polyworld.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -23,15 +26,18 @@ Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | Plane | Wall | Triangle
 
 BACKGROUND = (222, 226, 232)
 STATIC_COLOR = "silver"
+PULLEY_COLOR = "gray"
+MARGIN = 0.06  # of the picture that a camera leaves free at each side
 
 
 @dataclass(frozen=True)
 class Picture:
     """What a camera sees.
 
-    labels (H, W), of n objects: index of the object, n + index of the static, n + number of statics for the
-    plane on which a planar world slides, or -1 where the ray meets nothing; depth (H, W): distance along the
-    camera's axis [m], inf where nothing; color (H, W, 3): shaded red, green, blue in 0..255.
+    labels (H, W), of n objects, rigid ones and then deformable ones: index of the object, n + index of the static,
+    n + number of statics for the plane on which a planar world slides, one more + index for a pulley, or -1 where
+    the ray meets nothing; depth (H, W): distance along the camera's axis [m], inf where nothing; color (H, W, 3):
+    shaded red, green, blue in 0..255. Walls and hollow bodies let a fluid behind them be seen in the colour alone.
     """
 
     labels: NDArray[np.int32]
@@ -46,8 +52,9 @@ class Picture:
 
 @dataclass
 class _Placed:
-    """Shapes in the order of labels: kind, pose, size, bounding radius (inf where unbounded), half spaces."""
+    """Shapes to draw: label, kind, pose, size, bounding radius (inf where unbounded), half spaces."""
 
+    label: list[int]
     kind: list[int]
     position: list[Array]
     rotation: list[Array]
@@ -64,16 +71,20 @@ def render(
     orientations: Array,
     camera: Camera | None = None,
     *,
+    points: Mapping[str, Array] | None = None,
     visible: Sequence[bool] | None = None,
 ) -> Picture:
     """Draw a world with its n objects at positions (n, 3) [m] and orientations (n, 4) w, x, y, z.
 
-    camera: default the world's own, else `default_camera`. visible (n,): objects not drawn, for instance before
-    they join. Pixel (column u, row v) shows the ray through image point (u, v), as `Camera.project` and OpenCV count.
-    Raises ValueError for arrays that do not fit the world.
+    Objects in the order of `World.moving_names`; rows of deformable ones are not looked at. points: nodes or
+    particles (k, 3) [m] of the deformable objects by name, NaN for particles that are not there; default: as they
+    start. camera: default the world's own, else `default_camera`. visible (n,): objects not drawn, for instance
+    before they join. Pixel (column u, row v) shows the ray through image point (u, v), as `Camera.project` and
+    OpenCV count. Ropes too thin to be seen are drawn a pixel or two wide. Raises ValueError for arrays that do not
+    fit the world.
     """
     positions, orientations = np.asarray(positions, dtype=float), np.asarray(orientations, dtype=float)
-    n = len(world.objects)
+    n = len(world.moving_names)
     if positions.shape != (n, 3) or orientations.shape != (n, 4):
         raise ValueError(
             f"the world has {n} objects: positions must be ({n}, 3) and orientations ({n}, 4), "
@@ -81,24 +92,37 @@ def render(
         )
     if visible is not None and len(visible) != n:
         raise ValueError(f"visible must have one entry for each of the {n} objects, got {len(visible)}")
-    camera = camera or world.camera or default_camera(world, positions[None])
+    places = {**(starting_points(world) if world.deformables else {}), **(points or {})}
+    unknown = sorted(set(places) - {item.name for item in world.deformables})
+    if unknown:
+        raise ValueError(f"points of {unknown}: deformable objects are {[d.name for d in world.deformables]}")
+    everything = np.concatenate([positions[: len(world.objects)], *places.values()])
+    camera = camera or world.camera or default_camera(world, everything)
     placed = _place(world, positions, orientations)
     rectangles = np.array([_rectangle(camera, p, b) for p, b in zip(placed.position, placed.bound, strict=True)])
     rectangles = rectangles.reshape(-1, 4)
-    for index in range(n):
-        if (visible is not None and not visible[index]) or not np.all(np.isfinite(positions[index])):
-            rectangles[index] = (0, -1, 0, -1)
-    return _cast(camera, placed, rectangles)
+    drawn = [visible is None or bool(visible[i]) for i in range(n)]
+    for row, label in enumerate(placed.label):
+        if label < n and not (drawn[label] and np.all(np.isfinite(positions[label]))):
+            rectangles[row] = (0, -1, 0, -1)
+    hidden = {name for name, shown in zip(world.moving_names, drawn, strict=True) if not shown}
+    return _cast(world, camera, placed, rectangles, places, hidden)
 
 
-def default_camera(world: World, positions: Array, *, width: int = 480, height: int = 320) -> Camera:
+def default_camera(world: World, positions: Array, *, width: int | None = None, height: int | None = None) -> Camera:
     """A camera that sees every one of `positions` (..., 3) [m], from above and to the side.
 
-    Objects moving in an upright plane are seen along its normal. The vertical field of view is 40 degrees.
+    Objects moving in an upright plane are seen along its normal. The vertical field of view is 40 degrees. Worlds
+    with deformable objects are seen less from above and as near as their positions and pulleys allow, in a larger
+    picture (720 x 480 instead of 480 x 320).
     """
+    width, height = width or (720 if world.deformables else 480), height or (480 if world.deformables else 320)
     points = np.asarray(positions, dtype=float).reshape(-1, 3)
     points = points[np.all(np.isfinite(points), axis=1)]
-    radius = max([_bounding_radius(o.shape) for o in world.objects], default=0.5)
+    rigid = [geometry.circumscribed_radius(o.shape) for o in world.objects]
+    radius = max(rigid, default=0.0 if len(points) else 0.5)
+    if world.pulleys:
+        points = np.concatenate([points, [pulley.centre for pulley in world.pulleys]])
     if not len(points):
         points = np.zeros((1, 3))
     lower, upper = points.min(axis=0) - radius, points.max(axis=0) + radius
@@ -107,9 +131,35 @@ def default_camera(world: World, positions: Array, *, width: int = 480, height: 
     normal = geometry.plane_axes(world.environment.motion_plane)[2]
     upright = world.planar and abs(normal[2]) < 0.7
     direction = normal if upright else np.array([0.0, -0.8, 0.6])
+    if world.deformables and not upright:
+        direction = np.array([0.28, -0.88, 0.38])
     focal = height / 2 / np.tan(np.radians(20.0))
     distance = reach / np.sin(np.radians(20.0)) * 1.05
-    return look_at(target + distance * direction, target, focal=focal, width=width, height=height)
+    far = look_at(target + distance * direction, target, focal=focal, width=width, height=height)
+    if not world.deformables:
+        return far
+    return _nearer(far, target, points, radius, reach)
+
+
+def _nearer(far: Camera, target: Array, points: Array, radius: float, least: float) -> Camera:
+    """The camera moved along its axis, and across it, until balls of `radius` [m] about all points just fill it.
+
+    least: it stays so far from the target [m].
+    """
+    focal, rotation = far.intrinsics[0][0], np.asarray(far.rotation)
+    local = (points - target) @ rotation.T
+    slopes = np.array([far.width, far.height]) * (1 - 2 * MARGIN) / 2 / focal
+    margin = radius * np.sqrt(1.0 + slopes**2)
+    shift, distance = np.zeros(2), 0.0
+    for axis in range(2):
+        # A point at depth z, x across is seen where |x - shift| + margin <= slope (z + distance).
+        right = (local[:, axis] + margin[axis] - slopes[axis] * local[:, 2]).max()
+        left = (-local[:, axis] + margin[axis] - slopes[axis] * local[:, 2]).max()
+        shift[axis] = (right - left) / 2
+        distance = max(distance, float(right + left) / 2 / slopes[axis])
+    middle = target + shift @ rotation[:2]
+    eye = middle - max(distance, 0.2 * least) * rotation[2]
+    return look_at(eye, eye + rotation[2], focal=focal, width=far.width, height=far.height)
 
 
 def look_at(eye: Array, target: Array, *, focal: float, width: int, height: int) -> Camera:
@@ -140,22 +190,50 @@ def look_at(eye: Array, target: Array, *, focal: float, width: int, height: int)
 
 
 def _place(world: World, positions: Array, orientations: Array) -> _Placed:
-    placed = _Placed([], [], [], [], [], [], [], [])
+    placed = _Placed([], [], [], [], [], [], [], [], [])
     rotations = geometry.quaternion_matrix(orientations)
+    n = len(world.moving_names)
     for index, item in enumerate(world.objects):
-        _add(placed, item.shape, positions[index], rotations[index], display_color(item.appearance.color, index))
-    for static in world.statics:
+        color = display_color(item.appearance.color, index)
+        for piece in geometry.pieces(item.shape):
+            place = positions[index] + rotations[index] @ piece.position
+            _add(placed, index, piece.shape, place, rotations[index] @ piece.rotation, color)
+    for index, static in enumerate(world.statics):
         rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
         color = display_color(static.appearance.color or STATIC_COLOR, 0)
-        _add(placed, static.shape, np.asarray(static.position), rotation, color)
+        _add(placed, n + index, static.shape, np.asarray(static.position), rotation, color)
+    first = n + len(world.statics)
     plane = world.environment.motion_plane
     if world.planar and plane.supports and float(np.dot(world.environment.gravity, plane.normal)) < 0.0:
         surface = Plane(normal=plane.normal, offset=0.0)
-        _add(placed, surface, np.asarray(plane.point), np.eye(3), display_color(STATIC_COLOR, 0))
+        _add(placed, first, surface, np.asarray(plane.point), np.eye(3), display_color(STATIC_COLOR, 0))
+    for index, pulley in enumerate(world.pulleys):
+        centre, axes = pulley_pose(world, pulley, positions, orientations)
+        rope = world.deformable(pulley.rope)
+        thick = float(getattr(rope, "radius", 0.0))
+        wheel = Cylinder(
+            radius=max(pulley.radius - thick, 1.5 * thick), half_height=max(2 * thick, 0.1 * pulley.radius)
+        )
+        _add(placed, first + 1 + index, wheel, centre, axes, display_color(PULLEY_COLOR, 0))
     return placed
 
 
-def _add(placed: _Placed, shape: Shape, position: Array, rotation: Array, color: tuple[int, int, int]) -> None:
+def pulley_pose(world: World, pulley: Pulley, positions: Array, orientations: Array) -> tuple[Array, Array]:
+    """Centre (3,) [m] of a pulley and axes (3, 3) whose third column is the wheel's, objects being as in `render`."""
+    centre, axis = np.asarray(pulley.centre, dtype=float), np.asarray(pulley.axis, dtype=float)
+    axes = _frame(axis / np.linalg.norm(axis))
+    if pulley.object is None:
+        return centre, axes
+    item = world.object(pulley.object)
+    index = world.moving_names.index(pulley.object)
+    start = geometry.quaternion_matrix(np.asarray(item.orientation))
+    turn = geometry.quaternion_matrix(np.asarray(orientations[index])) @ start.T
+    return np.asarray(positions[index]) + turn @ (centre - np.asarray(item.position)), turn @ axes
+
+
+def _add(
+    placed: _Placed, label: int, shape: Shape, position: Array, rotation: Array, color: tuple[int, int, int]
+) -> None:
     kind, size, faces = raycast.BOX, (0.0, 0.0, 0.0), np.zeros((0, 4))
     if isinstance(shape, Wall):
         box, centre, turn = geometry.wall_box(shape)
@@ -177,6 +255,7 @@ def _add(placed: _Placed, shape: Shape, position: Array, rotation: Array, color:
     else:
         placed.meshes.append((len(placed.kind), shape))
         kind = -1  # drawn by its own kernel
+    placed.label.append(label)
     placed.kind.append(int(kind))
     placed.position.append(np.asarray(position, dtype=float))
     placed.rotation.append(np.asarray(rotation, dtype=float))
@@ -244,7 +323,14 @@ def _rectangle(camera: Camera, centre: Array, bound: float) -> tuple[int, int, i
     return int(first[0]), int(last[0]), int(first[1]), int(last[1])
 
 
-def _cast(camera: Camera, placed: _Placed, rectangles: NDArray[np.int64]) -> Picture:
+def _cast(
+    world: World,
+    camera: Camera,
+    placed: _Placed,
+    rectangles: NDArray[np.int64],
+    points: Mapping[str, Array],
+    hidden: set[str],
+) -> Picture:
     rotation = np.asarray(camera.rotation)
     pixel_to_ray = rotation.T @ np.linalg.inv(np.asarray(camera.intrinsics))
     origin = camera.centre
@@ -270,6 +356,7 @@ def _cast(camera: Camera, placed: _Placed, rectangles: NDArray[np.int64]) -> Pic
         dim=shape,
         inputs=[
             *view,
+            array(placed.label, int, np.int32),
             array(placed.kind, int, np.int32),
             array(placed.position, wp.vec3, np.float32, 3),
             wp.array(matrices, dtype=wp.mat33, device="cpu"),
@@ -287,17 +374,17 @@ def _cast(camera: Camera, placed: _Placed, rectangles: NDArray[np.int64]) -> Pic
         ],
         device="cpu",
     )
-    for label, mesh in placed.meshes:
+    for row, mesh in placed.meshes:
         wp.launch(
             cast_mesh,
             dim=shape,
             inputs=[
                 *view,
                 _mesh(mesh).id,
-                wp.vec3(*placed.position[label]),
-                wp.mat33(*placed.rotation[label].ravel()),
-                wp.vec3(*(c / 255.0 for c in placed.color[label])),
-                label,
+                wp.vec3(*placed.position[row]),
+                wp.mat33(*placed.rotation[row].ravel()),
+                wp.vec3(*(c / 255.0 for c in placed.color[row])),
+                placed.label[row],
                 wp.vec3(*light),
                 labels,
                 distance,
@@ -305,10 +392,30 @@ def _cast(camera: Camera, placed: _Placed, rectangles: NDArray[np.int64]) -> Pic
             ],
             device="cpu",
         )
+    raster = Raster(camera, pixel_to_ray, light, labels, distance, color)
+    draw_solids(world, points, raster, hidden, len(world.objects))
+    return _with_fluids(world, points, raster, hidden)
+
+
+def _with_fluids(world: World, points: Mapping[str, Array], raster: Raster, hidden: set[str]) -> Picture:
+    """The finished picture, fluids laid over what was drawn."""
+    labels, distance = raster.labels.numpy().astype(np.int32), raster.distance.numpy()
+    color = raster.color.numpy()
+    liquid = liquid_seen(world, points, raster.camera, raster.pixel_to_ray, hidden)
+    if liquid is not None:
+        n = len(world.moving_names)
+        hollow = [i for i, o in enumerate(world.objects) if isinstance(o.shape, Compound)]
+        walls = [n + i for i, s in enumerate(world.statics) if not isinstance(s.shape, Plane)]
+        color = with_liquid(
+            liquid, raster, color.astype(float), distance.astype(float), np.isin(labels, hollow + walls)
+        )
+        nearer = liquid.distance < distance
+        labels = np.where(nearer, len(world.objects) + liquid.nearest, labels).astype(np.int32)
+        distance = np.where(nearer, liquid.distance, distance).astype(np.float32)
     return Picture(
-        labels=labels.numpy().astype(np.int32),
-        depth=_axial(camera, distance.numpy()),
-        color=np.clip(np.rint(color.numpy() * 255.0), 0, 255).astype(np.uint8),
+        labels=labels,
+        depth=_axial(raster.camera, distance),
+        color=np.clip(np.rint(color * 255.0), 0, 255).astype(np.uint8),
     )
 
 
