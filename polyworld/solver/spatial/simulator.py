@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.spatial import layout
-from polyworld.solver.spatial.constraints import ROWS
+from polyworld.solver.spatial.buffers import (
+    allocate_log,
+    allocate_state,
+    check_room,
+    clear_log,
+    contact_events,
+    write_parameters,
+    zeros,
+)
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.step import roll_out
 from polyworld.solver.time_table import time_table
@@ -21,10 +29,6 @@ from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
 
 Array = NDArray[np.float64]
-
-MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
-EPISODES = 1024  # contact episodes kept for a world; more is an error, not a silence
-MESH_TRIANGLES = 24  # triangles of a mesh that one body is taken to touch at once, at most
 
 
 class SpatialSimulator:
@@ -73,63 +77,28 @@ class SpatialSimulator:
         return self._read(arrays, count)
 
     def _allocate(self) -> None:
-        w, n, s = self.n_worlds, len(self.names), len(self.world.statics)
-        k = self._pieces
-        meshes = sum(static.shape.kind == "triangle_mesh" for static in self.world.statics)
-        pairs = n * (n - 1) // 2 + n * (s - meshes) + n * meshes * MESH_TRIANGLES
-        # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
-        manifolds = max(1, min(pairs, 12 * n + n * s + n * meshes * MESH_TRIANGLES))
-        contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
-        state = layout.State()
-        state.bodies = _zeros((k, n + s), layout.Body)
-        state.manifolds = _zeros((k, 2 * manifolds), layout.Manifold)
-        state.contacts = _zeros((k, 2 * contacts), layout.Contact)
-        state.rows = _zeros((k, ROWS * contacts), layout.Row)
-        state.scratch = _zeros((k, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
-        state.manifold_count = _zeros((k, 2), wp.int32)
-        state.contact_count = _zeros((k, 2), wp.int32)
-        state.crowded = _zeros((k,), wp.int32)
-        state.objects, state.statics = n, s
-        state.max_manifolds, state.max_contacts = manifolds, contacts
+        w, n = self.n_worlds, len(self.names)
         samples = layout.Samples()
         shape = (w, len(self.sample_times), n)
-        samples.position = _zeros(shape, wp.vec3d)
-        samples.orientation = _zeros(shape, wp.quatd)
-        samples.velocity = _zeros(shape, wp.vec3d)
-        samples.angular_velocity = _zeros(shape, wp.vec3d)
-        samples.diverged_object = _zeros((w,), wp.int32)
-        samples.diverged_time = _zeros((w,), wp.float64)
-        samples.crowded = _zeros((w,), wp.int32)
-        log = layout.Log()
-        log.record = int(self.record_events)
-        log.merge = MERGE
-        log.episodes = _zeros((w, EPISODES if self.record_events else 1), layout.Episode)
-        log.count = _zeros((w,), wp.int32)
-        log.open = _zeros((w, n, n + s) if self.record_events else (1, 1, 1), wp.int32)
-        self._state, self._samples, self._log = state, samples, log
+        samples.position = zeros(shape, wp.vec3d)
+        samples.orientation = zeros(shape, wp.quatd)
+        samples.velocity = zeros(shape, wp.vec3d)
+        samples.angular_velocity = zeros(shape, wp.vec3d)
+        samples.diverged_object = zeros((w,), wp.int32)
+        samples.diverged_time = zeros((w,), wp.float64)
+        samples.crowded = zeros((w,), wp.int32)
+        self._samples = samples
+        self._state = allocate_state(self.world, self._pieces)
+        self._log = allocate_log(self.world, w, self.record_events)
 
     def _write(self, arrays: RigidArrays) -> None:
-        """Copy the parameters into the kernel's arrays, which are made anew only where a field changes its rows."""
-        p = self._parameters or layout.Parameters()
-        for name, dtype in PARAMETER_TYPES.items():
-            values = getattr(arrays, name)
-            if name == "orientation":
-                values = np.roll(values, -1, axis=-1)
-            if name == "time_scale":
-                values = values[:, 0]
-            kept = None if self._parameters is None else getattr(p, name)
-            if kept is not None and kept.numpy().shape == values.shape:
-                kept.numpy()[:] = values
-            else:
-                setattr(p, name, wp.array(values, dtype=dtype, device="cpu"))
-        self._parameters = p
+        self._parameters = write_parameters(self._parameters, arrays)
         for field in ("position", "orientation", "velocity", "angular_velocity"):
             getattr(self._samples, field).numpy()[:] = np.nan
         self._samples.diverged_object.numpy()[:] = -1
         self._samples.diverged_time.numpy()[:] = np.nan
         self._samples.crowded.numpy()[:] = 0
-        self._log.open.numpy()[:] = -1
-        self._log.count.numpy()[:] = 0
+        clear_log(self._log)
 
     def _launch(self, segments: int) -> None:
         if not self.names:
@@ -164,13 +133,7 @@ class SpatialSimulator:
 
     def _read(self, arrays: RigidArrays, count: int) -> BatchTrajectory:
         out = self._samples
-        crowded = out.crowded.numpy()
-        if crowded.any():
-            raise RuntimeError(
-                f"{np.count_nonzero(crowded)} of {self.n_worlds} worlds had more than "
-                f"{self._state.max_manifolds} pairs in contact at once: the objects overlap too much, "
-                "or a mesh is too fine for the objects on it"
-            )
+        check_room(self._state, out.crowded.numpy())
         diverged = out.diverged_object.numpy() >= 0
         starts = np.array([o.start_time for o in self.world.objects])
         times = np.broadcast_to(self.sample_times[None, :count] * arrays.time_scale, (self.n_worlds, count)).copy()
@@ -189,44 +152,6 @@ class SpatialSimulator:
         )
 
     def _events(self, w: int, end: float) -> tuple[Event, ...]:
-        """Contact events of one world in order of time."""
         if not self.record_events:
             return ()
-        count = int(self._log.count.numpy()[w])
-        if count > EPISODES:
-            raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
-        events = []
-        for e in self._log.episodes.numpy()[w, :count]:
-            names = tuple(sorted((self._all_names[e["a"]], self._all_names[e["b"]])))
-            x, y, z = (float(v) for v in e["position"])
-            begin, last = float(e["begin"]), float(e["last"])
-            events.append(Event("contact_begin", begin, names, (x, y, z), float(e["first_impulse"]), float(e["speed"])))
-            if last < end - 2.0 * self.world.time.substep:
-                events.append(Event("contact_end", last, names, None, float(e["impulse"])))
-        return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
-
-
-PARAMETER_TYPES = {
-    "mass": wp.float64,
-    "friction": wp.float64,
-    "restitution": wp.float64,
-    "rolling_resistance": wp.float64,
-    "torsional_radius": wp.float64,
-    "linear_damping": wp.float64,
-    "angular_damping": wp.float64,
-    "position": wp.vec3d,
-    "orientation": wp.quatd,
-    "velocity": wp.vec3d,
-    "angular_velocity": wp.vec3d,
-    "static_friction": wp.float64,
-    "static_restitution": wp.float64,
-    "gravity": wp.vec3d,
-    "time_scale": wp.float64,
-    "effect_parameters": wp.float64,
-    "effect_kind": wp.int32,
-    "effect_acts": wp.int32,
-}
-
-
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
+        return contact_events(self._log, w, self._all_names, end, self.world.time.substep)

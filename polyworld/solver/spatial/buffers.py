@@ -1,0 +1,132 @@
+"""The arrays a spatial run works in: state, parameters, contact log; and the events read off the log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.spatial import layout
+from polyworld.solver.spatial.constraints import ROWS
+from polyworld.trajectory import Event
+from polyworld.world import World
+
+MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
+EPISODES = 1024  # contact episodes kept for a world; more is an error, not a silence
+MESH_TRIANGLES = 24  # triangles of a mesh that one body is taken to touch at once, at most
+
+PARAMETER_TYPES = {
+    "mass": wp.float64,
+    "friction": wp.float64,
+    "restitution": wp.float64,
+    "rolling_resistance": wp.float64,
+    "torsional_radius": wp.float64,
+    "linear_damping": wp.float64,
+    "angular_damping": wp.float64,
+    "position": wp.vec3d,
+    "orientation": wp.quatd,
+    "velocity": wp.vec3d,
+    "angular_velocity": wp.vec3d,
+    "static_friction": wp.float64,
+    "static_restitution": wp.float64,
+    "gravity": wp.vec3d,
+    "time_scale": wp.float64,
+    "effect_parameters": wp.float64,
+    "effect_kind": wp.int32,
+    "effect_acts": wp.int32,
+}
+SHARED = frozenset({"effect_kind", "effect_acts"})  # the same in all worlds
+
+
+def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    """An array of zeros on the CPU."""
+    return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def allocate_state(world: World, rows: int) -> layout.State:
+    """Room to work in for `rows` worlds at a time."""
+    n, s = len(world.objects), len(world.statics)
+    meshes = sum(static.shape.kind == "triangle_mesh" for static in world.statics)
+    pairs = n * (n - 1) // 2 + n * (s - meshes) + n * meshes * MESH_TRIANGLES
+    # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
+    manifolds = max(1, min(pairs, 12 * n + n * s + n * meshes * MESH_TRIANGLES))
+    contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
+    state = layout.State()
+    state.bodies = zeros((rows, n + s), layout.Body)
+    state.manifolds = zeros((rows, 2 * manifolds), layout.Manifold)
+    state.contacts = zeros((rows, 2 * contacts), layout.Contact)
+    state.rows = zeros((rows, ROWS * contacts), layout.Row)
+    state.scratch = zeros((rows, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
+    state.manifold_count = zeros((rows, 2), wp.int32)
+    state.contact_count = zeros((rows, 2), wp.int32)
+    state.crowded = zeros((rows,), wp.int32)
+    state.objects, state.statics = n, s
+    state.max_manifolds, state.max_contacts = manifolds, contacts
+    return state
+
+
+def allocate_log(world: World, n_worlds: int, record: bool) -> layout.Log:
+    """A contact log; next to nothing where none is kept."""
+    n, s = len(world.objects), len(world.statics)
+    log = layout.Log()
+    log.record = int(record)
+    log.merge = MERGE
+    log.episodes = zeros((n_worlds, EPISODES if record else 1), layout.Episode)
+    log.count = zeros((n_worlds,), wp.int32)
+    log.open = zeros((n_worlds, n, n + s) if record else (1, 1, 1), wp.int32)
+    return log
+
+
+def clear_log(log: layout.Log) -> None:
+    """No contact has begun."""
+    log.open.numpy()[:] = -1
+    log.count.numpy()[:] = 0
+
+
+def write_parameters(parameters: layout.Parameters | None, arrays: RigidArrays) -> layout.Parameters:
+    """Copy parameters into the kernel's arrays, which are made anew only where a field changes its rows."""
+    p = parameters or layout.Parameters()
+    for name, dtype in PARAMETER_TYPES.items():
+        values = getattr(arrays, name)
+        if name == "orientation":
+            values = np.roll(values, -1, axis=-1)
+        if name == "time_scale":
+            values = values[:, 0]
+        kept = None if parameters is None else getattr(p, name)
+        if kept is not None and kept.numpy().shape == values.shape:
+            kept.numpy()[:] = values
+        else:
+            setattr(p, name, wp.array(values, dtype=dtype, device="cpu"))
+    return p
+
+
+def contact_events(log: layout.Log, w: int, names: Sequence[str], end: float, longest_step: float) -> tuple[Event, ...]:
+    """Contact events of world w in order of time; a contact that lasts to the `end` of the run has no end.
+
+    names: of the objects, then of the statics. Raises RuntimeError where more contacts began than there is room for.
+    """
+    count = int(log.count.numpy()[w])
+    if count > EPISODES:
+        raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
+    events = []
+    for e in log.episodes.numpy()[w, :count]:
+        pair = tuple(sorted((names[e["a"]], names[e["b"]])))
+        x, y, z = (float(v) for v in e["position"])
+        begin, last = float(e["begin"]), float(e["last"])
+        events.append(Event("contact_begin", begin, pair, (x, y, z), float(e["first_impulse"]), float(e["speed"])))
+        if last < end - 2.0 * longest_step:
+            events.append(Event("contact_end", last, pair, None, float(e["impulse"])))
+    return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
+
+
+def check_room(state: layout.State, crowded: Any) -> None:
+    """Raise RuntimeError where worlds, marked in `crowded` (W,), ran out of room for contacts."""
+    if crowded.any():
+        raise RuntimeError(
+            f"{np.count_nonzero(crowded)} of {len(crowded)} worlds had more than "
+            f"{state.max_manifolds} pairs in contact at once: the objects overlap too much, "
+            "or a mesh is too fine for the objects on it"
+        )

@@ -1,0 +1,111 @@
+"""Rigid bodies of W worlds, advanced one step at a time: the rigid part of the coupled solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.spatial.buffers import (
+    SHARED,
+    allocate_log,
+    allocate_state,
+    check_room,
+    clear_log,
+    contact_events,
+    write_parameters,
+    zeros,
+)
+from polyworld.solver.spatial.scene import build_geometry
+from polyworld.solver.spatial.single_step import load_worlds, step_worlds
+from polyworld.trajectory import Event
+from polyworld.world import World
+
+
+class RigidStepper:
+    """Bodies of W variants of one world, of which others may read and change the state between steps.
+
+    bodies: Warp array (W, n + s) of `layout.Body`, objects first; x, q, v, w may be written between steps, with
+    `rotation` the matrix of q. geometry: their shapes. parameters: arrays of W rows, written in place, so that a
+    captured graph of `launch_step` stays valid.
+    """
+
+    def __init__(self, world: World, n_worlds: int, record_events: bool = False) -> None:
+        self.world = world
+        self.n_worlds = n_worlds
+        self.record_events = record_events
+        self.names = tuple(o.name for o in world.objects)
+        self._all_names = self.names + tuple(s.name for s in world.statics)
+        self.geometry, self._trees = build_geometry(world)
+        self.state = allocate_state(world, n_worlds)
+        self.bodies = self.state.bodies
+        self.log = allocate_log(world, n_worlds, record_events)
+        self._start: Any = wp.array([o.start_time for o in world.objects], dtype=wp.float64, device="cpu")
+        self._half = zeros((n_worlds,), wp.int32)
+        self._lost = zeros((n_worlds,), wp.int32)
+        self.parameters: Any = None
+        self.write(rigid_arrays(world))
+
+    def write(self, arrays: RigidArrays) -> None:
+        """Take parameters and initial states; `reset` puts the bodies there."""
+        wide = {
+            name: values if name in SHARED else np.repeat(values, self.n_worlds // len(values), axis=0)
+            for name, values in vars(arrays).items()
+        }
+        self.parameters = write_parameters(self.parameters, replace(arrays, **wide))
+
+    def reset(self) -> None:
+        """Back to the initial state at time 0, without contacts."""
+        clear_log(self.log)
+        self._half.numpy()[:] = 0
+        self._lost.numpy()[:] = -1
+        wp.launch(
+            load_worlds,
+            dim=self.n_worlds,
+            inputs=[self.geometry, self.parameters, self.state, self._start],
+            device="cpu",
+        )
+
+    def launch_step(self, time: Any, h: Any) -> None:
+        """Launch one step of every world from time[w] over h[w], Warp arrays (W,) float64 [s].
+
+        A world with h[w] <= 0, or one that has diverged, stays as it is. An object that starts at the step's end
+        or before takes part from then on.
+        """
+        if not self.names:
+            return
+        wp.launch(
+            step_worlds,
+            dim=self.n_worlds,
+            inputs=[
+                self.geometry,
+                self.parameters,
+                self.state,
+                self.log,
+                self._start,
+                time,
+                h,
+                self._half,
+                self._lost,
+            ],
+            device="cpu",
+        )
+
+    def diverged(self) -> NDArray[np.int32]:
+        """Index (W,) of the first object whose state cannot be trusted, -1 where there is none.
+
+        Raises RuntimeError where a world ran out of room for contacts.
+        """
+        check_room(self.state, self.state.crowded.numpy())
+        lost: NDArray[np.int32] = self._lost.numpy()
+        return lost
+
+    def events(self, w: int, end: float) -> tuple[Event, ...]:
+        """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""
+        if not self.record_events:
+            return ()
+        return contact_events(self.log, w, self._all_names, end, self.world.time.substep)
