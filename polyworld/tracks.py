@@ -1,12 +1,14 @@
-"""Observed motion in world coordinates: what a fit compares a rollout with."""
+"""Observed motion: what a fit compares a rollout with. Centres of objects, and shapes of deformable ones."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from polyworld.shape_series import ShapeSeries
 
 Array = NDArray[np.float64]
 
@@ -20,7 +22,8 @@ class ObservedTracks:
     deviation of a position [m]. orientations (T, n, 4) w, x, y, z, NaN where unknown. confidence (T, n) and
     orientation_confidence (T, n) in 0..1, 0 where nothing was observed. symmetry (n,): order of rotational
     symmetry of the object about its vertical axis as far as the observation can tell (1 none, 4 a cube
-    without markings, 0 any angle looks the same: its rotation about that axis is not compared).
+    without markings, 0 any angle looks the same: its rotation about that axis is not compared). shapes: what was
+    measured of deformable objects at the same frames; an object may have shapes, a track, or both.
     """
 
     names: tuple[str, ...]
@@ -32,6 +35,7 @@ class ObservedTracks:
     confidence: Array
     orientation_confidence: Array
     symmetry: tuple[int, ...]
+    shapes: tuple[ShapeSeries, ...] = ()
 
     def __post_init__(self) -> None:
         t, n = len(self.frames), len(self.names)
@@ -43,6 +47,7 @@ class ObservedTracks:
             "orientation_confidence": (self.orientation_confidence.shape, (t, n)),
             "symmetry": ((len(self.symmetry),), (n,)),
         }
+        shapes |= {f"{s.readout.kind} of {s.object}": (s.confidence.shape[:1], (t,)) for s in self.shapes}
         wrong = [f"{k} {got}, expected {want}" for k, (got, want) in shapes.items() if got != want]
         if wrong:
             raise ValueError("; ".join(wrong))
@@ -64,11 +69,17 @@ class ObservedTracks:
             raise KeyError(f"unknown track {name!r}; tracks: {list(self.names)}")
         return self.names.index(name)
 
+    @property
+    def observed_names(self) -> tuple[str, ...]:
+        """Names of all objects of which anything is known: those with tracks, then those with shapes alone."""
+        return tuple(dict.fromkeys((*self.names, *(s.object for s in self.shapes))))
+
     def select(self, names: list[str] | tuple[str, ...]) -> Self:
-        """The same tracks for some objects only, in the order given."""
-        columns = [self.index(n) for n in names]
+        """The same for some objects only, tracks in the order given; raises KeyError for one with nothing known."""
+        tracked = [n for n in names if n in self.names or not any(s.object == n for s in self.shapes)]
+        columns = [self.index(n) for n in tracked]
         return type(self)(
-            names=tuple(names),
+            names=tuple(tracked),
             frames=self.frames,
             seconds_per_frame=self.seconds_per_frame,
             positions=self.positions[:, columns],
@@ -77,6 +88,33 @@ class ObservedTracks:
             confidence=self.confidence[:, columns],
             orientation_confidence=self.orientation_confidence[:, columns],
             symmetry=tuple(self.symmetry[c] for c in columns),
+            shapes=tuple(s for s in self.shapes if s.object in names),
+        )
+
+    def with_shapes(self, shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64]) -> Self:
+        """The same with more shapes, measured at other frames, which are added to these.
+
+        A readout that is here already is replaced.
+        """
+        union = np.union1d(self.frames, frames).astype(np.int64)
+        at = np.searchsorted(union, self.frames)
+
+        def spread(values: Array, empty: float) -> Array:
+            wide = np.full((len(union), *values.shape[1:]), empty)
+            wide[at] = values
+            return wide
+
+        new = [s.readout for s in shapes]
+        kept = [s.onto(union, self.frames) for s in self.shapes if s.readout not in new]
+        return replace(
+            self,
+            frames=union,
+            positions=spread(self.positions, np.nan),
+            position_sigma=spread(self.position_sigma, np.nan),
+            orientations=spread(self.orientations, np.nan),
+            confidence=spread(self.confidence, 0.0),
+            orientation_confidence=spread(self.orientation_confidence, 0.0),
+            shapes=(*kept, *(s.onto(union, frames) for s in shapes)),
         )
 
     def window(self, first_frame: int, last_frame: int) -> Self:
@@ -92,6 +130,7 @@ class ObservedTracks:
             confidence=self.confidence[rows],
             orientation_confidence=self.orientation_confidence[rows],
             symmetry=self.symmetry,
+            shapes=tuple(s.rows(rows) for s in self.shapes),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -106,6 +145,7 @@ class ObservedTracks:
             "confidence": _to_lists(self.confidence),
             "orientation_confidence": _to_lists(self.orientation_confidence),
             "symmetry": list(self.symmetry),
+            **({"shapes": [s.to_dict() for s in self.shapes]} if self.shapes else {}),
         }
 
     @classmethod
@@ -122,7 +162,25 @@ class ObservedTracks:
             confidence=np.asarray(data["confidence"], dtype=float).reshape(t, n),
             orientation_confidence=np.asarray(data["orientation_confidence"], dtype=float).reshape(t, n),
             symmetry=tuple(int(s) for s in data["symmetry"]),
+            shapes=tuple(ShapeSeries.from_dict(s) for s in data.get("shapes", ())),
         )
+
+
+def shapes_only(shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seconds_per_frame: float) -> ObservedTracks:
+    """A record of shapes without tracks."""
+    t = len(frames)
+    return ObservedTracks(
+        names=(),
+        frames=np.asarray(frames, dtype=np.int64),
+        seconds_per_frame=seconds_per_frame,
+        positions=np.zeros((t, 0, 3)),
+        position_sigma=np.zeros((t, 0)),
+        orientations=np.zeros((t, 0, 4)),
+        confidence=np.zeros((t, 0)),
+        orientation_confidence=np.zeros((t, 0)),
+        symmetry=(),
+        shapes=shapes,
+    )
 
 
 def _to_lists(values: Array) -> list[Any]:

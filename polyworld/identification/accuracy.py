@@ -1,14 +1,15 @@
-"""Plain readouts of how well a trajectory follows tracks: root mean square errors in metres and radians."""
+"""Plain readouts of how well a trajectory follows tracks and shapes: root mean square errors in their own units."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.identification.readout import Entries, Readout
+from polyworld.identification.shape_entries import ShapeEntries
 from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World
@@ -21,7 +22,9 @@ class Accuracy:
     """Root mean square errors: position [m], rotation [rad], each overall and by object.
 
     position over all observed samples (square root of the mean squared distance), NaN where none;
-    worst_position [m] is the largest single distance; samples counts the positions compared.
+    worst_position [m] is the largest single distance; samples counts the positions compared. shape_by_readout:
+    object -> kind of readout -> root mean square error in the readout's unit; shape_score: the same over all shapes,
+    in standard deviations, NaN where there are none.
     """
 
     position: float
@@ -30,6 +33,8 @@ class Accuracy:
     samples: int
     position_by_object: dict[str, float]
     rotation_by_object: dict[str, float]
+    shape_by_readout: dict[str, dict[str, float]] = field(default_factory=dict)
+    shape_score: float = float("nan")
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values, NaN as None."""
@@ -40,6 +45,17 @@ class Accuracy:
             "samples": self.samples,
             "position_rmse_by_object": {k: _finite(v) for k, v in self.position_by_object.items()},
             "rotation_rmse_by_object": {k: _finite(v) for k, v in self.rotation_by_object.items()},
+            **(
+                {
+                    "shape_rmse": {
+                        name: {kind: _finite(v) for kind, v in kinds.items()}
+                        for name, kinds in self.shape_by_readout.items()
+                    },
+                    "shape_rms_in_sigma": _finite(self.shape_score),
+                }
+                if self.shape_by_readout
+                else {}
+            ),
         }
 
 
@@ -69,9 +85,12 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
         diverged_time=np.full(1, np.nan),
         diverged_object=np.full(1, -1, dtype=np.int64),
         events=((),),
+        deformables={name: motion.select(None) for name, motion in trajectory.deformables.items()},
     )
     distance = np.linalg.norm(readout.position_differences(batch)[0], axis=-1)
     angle = np.linalg.norm(readout.rotation_differences(batch)[0], axis=-1)
+    series = [s for s in tracks.shapes if s.object in world.moving_names]
+    by_readout, score = _shapes([ShapeEntries.of(world, s, times) for s in series], batch)
     return Accuracy(
         position=_rms(distance),
         rotation=_rms(angle),
@@ -79,12 +98,30 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
         samples=len(distance),
         position_by_object=_by_object(tracks, readout.positions, distance),
         rotation_by_object=_by_object(tracks, readout.rotations, angle),
+        shape_by_readout=by_readout,
+        shape_score=score,
     )
 
 
 def trajectory_rmse(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> float:
     """Square root of the mean squared position error over all observed samples [m]; see `accuracy`."""
     return accuracy(world, tracks, trajectory).position
+
+
+def _shapes(shapes: list[ShapeEntries], batch: BatchTrajectory) -> tuple[dict[str, dict[str, float]], float]:
+    squares: dict[str, dict[str, list[Array]]] = {}
+    standardised: list[Array] = []
+    for shape in shapes:
+        difference = shape.differences(batch)[0]
+        if len(difference):
+            found = squares.setdefault(shape.series.object, {}).setdefault(shape.readout.kind, [])
+            found.append((difference**2).sum(axis=-1))
+            standardised.append(shape.standardised(batch)[0].ravel())
+    by_readout = {
+        name: {kind: float(np.sqrt(np.mean(np.concatenate(parts)))) for kind, parts in kinds.items()}
+        for name, kinds in squares.items()
+    }
+    return by_readout, _rms(np.concatenate(standardised)) if standardised else float("nan")
 
 
 def _by_object(tracks: ObservedTracks, entries: Entries, sizes: Array) -> dict[str, float]:

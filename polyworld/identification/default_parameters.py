@@ -10,6 +10,7 @@ from polyworld import geometry
 from polyworld.effects import CATALOGUE
 from polyworld.identification.contacts import possible_contacts
 from polyworld.identification.free_parameters import FitParameter
+from polyworld.identification.material_parameters import material_parameters, tied_bodies
 from polyworld.identification.resistance import begun_from_slowing
 from polyworld.initial_states import InitialState, initial_states
 from polyworld.parameter_tables import OBJECT_PARAMETERS, SECONDS_PER_FRAME
@@ -36,6 +37,7 @@ def default_parameters(
     initial_conditions: bool = True,
     effects: bool = True,
     time_base: bool = False,
+    materials: Sequence[str] | None = None,
 ) -> list[FitParameter]:
     """Unknowns of a fit of `world` to `tracks`, only those that the tracks can show.
 
@@ -44,7 +46,7 @@ def default_parameters(
     first is kept, since motion tells only ratios, and is the unit of the others. initial_conditions: position,
     velocity, rotation and spin of every object that moves at first, position and rotation of those that are
     moved later. effects: coefficients of the world's enabled effects. time_base: seconds_per_frame, when it
-    is not given.
+    is not given. materials: parameters of deformable objects, see `material_parameters`.
 
     Left out: objects without a track or which neither move nor are reached by anything; contact parameters of
     objects that nothing reaches. These keep what the world has, except that a shared value is everybody's.
@@ -56,19 +58,21 @@ def default_parameters(
     contacts = possible_contacts(world, tracks)
     bodies = {o.name for o in world.objects}
     touched = {n: min(c.time for c in contacts if n in c.participants) for c in contacts for n in c.participants}
-    met = {n for c in contacts for n in c.participants if set(c.participants) <= bodies}
+    tied = tied_bodies(world) & set(states)
+    met = {n for c in contacts for n in c.participants if set(c.participants) <= bodies} | tied
     # When an object's own motion begins to show: at once if it moves, else when something reaches it.
     begins = {
-        o.name: o.start_time if states[o.name].moves else touched[o.name]
+        o.name: o.start_time if states[o.name].moves or o.name in tied else touched[o.name]
         for o in world.objects
-        if o.name in states and (states[o.name].moves or o.name in touched)
+        if o.name in states and (states[o.name].moves or o.name in touched or o.name in tied)
     }
     parameters: list[FitParameter] = []
     if initial_conditions:
         for name, begin in begins.items():
             parameters += _initial_conditions(world, states[name], begin, axes, tracks)
     for field in (*shared, *each):
-        concerned = {n: _enters(field, n, begins, touched) for n in begins}
+        felt = {**touched, **dict.fromkeys(tied, 0.0)} if field == "mass" else touched
+        concerned = {n: _enters(field, n, begins, felt) for n in begins}
         concerned = {n: t for n, t in concerned.items() if np.isfinite(t) and _has(world, n, field)}
         if field == "mass":
             ordered = [o.name for o in world.objects if o.name in met and o.name in concerned]
@@ -90,7 +94,8 @@ def default_parameters(
         parameters.append(
             FitParameter("seconds_per_frame", ("time.seconds_per_frame",), lower, upper, spf, 0.3, scale="log")
         )
-    return begun_from_slowing(world, tracks, states, parameters)
+    begun = begun_from_slowing(world, tracks, states, parameters)
+    return begun + material_parameters(world, tracks, materials, initial_conditions=initial_conditions)
 
 
 def _check_fields(shared: Sequence[str], each: Sequence[str]) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from polyworld.identification.contacts import possible_contacts
+from polyworld.identification.material_parameters import tied_bodies
 from polyworld.initial_states import initial_states
+from polyworld.parameter_tables import DEFORMABLE_PARAMETERS
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 
 
 def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, str]:
-    """Parameter path -> why the tracks say nothing about it, for friction, damping, restitution and mass.
+    """Parameter path -> why the tracks say nothing about it: friction, damping, restitution, mass, and materials.
 
     From the tracks alone: who moves, and who comes near whom. A path that is absent may still be undetermined;
     the sensitivity of the fit decides.
@@ -18,11 +20,12 @@ def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, st
     contacts = possible_contacts(world, tracks)
     bodies = {o.name for o in world.objects}
     touched = {n for c in contacts for n in c.participants}
-    met = {n for c in contacts for n in c.participants if set(c.participants) <= bodies}
+    tied = tied_bodies(world)
+    met = {n for c in contacts for n in c.participants if set(c.participants) <= bodies} | tied
     reasons: dict[str, str] = {}
     for item in world.objects:
         head = f"objects.{item.name}"
-        moving = item.name in states and (states[item.name].moves or item.name in touched)
+        moving = item.name in states and (states[item.name].moves or item.name in touched or item.name in tied)
         if item.name not in states:
             still = f"{item.name} was not observed"
         else:
@@ -34,6 +37,13 @@ def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, st
             reasons[f"{head}.restitution"] = f"no contact involving {item.name} in the observed frames"
         if item.name not in met:
             reasons[f"{head}.mass"] = f"mass ratios enter through collisions only, and {item.name} meets no other body"
+    known = set(tracks.observed_names)
+    for soft in world.deformables:
+        fastened = {a.to for a in world.attachments if a.object == soft.name}
+        fastened |= {a.object for a in world.attachments if a.to == soft.name}
+        if soft.name not in known and not fastened & known:
+            for field in DEFORMABLE_PARAMETERS[soft.representation]:
+                reasons[f"objects.{soft.name}.{field}"] = f"neither {soft.name} nor what it is fastened to was observed"
     first = next((o.name for o in world.objects if o.name in met), None)
     if first is not None:
         reasons[f"objects.{first}.mass"] = f"motion tells only ratios of masses: that of {first} is kept as their unit"

@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 
 from polyworld.identification.free_parameters import SearchSpace
 from polyworld.identification.objective import Objective
+from polyworld.readouts import object_mesh
 from polyworld.rollout import Simulator
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import World
+from polyworld.world import Deformable, World
 
 Array = NDArray[np.float64]
+
+
+MOST_BYTES = 500_000_000  # of points of deformable objects in one run
 
 
 class MakeSimulator(Protocol):
@@ -26,8 +30,9 @@ class MakeSimulator(Protocol):
 class ForwardModel:
     """Candidates in search coordinates in, losses or residuals out; counts the rollouts it asks for.
 
-    batch: worlds of one simulator run at most. What is left of the candidates runs in a smaller simulator, of a
-    power of two of worlds, filled up with copies that are not counted.
+    batch: worlds of one simulator run at most, fewer where the points of deformable objects would take more than
+    `MOST_BYTES`. What is left of the candidates runs in a smaller simulator, of a power of two of worlds, filled
+    up with copies that are not counted.
     """
 
     def __init__(
@@ -44,7 +49,7 @@ class ForwardModel:
         self.objective = objective
         self.space = space
         self.rollouts = 0
-        self._batch = batch
+        self._batch = min(batch, most_worlds(world, len(objective.sample_times)))
         self._prior_weight = prior_weight
         self._make_simulator = make_simulator
         self._simulators: dict[int, Simulator] = {}
@@ -92,3 +97,15 @@ class ForwardModel:
         if size not in self._simulators:
             self._simulators[size] = self._make_simulator(self.world, self.objective.sample_times, n_worlds=size)
         return self._simulators[size]
+
+
+def most_worlds(world: World, samples: int) -> int:
+    """Worlds of which one run may keep the motion: a power of two, at least 1."""
+    points = sum(_most_points(world, item) for item in world.deformables)
+    worlds = MOST_BYTES // max(48 * points * samples, 1)
+    return 1 << max(int(worlds).bit_length() - 1, 0)
+
+
+def _most_points(world: World, item: Deformable) -> int:
+    count = len(object_mesh(world, item.name).nodes)
+    return count * 2 if any(e.fluid == item.name for e in world.emitters) else count  # emitted particles come on top

@@ -1,4 +1,4 @@
-"""The loss of a fit: how far a batch of rollouts is from the observed tracks, in units of the noise."""
+"""The loss of a fit: how far a batch of rollouts is from observed tracks and shapes, in units of the noise."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.identification.readout import Readout, gyration_radius
+from polyworld.identification.readout import Readout, turning_length
+from polyworld.identification.shape_entries import ShapeEntries
 from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
@@ -44,7 +45,7 @@ class ObjectiveSettings:
 
 @dataclass(frozen=True)
 class Objective:
-    """Loss of batches of rollouts of one world against one track record.
+    """Loss of batches of rollouts of one world against one track record, its shapes included.
 
     Loss of a world: sum of c rho(r) / sum of c d over entries, where c is the confidence, r the residual of an
     entry over its standard deviation, d its number of components and rho Huber's function, r^2 up to the
@@ -55,6 +56,7 @@ class Objective:
     tracks: ObservedTracks
     settings: ObjectiveSettings = ObjectiveSettings()
     readout: Readout = field(init=False)
+    shapes: tuple[ShapeEntries, ...] = field(init=False)
     _position_sigma: Array = field(init=False, repr=False)
     _position_weight: Array = field(init=False, repr=False)
     _rotation_sigma: Array = field(init=False, repr=False)
@@ -73,11 +75,16 @@ class Objective:
         if self.settings.rotation_sigma is not None:
             rotation_sigma = np.full(len(turn.sample), self.settings.rotation_sigma)
         else:
-            lengths = np.array([gyration_radius(o, readout.normal) for o in self.world.objects])
+            lengths = np.ones(len(self.world.moving_names))
+            for column in np.unique(turn.column):
+                lengths[column] = turning_length(self.world, self.world.moving_names[column], readout.normal)
             own = self.tracks.position_sigma[turn.sample, turn.track]
             own = np.where(np.isfinite(own), own, np.nanmedian(sigma) if len(sigma) else 0.0)
             rotation_sigma = np.hypot(own, self.settings.position_tolerance) / lengths[turn.column]
+        shapes = [s for s in self.tracks.shapes if s.object in self.world.moving_names]
+        entries = [ShapeEntries.of(self.world, s, readout.sample_times) for s in shapes]
         object.__setattr__(self, "readout", readout)
+        object.__setattr__(self, "shapes", tuple(entries))
         object.__setattr__(self, "_position_sigma", sigma)
         object.__setattr__(self, "_position_weight", self.tracks.confidence[at.sample, at.track])
         object.__setattr__(self, "_rotation_sigma", rotation_sigma)
@@ -89,7 +96,8 @@ class Objective:
         count, turns = readout.positions.before(samples), readout.rotations.before(samples)
         dims = 1 if readout.normal is not None else 3
         total = self._position_weight[:count].sum() * len(readout.axes) + self._rotation_weight[:turns].sum() * dims
-        return float(total)
+        shapes = sum(s.weight[: s.before(samples)].sum() * s.components for s in self.shapes)
+        return float(total + shapes)
 
     @property
     def sample_times(self) -> Array:
@@ -117,7 +125,7 @@ class Objective:
         return losses
 
     def residuals(self, batch: BatchTrajectory) -> Array:
-        """Weighted standardised residuals (W, r): sqrt(c) times every component, positions first.
+        """Weighted standardised residuals (W, r): sqrt(c) times every component; positions, rotations, shapes.
 
         Their sum of squares is the least-squares (not Huber) form of the loss times its normaliser.
         """
@@ -147,11 +155,16 @@ class Objective:
                 at = np.flatnonzero(entries.track[:count] == track)
                 rows.append(offset + at[:, None] * d + np.arange(d))
             offset += count * d
+        for shape in self.shapes:
+            d = shape.components
+            for group in shape.groups(samples):
+                rows.append((offset + group[..., None] * d + np.arange(d)).reshape(len(group), -1))
+            offset += shape.before(samples) * d
         return rows
 
     def _standardised(self, batch: BatchTrajectory) -> list[tuple[Array, Array]]:
-        if batch.names != tuple(o.name for o in self.world.objects):
-            raise ValueError(f"the rollouts hold {batch.names}, the world {[o.name for o in self.world.objects]}")
+        if batch.names != self.world.moving_names:
+            raise ValueError(f"the rollouts hold {batch.names}, the world {self.world.moving_names}")
         position = self.readout.position_differences(batch)
         count = position.shape[1]
         parts = [(position / self._position_sigma[:count, None], self._position_weight[:count])]
@@ -159,6 +172,7 @@ class Objective:
             rotation = self.readout.rotation_differences(batch)
             count = rotation.shape[1]
             parts.append((rotation / self._rotation_sigma[:count, None], self._rotation_weight[:count]))
+        parts += [(s.standardised(batch), s.weight[: s.before(batch.positions.shape[1])]) for s in self.shapes]
         return parts
 
 

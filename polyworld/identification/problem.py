@@ -201,4 +201,5 @@ def _cut(trajectory: Trajectory, keep: slice) -> Trajectory:
         velocities=trajectory.velocities[keep],
         angular_velocities=trajectory.angular_velocities[keep],
         active=trajectory.active[keep],
+        deformables={name: motion.select(keep) for name, motion in trajectory.deformables.items()},
     )

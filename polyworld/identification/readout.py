@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.readouts import object_mesh
 from polyworld.representations.rigid import RigidObject
 from polyworld.symmetry import smallest_rotation, turn_about
 from polyworld.tracks import ObservedTracks
@@ -38,7 +39,7 @@ class Entries:
 
 @dataclass(frozen=True)
 class Readout:
-    """The part of a track record that a world can be compared with.
+    """The tracks of a record that a world can be compared with; its shapes are `shape_entries`.
 
     axes (d, 3): rows span the directions compared, d = 2 in planar worlds. sample_times (T,) [s] at the
     world's own seconds_per_frame. unmodelled: tracks without an object of that name in the world, unobserved:
@@ -61,21 +62,26 @@ class Readout:
         Observations before an object's start_time are left out, as are those of confidence 0. Raises
         ValueError when no name matches, no frame is left, or a frame number is negative.
         """
-        names = [o.name for o in world.objects]
-        shared = [n for n in tracks.names if n in names]
-        if not shared:
-            raise ValueError(
-                f"no track belongs to an object of the world; tracks {list(tracks.names)}, objects {names}"
-            )
+        names = list(world.moving_names)
+        known = tracks.observed_names
+        if not any(n in names for n in known):
+            raise ValueError(f"no track belongs to an object of the world; tracks {list(known)}, objects {names}")
         if len(tracks.frames) == 0 or tracks.frames[0] < 0:
             raise ValueError("tracks must have at least one frame, and frame numbers must not be negative")
         times = tracks.frames.astype(np.float64) * world.time.seconds_per_frame
         columns = np.array([names.index(n) if n in names else -1 for n in tracks.names], dtype=np.int64)
-        starts = np.array([world.object(n).start_time if n in names else np.inf for n in tracks.names])
+        starts = np.array([start_time(world, n) if n in names else np.inf for n in tracks.names])
         # A start time is a frame's time up to rounding.
         present = times[:, None] >= starts[None, :] - 1e-9
         seen = present & (tracks.confidence > 0.0)
-        compared = np.array([order != 0 or not world.planar for order in tracks.symmetry])
+        fluids = {d.name for d in world.deformables if d.representation.startswith("fluid")}
+        compared = np.array(
+            [
+                (order != 0 or not world.planar) and n not in fluids
+                for n, order in zip(tracks.names, tracks.symmetry, strict=True)
+            ],
+            dtype=bool,
+        )
         turned = (
             present
             & compared[None, :]
@@ -90,8 +96,8 @@ class Readout:
             rotations=_entries(turned, columns),
             axes=frame[:2] if world.planar else np.eye(3),
             normal=frame[2] if world.planar else None,
-            unmodelled=tuple(n for n in tracks.names if n not in names),
-            unobserved=tuple(n for n in names if n not in tracks.names),
+            unmodelled=tuple(n for n in known if n not in names),
+            unobserved=tuple(n for n in names if n not in known),
         )
 
     def position_differences(self, batch: BatchTrajectory) -> Array:
@@ -123,6 +129,24 @@ class Readout:
 def _entries(chosen: NDArray[np.bool_], columns: Ints) -> Entries:
     sample, track = np.nonzero(chosen)  # row-major: ordered by time
     return Entries(sample.astype(np.int64), columns[track], track.astype(np.int64))
+
+
+def start_time(world: World, name: str) -> float:
+    """Time [s] at which an object joins; fluids are there from the beginning."""
+    return float(getattr(world.item(name), "start_time", 0.0))
+
+
+def turning_length(world: World, name: str, normal: Array | None) -> float:
+    """`gyration_radius` of any object of a world, a deformable one in its initial shape [m]."""
+    item = world.item(name)
+    if isinstance(item, RigidObject):
+        return gyration_radius(item, normal)
+    mesh = object_mesh(world, name)
+    share = mesh.measure / mesh.measure.sum()
+    offset = mesh.nodes - share @ mesh.nodes
+    if normal is None:  # the mean over the axes of the squared distances from each
+        return float(np.sqrt(2.0 / 3.0 * share @ (offset**2).sum(axis=1)))
+    return float(np.sqrt(share @ ((offset - np.outer(offset @ normal, normal)) ** 2).sum(axis=1)))
 
 
 def gyration_radius(item: RigidObject, normal: Array | None) -> float:

@@ -1,0 +1,33 @@
+"""Readouts of deformable objects: what a rollout shows of them, in the form in which it can be observed."""
+
+from polyworld.readouts.kinds import (
+    Amount,
+    Centreline,
+    Curve,
+    Front,
+    GridOccupancy,
+    ImageOccupancy,
+    Markers,
+    Outline,
+    Readout,
+    Stretch,
+    Tension,
+)
+from polyworld.readouts.read import check_readable, object_mesh, read
+
+__all__ = [
+    "Amount",
+    "Centreline",
+    "Curve",
+    "Front",
+    "GridOccupancy",
+    "ImageOccupancy",
+    "Markers",
+    "Outline",
+    "Readout",
+    "Stretch",
+    "Tension",
+    "check_readable",
+    "object_mesh",
+    "read",
+]
