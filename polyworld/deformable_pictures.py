@@ -152,7 +152,8 @@ def vertex_normals(vertices: Array, triangles: Ints) -> Array:
     for axis in range(3):
         for corner in range(3):
             normals[:, axis] += np.bincount(triangles[:, corner], weights=face[:, axis], minlength=len(vertices))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    return normals
 
 
 def _tubes(rope: Rope, nodes: Array, segments: Ints, color: tuple[int, int, int], label: int, raster: Raster) -> None:

@@ -10,45 +10,69 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from polyworld.description import Description, Name, NonNegative, Quaternion, Vec3
-from polyworld.joints import check_hinges_hold, turned_about
+from polyworld.description import Description, Name, NonNegative, Positive, Quaternion, Vec3
+from polyworld.joints import check_hinges_hold
 from polyworld.parameters import with_parameters
+from polyworld.relocation import moved
+from polyworld.removal import PARTS, without
+from polyworld.representations.attachment import Attachment
+from polyworld.representations.fluid import Container, Drain, Emitter, FluidGrid
+from polyworld.representations.joint import Joint
 from polyworld.representations.rigid import RigidObject
-from polyworld.world import StaticObject, World
+from polyworld.representations.rope import Pulley
+from polyworld.world import Deformable, StaticObject, World
+
+Part = Literal["object", "deformable", "static", "joint", "attachment", "pulley", "emitter", "drain", "container"]
+ADDED = ("object", "deformable", "static", "joint", "attachment", "pulley", "emitter", "drain", "container")
 
 
 class Remove(Description):
-    """Take an object or a static out of the world; its hinges and effects that acted on it alone go with it."""
+    """Take an object out of the world; its joints, attachments, pulleys, emitters and own effects go with it."""
 
     action: Literal["remove"] = "remove"
-    object: Name = Field(description="name of the object or static to remove")
+    object: Name = Field(description="name of what to remove: an object of any kind, a static, a joint, a pulley, ...")
+    part: Part | None = Field(default=None, description="which kind of part is meant, where two share the name")
 
 
 class Add(Description):
-    """Put an object or a static into the world: give exactly one of the two."""
+    """Put something into the world: give exactly one part."""
 
     action: Literal["add"] = "add"
-    object: RigidObject | None = Field(default=None, description="the object to add, with its initial state")
+    object: RigidObject | None = Field(default=None, description="the rigid object to add, with its initial state")
+    deformable: Deformable | None = Field(default=None, description="the rope, cloth, soft body or fluid to add")
     static: StaticObject | None = Field(default=None, description="the static to add")
+    joint: Joint | None = Field(default=None, description="the joint to add")
+    attachment: Attachment | None = Field(default=None, description="the attachment to add")
+    pulley: Pulley | None = Field(default=None, description="the pulley to add")
+    emitter: Emitter | None = Field(default=None, description="the emitter to add")
+    drain: Drain | None = Field(default=None, description="the drain to add")
+    container: Container | None = Field(default=None, description="the container to add")
+    fluid_grid: FluidGrid | None = Field(default=None, description="with the first fluid of a world: its grid")
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        if (self.object is None) == (self.static is None):
-            raise ValueError("add takes exactly one of: object, static")
+        given = [part for part in ADDED if getattr(self, part) is not None]
+        if len(given) != 1:
+            raise ValueError(f"add takes exactly one of: {', '.join(ADDED)}; got {given or 'none'}")
+        if self.fluid_grid is not None and given != ["deformable"]:
+            raise ValueError("fluid_grid is given together with a fluid, as deformable")
         return self
 
 
 class Move(Description):
-    """Start an object somewhere else or otherwise turned.
+    """Start an object somewhere else or otherwise turned, all of it, about its centre of mass.
 
     A hinged object keeps its hinge: one on a single hinge turns about it when given only an orientation; any
-    other move must leave the attached points where they are.
+    other move must leave the attached points where they are. Springs are stretched; a rope tied to the object by
+    an end follows with it; fastenings of a deformable object to the world move along with it.
     """
 
     action: Literal["move"] = "move"
     object: Name = Field(description="name of the object")
     position: Vec3 | None = Field(default=None, description="centre of mass at the object's start_time [m]")
-    orientation: Quaternion | None = Field(default=None, description="unit quaternion w, x, y, z")
+    orientation: Quaternion | None = Field(
+        default=None, description="unit quaternion w, x, y, z; of ropes, cloth and fluids: turn from how they lie"
+    )
 
     @model_validator(mode="after")
     def _some(self) -> Self:
@@ -63,7 +87,9 @@ class SetVelocity(Description):
     action: Literal["set_velocity"] = "set_velocity"
     object: Name = Field(description="name of the object")
     velocity: Vec3 | None = Field(default=None, description="velocity at the object's start_time [m/s]")
-    angular_velocity: Vec3 | None = Field(default=None, description="angular velocity, world axes [rad/s]")
+    angular_velocity: Vec3 | None = Field(
+        default=None, description="angular velocity, world axes [rad/s]; rigid objects and soft bodies"
+    )
 
     @model_validator(mode="after")
     def _some(self) -> Self:
@@ -77,7 +103,8 @@ class SetParameter(Description):
 
     action: Literal["set_parameter"] = "set_parameter"
     path: str = Field(
-        description="parameter path, e.g. objects.red.friction; a contact's friction and restitution are each the "
+        description="parameter path, e.g. objects.red.friction, objects.NAME.youngs_modulus, joints.NAME.friction, "
+        "pulleys.NAME.bearing_friction, emitters.NAME.rate; a contact's friction and restitution are each the "
         "geometric mean of both bodies' values, or the object's own where a static has none"
     )
     value: float = Field(description="new value, in the parameter's unit")
@@ -91,22 +118,32 @@ class ToggleEffect(Description):
     enabled: bool
 
 
+class Release(Description):
+    """Let go of an attachment."""
+
+    action: Literal["release"] = "release"
+    attachment: Name = Field(description="name of the attachment")
+    time: Positive | None = Field(default=None, description="when it lets go [s]; default: it is not there at all")
+
+
 class ChangeEnvironment(Description):
     """Change what acts on every object."""
 
     action: Literal["environment"] = "environment"
     gravity: Vec3 | None = Field(default=None, description="gravitational acceleration [m/s^2]")
     plane_friction: NonNegative | None = Field(default=None, description="friction coefficient of the motion plane")
+    wind: Vec3 | None = Field(default=None, description="velocity of the air that cloth moves through [m/s]")
+    air_density: NonNegative | None = Field(default=None, description="density of that air [kg/m^3]")
 
     @model_validator(mode="after")
     def _some(self) -> Self:
-        if self.gravity is None and self.plane_friction is None:
-            raise ValueError("environment needs at least one of: gravity, plane_friction")
+        if self.model_fields_set <= {"action"}:
+            raise ValueError("environment needs at least one of: gravity, plane_friction, wind, air_density")
         return self
 
 
 Intervention = Annotated[
-    Remove | Add | Move | SetVelocity | SetParameter | ToggleEffect | ChangeEnvironment,
+    Remove | Add | Move | SetVelocity | SetParameter | ToggleEffect | Release | ChangeEnvironment,
     Field(discriminator="action"),
 ]
 
@@ -129,81 +166,86 @@ def branch(world: World, edits: Sequence[Intervention]) -> World:
 
 def _edited(world: World, edit: Intervention) -> World:
     if isinstance(edit, Remove):
-        return _removed(world, edit.object)
+        return without(world, edit.object, edit.part)
     if isinstance(edit, Add):
         return _added(world, edit)
     if isinstance(edit, Move):
-        return _moved(world, edit)
+        _must_move(world, edit.object)
+        return moved(world, edit.object, edit.position, edit.orientation)
     if isinstance(edit, SetVelocity):
-        return _restarted(world, edit.object, velocity=edit.velocity, angular_velocity=edit.angular_velocity)
+        return _restarted(world, edit)
     if isinstance(edit, SetParameter):
         after = with_parameters(world, {edit.path: edit.value})
         check_hinges_hold(world, after)
         return after
     if isinstance(edit, ToggleEffect):
         return _toggled(world, edit)
+    if isinstance(edit, Release):
+        return _released(world, edit)
+    return _in_other_surroundings(world, edit)
+
+
+def _in_other_surroundings(world: World, edit: ChangeEnvironment) -> World:
     data: dict[str, Any] = world.model_dump()
-    if edit.gravity is not None:
-        data["environment"]["gravity"] = edit.gravity
+    for field in ("gravity", "wind", "air_density"):
+        if getattr(edit, field) is not None:
+            data["environment"][field] = getattr(edit, field)
     if edit.plane_friction is not None:
         data["environment"]["motion_plane"]["friction"] = edit.plane_friction
     return World.model_validate(data)
 
 
-def _removed(world: World, name: str) -> World:
-    objects = [o.name for o in world.objects]
-    statics = [s.name for s in world.statics]
-    if name not in objects + statics:
-        raise ValueError(f"no object or static is called {name!r}; objects: {objects}; statics: {statics}")
-    data: dict[str, Any] = world.model_dump()
-    for part in ("objects", "statics"):
-        data[part] = [d for d in data[part] if d["name"] != name]
-    effects = []
-    for effect in data["effects"]:
-        if effect["objects"] is not None:
-            effect["objects"] = [o for o in effect["objects"] if o != name]
-            if not effect["objects"]:
-                continue
-        effects.append(effect)
-    data["effects"] = effects
-    data["joints"] = [j for j in data["joints"] if name not in (j["object"], j["other"])]
-    return World.model_validate(data)
-
-
 def _added(world: World, edit: Add) -> World:
-    item = edit.object if edit.object is not None else edit.static
-    assert item is not None  # the edit's own validation
-    part = "objects" if edit.object is not None else "statics"
-    taken = [o.name for o in world.objects] + [s.name for s in world.statics]
+    part = next(p for p in ADDED if getattr(edit, p) is not None)
+    item, kind = getattr(edit, part), PARTS[part]
+    if part in ("object", "deformable", "static"):
+        taken = [*world.moving_names, *(s.name for s in world.statics)]
+    else:
+        taken = [x.name for x in getattr(world, kind)]
     if item.name in taken:
         raise ValueError(f"the name {item.name!r} is taken; names in use: {taken}")
     data: dict[str, Any] = world.model_dump()
-    data[part] = [*data[part], item.model_dump()]
+    data[kind] = [*data[kind], item.model_dump()]
+    if edit.fluid_grid is not None:
+        if world.fluid_grid is not None:
+            raise ValueError("this world has its fluid_grid already: leave it out")
+        data["fluid_grid"] = edit.fluid_grid.model_dump()
     return World.model_validate(data)
 
 
-def _moved(world: World, edit: Move) -> World:
-    position = edit.position
-    hinges = [j for j in world.joints if edit.object in (j.object, j.other)]
-    if len(hinges) == 1 and position is None and edit.orientation is not None:
-        position = turned_about(world.object(edit.object), hinges[0], edit.orientation)
-    after = _restarted(world, edit.object, position=position, orientation=edit.orientation)
-    check_hinges_hold(world, after)
-    return after
-
-
-def _restarted(world: World, name: str, **state: tuple[float, ...] | None) -> World:
-    objects = [o.name for o in world.objects]
+def _must_move(world: World, name: str) -> None:
+    """Raise ValueError for what is not there or cannot move."""
+    names = list(world.moving_names)
     if name in [s.name for s in world.statics]:
         raise ValueError(
-            f"{name!r} is static and cannot move; objects that can: {objects}; "
+            f"{name!r} is static and cannot move; objects that can: {names}; "
             "to place it elsewhere, remove it and add another"
         )
-    if name not in objects:
-        raise ValueError(f"no object is called {name!r}; objects: {objects}")
+    if name not in names:
+        raise ValueError(f"no object is called {name!r}; objects: {names}")
+
+
+def _restarted(world: World, edit: SetVelocity) -> World:
+    _must_move(world, edit.object)
+    kind = world.item(edit.object).representation
+    if edit.angular_velocity is not None and not kind.startswith(("rigid", "soft")):
+        raise ValueError(f"{edit.object!r} is {kind}, which starts without turning: give it a velocity only")
     data: dict[str, Any] = world.model_dump()
-    item = next(d for d in data["objects"] if d["name"] == name)
-    item.update({k: v for k, v in state.items() if v is not None})
+    item = next(d for d in (*data["objects"], *data["deformables"]) if d["name"] == edit.object)
+    for field in ("velocity", "angular_velocity"):
+        if getattr(edit, field) is not None:
+            item[field] = getattr(edit, field)
+    return World.model_validate(data)
+
+
+def _released(world: World, edit: Release) -> World:
+    names = [a.name for a in world.attachments]
+    if edit.attachment not in names:
+        raise ValueError(f"no attachment is called {edit.attachment!r}; attachments of this world: {names}")
+    if edit.time is None:
+        return without(world, edit.attachment, "attachment")
+    data: dict[str, Any] = world.model_dump()
+    next(a for a in data["attachments"] if a["name"] == edit.attachment)["release"] = edit.time
     return World.model_validate(data)
 
 

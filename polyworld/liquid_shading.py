@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -52,9 +53,9 @@ def liquid_seen(
     if not fluids or world.fluid_grid is None:
         return None
     shape = (camera.height, camera.width)
-    distance = wp.full(shape, 1.0e30, dtype=float, device="cpu")
-    thickness = wp.zeros(shape, dtype=float, device="cpu")
-    nearest = wp.full(shape, -1, dtype=int, device="cpu")
+    distance: Any = wp.full(shape, 1.0e30, dtype=float, device="cpu")
+    thickness: Any = wp.zeros(shape, dtype=float, device="cpu")
+    nearest: Any = wp.full(shape, -1, dtype=int, device="cpu")
     spacing = world.fluid_grid.cell / 2.0
     colors: dict[int, Array] = {}
     for index, fluid in fluids:
@@ -160,7 +161,8 @@ def _rays(raster: Raster, cut: tuple[slice, slice]) -> Array:
     rows = np.arange(raster.camera.height)[cut[0]]
     u, v = np.meshgrid(columns, rows)
     rays: Array = np.stack([u, v, np.ones_like(u)], axis=-1) @ raster.pixel_to_ray.T
-    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    return rays
 
 
 def _normals(places: Array, inside: NDArray[np.bool_]) -> Array:
