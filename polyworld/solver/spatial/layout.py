@@ -72,7 +72,7 @@ class Body:
     x, q, v, w: position, orientation, velocity, angular velocity. rotation: matrix of q. v_free, w_free, dx,
     q_free: where the step ends without contact forces. inertia_body and its inverse are for unit mass, about
     the centre of mass. isotropic: 1 where the inertia is the same about all axes. swept: how far a point of the
-    body may move in one step [m].
+    body may move in one step [m]. push, push_torque: of deformable objects, constant over the step [N], [N m].
     """
 
     x: wp.vec3d
@@ -90,6 +90,8 @@ class Body:
     angular_momentum: wp.vec3d
     shift: wp.vec3d
     turn: wp.vec3d
+    push: wp.vec3d
+    push_torque: wp.vec3d
     radius: wp.float64
     mass: wp.float64
     friction: wp.float64

@@ -119,6 +119,8 @@ def predict(
                 )
                 force = wp.spatial_top(wrench)
                 torque = wp.spatial_bottom(wrench)
+        force += b.push
+        torque += b.push_torque
         state.bodies[k, i] = move_freely(b, force, torque, gravity, h)
 
 
