@@ -1,0 +1,1 @@
+"""Elastic forces of cloth: membrane, bending, damping and air drag of triangles."""

@@ -1,0 +1,123 @@
+"""Forces of every triangle on its corners: membrane, bending, air.
+
+Membrane: the strain is that of the stretch tensor, E = U - 1 with U^2 = F^T F (Biot strain), and the stress conjugate
+to it is linear in E, so that the force per width is exactly proportional to the extension at any stretch, nothing
+weakens under compression, and no stiffness exceeds that at rest. With T this stress, the second Piola-Kirchhoff
+stress S follows from U S + S U = 2 T, solved in closed form for 2 x 2 matrices.
+"""
+
+import warp as wp
+
+from polyworld.solver.cloth.layout import OPTIONS, Bending, Material, Surface
+
+wp.set_module_options(OPTIONS)
+
+FLATTEST = wp.constant(wp.float64(1.0e-9))  # area ratio below which a triangle counts as this flat
+
+
+@wp.func
+def air_drag(m: Material, n: wp.vec3d, area: wp.float64, mass: wp.float64, u: wp.vec3d, h: wp.float64) -> wp.vec3d:
+    """Force of air that passes a triangle at u, across and along it, each quadratic in its speed.
+
+    Averaged over the step as dv/dt = -k v^2 goes, v(h) = v / (1 + k v h), so that no step overshoots.
+    """
+    one = wp.float64(1.0)
+    u_n = wp.dot(n, u)
+    along = u - n * u_n
+    speed = wp.length(along)
+    k_n = m.drag_normal * area * wp.abs(u_n)
+    k_t = m.drag_tangential * area * speed
+    return n * (u_n * k_n / (one + k_n * h / mass)) + along * (k_t / (one + k_t * h / mass))
+
+
+@wp.kernel
+def add_forces(
+    surface: Surface,
+    materials: wp.array2d[Material],
+    wind: wp.vec3d,
+    dt: wp.array[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    bending: Bending,
+    f: wp.array2d[wp.vec3d],
+) -> None:
+    w, t = wp.tid()
+    h = dt[w]
+    if h <= wp.float64(0.0):
+        return
+    one = wp.float64(1.0)
+    m = materials[w % materials.shape[0], surface.cloth[t]]
+    c = surface.corners[t]
+    area = surface.area[t]
+    x0 = x[w, c[0]]
+    d1 = x[w, c[1]] - x0
+    d2 = x[w, c[2]] - x0
+    # Membrane.
+    g = surface.inverse_rest[t]
+    f1 = d1 * g[0, 0] + d2 * g[1, 0]
+    f2 = d1 * g[0, 1] + d2 * g[1, 1]
+    c11 = wp.dot(f1, f1)
+    c12 = wp.dot(f1, f2)
+    c22 = wp.dot(f2, f2)
+    j = wp.max(wp.sqrt(wp.max(c11 * c22 - c12 * c12, wp.float64(0.0))), FLATTEST)
+    trace = wp.sqrt(c11 + c22 + wp.float64(2.0) * j)
+    inverse = one / trace
+    u11 = (c11 + j) * inverse
+    u22 = (c22 + j) * inverse
+    u12 = c12 * inverse
+    scale = inverse / j
+    e11 = u11 - one
+    e22 = u22 - one
+    e12 = u12
+    v0 = v[w, c[0]]
+    v1 = v[w, c[1]]
+    v2 = v[w, c[2]]
+    if m.stretch_delay > wp.float64(0.0):
+        w1 = v1 - v0
+        w2 = v2 - v0
+        g1 = w1 * g[0, 0] + w2 * g[1, 0]
+        g2 = w1 * g[0, 1] + w2 * g[1, 1]
+        # Half the rate of C, of which the rate of U follows as S does of T.
+        r11 = wp.dot(f1, g1)
+        r22 = wp.dot(f2, g2)
+        r12 = wp.float64(0.5) * (wp.dot(f1, g2) + wp.dot(f2, g1))
+        late = m.stretch_delay * scale
+        cross = u11 * u22 + u12 * u12
+        e11 = e11 + late * (j * r11 + u22 * u22 * r11 - wp.float64(2.0) * u22 * u12 * r12 + u12 * u12 * r22)
+        e22 = e22 + late * (j * r22 + u12 * u12 * r11 - wp.float64(2.0) * u11 * u12 * r12 + u11 * u11 * r22)
+        e12 = e12 + late * (j * r12 - u22 * u12 * r11 + cross * r12 - u11 * u12 * r22)
+    t11 = m.stretch * e11 + m.cross * e22
+    t22 = m.stretch * e22 + m.cross * e11
+    t12 = m.shear * e12
+    scale = scale * area
+    s11 = scale * (j * t11 + u22 * u22 * t11 - wp.float64(2.0) * u22 * u12 * t12 + u12 * u12 * t22)
+    s22 = scale * (j * t22 + u12 * u12 * t11 - wp.float64(2.0) * u11 * u12 * t12 + u11 * u11 * t22)
+    s12 = scale * (j * t12 - u22 * u12 * t11 + (u11 * u22 + u12 * u12) * t12 - u11 * u12 * t22)
+    p1 = f1 * s11 + f2 * s12
+    p2 = f1 * s12 + f2 * s22
+    k1 = -(p1 * g[0, 0] + p2 * g[0, 1])
+    k2 = -(p1 * g[1, 0] + p2 * g[1, 1])
+    # Bending: hinge torques about the edges turn the triangle by forces along its normal.
+    n = bending.normal[w, t]
+    spread = wp.abs(bending.spread[w, t])
+    edges = surface.edges[t]
+    e0 = d2 - d1
+    axis = (
+        e0 * (bending.torque[w, edges[0] >> 1] / wp.length(e0))
+        - d2 * (bending.torque[w, edges[1] >> 1] / wp.length(d2))
+        + d1 * (bending.torque[w, edges[2] >> 1] / wp.length(d1))
+    )
+    k1 = k1 - n * (spread * wp.dot(d2, axis))
+    k2 = k2 + n * (spread * wp.dot(d1, axis))
+    k0 = -(k1 + k2)
+    # Air.
+    if m.drag_normal + m.drag_tangential > wp.float64(0.0):
+        third = wp.float64(1.0 / 3.0)
+        u = wind - (v0 + v1 + v2) * third
+        drag = air_drag(m, n, wp.float64(0.5) / spread, m.density * area, u, h) * third
+        k0 = k0 + drag
+        k1 = k1 + drag
+        k2 = k2 + drag
+    wp.atomic_add(f, w, c[0], k0)
+    wp.atomic_add(f, w, c[1], k1)
+    wp.atomic_add(f, w, c[2], k2)

@@ -1,0 +1,79 @@
+"""The records the cloth kernels work on. SI units.
+
+Triangle corners are counter-clockwise; its edge k lies opposite its corner k. Bend angles: an edge carries a director,
+a normal of its own, and each triangle at the edge has the angle between its normal and that director as bend angle.
+"""
+
+import warp as wp
+
+OPTIONS: dict[str, object] = {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": "-march=native"}
+
+
+@wp.struct
+class Surface:
+    """What does not vary: T triangles and E edges of all cloths.
+
+    corners (T,): nodes. edges (T,): 2 e + s of each of its edges, s = 0 for the first triangle at edge e. cloth (T,):
+    index of its object. area (T,): rest area [m^2]. inverse_rest (T,): inverse of the matrix of its rest edges 0-1
+    and 0-2 in material axes [1/m]. curvature (T,): of the bend angles, to (k_11, k_22, k_12) in material axes [1/m].
+    rest_curvature (T,): that without moment [1/m].
+    ends (E,): nodes, in the order of the first triangle. sides (E,): triangles, -1 for none. softness (E,): inverse
+    stiffness of its director for D = 1 [1].
+    """
+
+    corners: wp.array[wp.vec3i]
+    edges: wp.array[wp.vec3i]
+    cloth: wp.array[wp.int32]
+    area: wp.array[wp.float64]
+    inverse_rest: wp.array[wp.mat22d]
+    curvature: wp.array[wp.mat33d]
+    rest_curvature: wp.array[wp.vec3d]
+    ends: wp.array[wp.vec2i]
+    sides: wp.array[wp.vec2i]
+    softness: wp.array[wp.float64]
+
+
+@wp.struct
+class Material:
+    """Parameters of one cloth in one world.
+
+    stretch, cross: Q_11 = Q_22 and Q_12 of the membrane [N/m]. shear: 2 G t [N/m]. stretch_delay, bend_delay: damping
+    times [s]. plate: D [N m]. poisson [1]. director: of an edge's director, 1 / (inertia * softness) [1/(N m s^2)].
+    density: mass per area [kg/m^2]. drag_normal, drag_tangential: half the air's density times the coefficient
+    [kg/m^3].
+    """
+
+    stretch: wp.float64
+    cross: wp.float64
+    shear: wp.float64
+    stretch_delay: wp.float64
+    bend_delay: wp.float64
+    plate: wp.float64
+    poisson: wp.float64
+    director: wp.float64
+    density: wp.float64
+    drag_normal: wp.float64
+    drag_tangential: wp.float64
+
+
+@wp.struct
+class Bending:
+    """State and scratch of bending, W worlds.
+
+    angle, rate (W, E): of the director against the mean of the two normals [rad], [rad/s]: state. normal (W, T):
+    unit normal. spread (W, T): 1 / (2 current area) [1/m^2]; negative for a triangle that is held at all corners.
+    turning (W, T): rate at which the normal turns, as a vector along edges [rad/s]. bend, bend_rate (W, E): bend angle
+    of the first and of the second triangle, and its rate. share (W, E): of the first triangle in the hinge angle.
+    moment (W, T): energy per bend angle of each edge [N m]. torque (W, E): energy per hinge angle [N m].
+    """
+
+    angle: wp.array2d[wp.float64]
+    rate: wp.array2d[wp.float64]
+    normal: wp.array2d[wp.vec3d]
+    spread: wp.array2d[wp.float64]
+    turning: wp.array2d[wp.vec3d]
+    bend: wp.array2d[wp.vec2d]
+    bend_rate: wp.array2d[wp.vec2d]
+    share: wp.array2d[wp.float64]
+    moment: wp.array2d[wp.vec3d]
+    torque: wp.array2d[wp.float64]

@@ -1,0 +1,178 @@
+"""The cloth of W worlds: its parameters, state, and the launches of its kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.meshing import mesh_of
+from polyworld.representations.cloth import Cloth
+from polyworld.solver.cloth import bending, forces
+from polyworld.solver.cloth.geometry import ClothGeometry, cloth_geometry
+from polyworld.solver.cloth.layout import Bending, Material, Surface
+from polyworld.solver.cloth.readout import cloth_quantities
+from polyworld.solver.cloth.stability import EDGES, ClothFrequencies, director_square, stable_step
+from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+PARAMETERS = (
+    "areal_density",
+    "stretch_stiffness",
+    "poisson_ratio",
+    "shear_stiffness",
+    "bending_stiffness",
+    "stretch_damping",
+    "bending_damping",
+    "drag_normal",
+    "drag_tangential",
+)
+
+
+class ClothStage:
+    """See `polyworld.solver.coupled.stage.MaterialStage`. The forces of an inner step are launched once in it."""
+
+    def __init__(self, world: World, items: Sequence[Cloth], nodes_first: dict[str, int], n_worlds: int) -> None:
+        self._names = tuple(item.name for item in items)
+        self._air_density = world.environment.air_density
+        self._wind = wp.vec3d(*world.environment.wind)
+        self._first = {name: nodes_first[name] for name in self._names}
+        self._geometry = {item.name: cloth_geometry(item, mesh_of(world, item)) for item in items}
+        self._frequencies = {name: ClothFrequencies(g) for name, g in self._geometry.items()}
+        parts = list(self._geometry.values())
+        self._triangles = sum(len(g.corners) for g in parts)
+        self._edges = sum(len(g.ends) for g in parts)
+        self._surface = _surface(parts, list(self._first.values()))
+        self._bending = _bending(n_worlds, self._triangles, self._edges)
+        self._n_worlds = n_worlds
+        self._materials: Any = None
+        self._rows: list[dict[str, Array]] = []
+        self._step: Array = np.full(1, np.inf)
+        self.write({item.name: {p: np.array([_given(getattr(item, p))]) for p in PARAMETERS} for item in items})
+
+    def bind(self, bodies: Any) -> None:
+        """Cloth meets bodies through contacts alone."""
+
+    def write(self, fields: Fields) -> bool:
+        """See MaterialStage. A shear stiffness of NaN is that of an isotropic sheet."""
+        given = [{p: np.atleast_1d(fields[name][p]).astype(float) for p in PARAMETERS} for name in self._names]
+        count = max(len(v) for row in given for v in row.values())
+        self._rows = [{p: np.broadcast_to(v, (count,)) for p, v in row.items()} for row in given]
+        values = np.zeros((count, len(self._names)), dtype=Material.numpy_dtype())
+        steps = np.full((count, len(self._names)), np.inf)
+        for o, (name, row) in enumerate(zip(self._names, self._rows, strict=True)):
+            steps[:, o] = self._material(values[:, o], self._frequencies[name], row)
+        self._step = steps.min(axis=1)
+        if self._materials is not None and self._materials.shape == values.shape:
+            self._materials.numpy()[:] = values
+            return False
+        self._materials = wp.array(values, dtype=Material, device="cpu")
+        return True
+
+    def _material(self, out: Any, frequencies: ClothFrequencies, row: dict[str, Array]) -> Array:
+        """Fill the record of one cloth in all worlds; returns its stable step."""
+        e, nu, g = row["stretch_stiffness"], row["poisson_ratio"], row["shear_stiffness"]
+        g = np.where(np.isnan(g), e / (2.0 * (1.0 + nu)), g)
+        density, plate = row["areal_density"], row["bending_stiffness"]
+        ratios = np.stack([nu, g / e], axis=1)
+        membrane = np.array([frequencies.membrane(*ratio) for ratio in ratios.tolist()]) * e / density
+        bends = frequencies.bending * (1.0 + np.abs(nu)) * plate / density
+        directors = np.where(plate > 0, director_square(membrane, bends), 0.0)
+        out["stretch"] = e / (1.0 - nu**2)
+        out["cross"] = out["stretch"] * nu
+        out["shear"] = 2.0 * g
+        out["stretch_delay"] = row["stretch_damping"]
+        out["bend_delay"] = row["bending_damping"]
+        out["plate"] = plate
+        out["poisson"] = nu
+        out["director"] = directors / (EDGES * np.where(plate > 0, plate, 1.0))
+        out["density"] = density
+        out["drag_normal"] = 0.5 * self._air_density * row["drag_normal"]
+        out["drag_tangential"] = 0.5 * self._air_density * row["drag_tangential"]
+        return stable_step(membrane, bends, directors, row["stretch_damping"], row["bending_damping"])
+
+    def reset(self) -> None:
+        """Directors halfway between the normals, and at rest."""
+        self._bending.angle.zero_()
+        self._bending.rate.zero_()
+
+    def stable_step(self) -> Array:
+        """See MaterialStage."""
+        return self._step
+
+    def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
+        """Forces of all triangles; the directors take their step here as well."""
+        s, m, b, dt = self._surface, self._materials, self._bending, clock.dt
+        triangles, edges = (self._n_worlds, self._triangles), (self._n_worlds, self._edges)
+        _launch(bending.find_normals, triangles, [s, m, dt, nodes.x, nodes.v, nodes.inverse_mass, b])
+        _launch(bending.find_bends, edges, [s, m, dt, nodes.x, b])
+        _launch(bending.find_moments, triangles, [s, m, dt, b])
+        _launch(bending.turn_directors, edges, [s, m, dt, nodes.active, b])
+        _launch(forces.add_forces, triangles, [s, m, self._wind, dt, nodes.x, nodes.v, b, nodes.f])
+
+    def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
+        """Nothing: all forces are explicit."""
+
+    def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
+        """Nothing: the rest shape does not change."""
+
+    def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
+        """See `readout.cloth_quantities`."""
+        x, angle = nodes.x.numpy(), self._bending.angle.numpy()
+        found = {}
+        edge = 0
+        for name, g in self._geometry.items():
+            own = x[:, self._first[name] : self._first[name] + len(g.nodes)]
+            found[name] = cloth_quantities(g, own, angle[:, edge : edge + len(g.ends)])
+            edge += len(g.ends)
+        return found
+
+
+def _given(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _launch(kernel: Any, dim: tuple[int, int], inputs: list[Any]) -> None:
+    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")
+
+
+def _surface(parts: list[ClothGeometry], first: list[int]) -> Any:
+    """All cloths one after the other, with nodes, edges and triangles counted through."""
+    triangle = np.cumsum([0] + [len(g.corners) for g in parts])
+    edge = np.cumsum([0] + [len(g.ends) for g in parts])
+
+    def joined(columns: list[Any], dtype: Any) -> Any:
+        return wp.array(np.ascontiguousarray(np.concatenate(columns)), dtype=dtype, device="cpu")
+
+    surface = Surface()
+    surface.corners = joined([g.corners + n for g, n in zip(parts, first, strict=True)], wp.vec3i)
+    surface.edges = joined([g.edges + 2 * int(e) for g, e in zip(parts, edge, strict=False)], wp.vec3i)
+    surface.cloth = joined([np.full(len(g.corners), o, dtype=np.int32) for o, g in enumerate(parts)], wp.int32)
+    surface.area = joined([g.area for g in parts], wp.float64)
+    surface.inverse_rest = joined([g.inverse_rest for g in parts], wp.mat22d)
+    surface.curvature = joined([g.curvature for g in parts], wp.mat33d)
+    surface.rest_curvature = joined([g.rest_curvature for g in parts], wp.vec3d)
+    surface.ends = joined([g.ends + n for g, n in zip(parts, first, strict=True)], wp.vec2i)
+    sides = [np.where(g.sides >= 0, g.sides + int(t), -1) for g, t in zip(parts, triangle, strict=False)]
+    surface.sides = joined([s.astype(np.int32) for s in sides], wp.vec2i)
+    surface.softness = joined([g.softness for g in parts], wp.float64)
+    return surface
+
+
+def _bending(w: int, triangles: int, edges: int) -> Any:
+    def zeros(count: int, dtype: Any) -> Any:
+        return wp.zeros((w, count), dtype=dtype, device="cpu")
+
+    b = Bending()
+    b.angle, b.rate = zeros(edges, wp.float64), zeros(edges, wp.float64)
+    b.normal, b.spread = zeros(triangles, wp.vec3d), zeros(triangles, wp.float64)
+    b.turning = zeros(triangles, wp.vec3d)
+    b.bend, b.bend_rate = zeros(edges, wp.vec2d), zeros(edges, wp.vec2d)
+    b.share = zeros(edges, wp.float64)
+    b.moment, b.torque = zeros(triangles, wp.vec3d), zeros(edges, wp.float64)
+    return b
