@@ -97,8 +97,9 @@ class Shard:
 
         self.rigid = RigidStepper(self.world, self.n_worlds, record_events=self.record_events)
         bodies = self.rigid.bodies
-        self._kept_position = wp.zeros(bodies.shape, dtype=wp.vec3d, device="cpu")
-        self._kept_orientation = wp.zeros(bodies.shape, dtype=wp.quatd, device="cpu")
+        self._kept = motion.Poses()
+        for name, dtype in (("x", wp.vec3d), ("q", wp.quatd), ("v", wp.vec3d), ("w", wp.vec3d)):
+            setattr(self._kept, name, wp.zeros(bodies.shape, dtype=dtype, device="cpu"))
         for stage in self.stages:
             stage.bind(bodies)
 
@@ -283,7 +284,7 @@ class Shard:
         self._launch(motion.activate, n.x.shape, [c.time, self._scale, self._start, n.owner, n.active])
         if self.rigid is not None:
             bodies = self.rigid.bodies
-            self._launch(motion.keep_poses, bodies.shape, [bodies, self._kept_position, self._kept_orientation])
+            self._launch(motion.keep_poses, bodies.shape, [bodies, self._kept])
 
     def _inner(self) -> None:
         n, c = self.nodes, self.clock
@@ -308,8 +309,7 @@ class Shard:
         if self.rigid is not None:
             bodies = self.rigid.bodies
             objects = len(self.world.objects)
-            kept = [self._kept_position, self._kept_orientation]
-            self._launch(motion.put_back_bodies, bodies.shape, [c.h, c.gravity, objects, *kept, bodies])
+            self._launch(motion.put_back_bodies, bodies.shape, [c.h, c.gravity, objects, self._kept, bodies])
             self.rigid.launch_step(c.time, c.h)
         self._launch(motion.advance_time, self.n_worlds, [c.h, c.time])
         self._launch(
