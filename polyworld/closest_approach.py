@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar, nnls
 
 from polyworld import geometry
+from polyworld.point_approach import point_gaps
+from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.planar.scene import Outline, body_outline, static_outline
 from polyworld.trajectory import Trajectory
@@ -68,8 +70,11 @@ def closest_approach(
 
     None where there is no such distance: to a triangle mesh; in planar worlds also between bodies at different
     heights, which pass over each other, and to a surface parallel to the motion plane. Both must take part all
-    the time and the trajectory cover the interval. Raises KeyError for an unknown name.
+    the time and the trajectory cover the interval. Deformable objects are measured at the samples, by their points
+    (`polyworld.point_approach`). Raises KeyError for an unknown name.
     """
+    if a in trajectory.deformables or b in trajectory.deformables:
+        return _of_points(world, trajectory, a, b, interval)
     first, second = _place(world, trajectory, a), _place(world, trajectory, b)
     if first is None or second is None or (world.planar and not _same_height(world, a, b)):
         return None
@@ -95,6 +100,27 @@ def closest_approach(
             if found.fun < best:
                 best, when = float(found.fun), float(found.x)
     return ClosestApproach(float(best), when, b)
+
+
+def height(item: RigidObject, position: Array, orientation: Array, *, highest: bool) -> float:
+    """Height (z) of the highest or lowest point of a rigid object at a pose [m]; orientation w, x, y, z."""
+    up = np.array([0.0, 0.0, 1.0 if highest else -1.0])
+    solids = _solids(item.shape, position, geometry.quaternion_matrix(orientation))
+    return float(up[2] * max(s.support(up) @ up + s.sweep for s in solids))
+
+
+def _of_points(
+    world: World, trajectory: Trajectory, a: str, b: str, interval: tuple[float, float]
+) -> ClosestApproach | None:
+    rows = np.flatnonzero((trajectory.times >= interval[0]) & (trajectory.times <= interval[1]))
+    if not len(rows):  # shorter than a sample: the nearest one
+        rows = np.array([int(np.argmin(np.abs(trajectory.times - interval[0])))])
+    first, second = (a, b) if a in trajectory.deformables else (b, a)
+    gaps = point_gaps(world, trajectory, first, second, rows)
+    if gaps is None or not np.isfinite(gaps).any():
+        return None
+    at = int(np.nanargmin(gaps))
+    return ClosestApproach(float(gaps[at]), float(trajectory.times[rows[at]]), b)
 
 
 def _place(world: World, trajectory: Trajectory, name: str) -> _Place | None:

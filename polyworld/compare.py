@@ -20,7 +20,9 @@ class ObjectDifference:
 
     largest [m] at largest_time [s]; final [m] at the end of what both cover; apart_from [s]: first time at
     which the centres are further apart than the tolerance, None if never. All None where the object is
-    active in both at no common time.
+    active in both at no common time. shape_largest [m] at shape_largest_time [s]: root mean square distance between the
+    same points of a deformable object in both; None for rigid objects, and where they have other points (a fluid that flows in
+    or out, another resolution).
     """
 
     name: str
@@ -28,6 +30,8 @@ class ObjectDifference:
     largest_time: float | None
     final: float | None
     apart_from: float | None
+    shape_largest: float | None = None
+    shape_largest_time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -169,13 +173,38 @@ def _difference(base: Trajectory, other: Trajectory, name: str, horizon: float, 
     distance = np.linalg.norm(positions_at(other, j, times) - base.positions[both, i], axis=1)
     peak = int(np.argmax(distance))
     beyond = np.flatnonzero(distance > tolerance)
+    shape = _shape_difference(base, other, name, times)
     return ObjectDifference(
         name=name,
         largest=float(distance[peak]),
         largest_time=float(times[peak]),
         final=float(distance[-1]),
         apart_from=_first_beyond(times, distance, tolerance, int(beyond[0])) if len(beyond) else None,
+        shape_largest=shape[0],
+        shape_largest_time=shape[1],
     )
+
+
+def _shape_difference(
+    base: Trajectory, other: Trajectory, name: str, times: Array
+) -> tuple[float | None, float | None]:
+    """Largest root mean square distance of corresponding points at the base's `times` [m], and when [s]."""
+    if name not in base.deformables or name not in other.deformables:
+        return None, None
+    a, b = base.deformables[name].points, other.deformables[name].points
+    if a.shape[1] != b.shape[1] or not (np.isfinite(a).all() and np.isfinite(b).all()):
+        return None, None
+    rows = np.searchsorted(base.times, times)
+    after = np.clip(np.searchsorted(other.times, times), 1, max(len(other.times) - 1, 1))
+    if len(other.times) == 1:
+        moved = np.repeat(b, len(times), axis=0)
+    else:
+        gap = other.times[after] - other.times[after - 1]
+        share = ((times - other.times[after - 1]) / gap)[:, None, None]
+        moved = (1.0 - share) * b[after - 1] + share * b[after]
+    apart = np.sqrt(((moved - a[rows]) ** 2).sum(axis=-1).mean(axis=-1))
+    peak = int(np.argmax(apart))
+    return float(apart[peak]), float(times[peak])
 
 
 def _first_beyond(times: Array, distance: Array, tolerance: float, k: int) -> float:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from polyworld.description import Description, Name, Positive, Vec3
+from polyworld.description import Description, Name, NonNegative, Positive, Vec3
 from polyworld.events import REST_SPEED, REST_SPIN
+
+Comparison = Literal["more_than", "less_than"]
+Part = Literal["centre", "first_point", "last_point"]
 
 
 class InContact(Description):
@@ -30,7 +33,7 @@ class Collides(Description):
 
 
 class Moving(Description):
-    """The object's centre moves faster than `speed`."""
+    """The object's centre, of a deformable object its points (root mean square), moves faster than `speed`."""
 
     predicate: Literal["moving"] = "moving"
     object: Name
@@ -38,7 +41,7 @@ class Moving(Description):
 
 
 class AtRest(Description):
-    """The object neither moves nor turns faster than the thresholds."""
+    """The object neither moves nor turns faster than the thresholds; of a deformable one, no motion of its points."""
 
     predicate: Literal["at_rest"] = "at_rest"
     object: Name
@@ -56,7 +59,8 @@ class InsideRegion(Description):
 
 
 class InView(Description):
-    """The object's centre is in the camera's image, or in the world's region where there is no camera."""
+    """The object's centre is in the camera's image, or in the world's region where there is no camera; of a deformable
+    object, at least half of its points."""
 
     predicate: Literal["in_view"] = "in_view"
     object: Name
@@ -69,6 +73,7 @@ class Above(Description):
     a: Name
     b: Name
     margin: float = Field(default=0.0, description="[m]")
+    entirely: bool = Field(default=False, description="all of the one beyond all of the other, not the centres")
 
 
 class Below(Description):
@@ -78,6 +83,7 @@ class Below(Description):
     a: Name
     b: Name
     margin: float = Field(default=0.0, description="[m]")
+    entirely: bool = Field(default=False, description="all of the one beyond all of the other, not the centres")
 
 
 class NearerThan(Description):
@@ -90,17 +96,107 @@ class NearerThan(Description):
 
 
 class PassesBefore(Description):
-    """a's centre crosses the plane `axis` = `value` for the first time before b's does."""
+    """a crosses the plane `axis` = `value` for the first time before b does."""
 
     predicate: Literal["passes_before"] = "passes_before"
     a: Name
     b: Name
     axis: Literal["x", "y", "z"]
     value: float = Field(description="coordinate of the plane [m]")
+    part: Part = Field(default="centre", description="what of each has to pass; points: of deformable objects")
+
+
+class ReachesBefore(Description):
+    """a gets into the box from lower to upper for the first time before b does."""
+
+    predicate: Literal["reaches_before"] = "reaches_before"
+    a: Name
+    b: Name
+    lower: Vec3
+    upper: Vec3
+    part: Part = Field(default="centre", description="what of each has to pass; points: of deformable objects")
+
+
+class Occupies(Description):
+    """More (or less) than `share` of a deformable object is in a container of the world, or in a box."""
+
+    predicate: Literal["occupies"] = "occupies"
+    object: Name
+    container: Name | None = Field(default=None, description="container of the world; else lower and upper")
+    lower: Vec3 | None = None
+    upper: Vec3 | None = None
+    comparison: Comparison = "more_than"
+    share: float = Field(default=0.5, ge=0.0, le=1.0, description="of the whole object; 0 with more_than: any of it")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        box = self.lower is not None and self.upper is not None
+        if (self.container is not None) == box or (self.lower is None) != (self.upper is None):
+            raise ValueError("occupies: give a container, or lower and upper")
+        return self
+
+
+class Holds(Description):
+    """A container holds more (or less) than `amount` of a fluid, or of all fluids."""
+
+    predicate: Literal["holds"] = "holds"
+    container: Name
+    object: Name | None = Field(default=None, description="a fluid; default: all fluids together")
+    comparison: Comparison = "more_than"
+    amount: NonNegative = Field(description="[m^3]; in planar worlds [m^2]")
+
+
+class Taut(Description):
+    """A rope is pulled everywhere by more than `tension`."""
+
+    predicate: Literal["taut"] = "taut"
+    object: Name
+    tension: NonNegative | None = Field(default=None, description="[N]; default: half of the rope's own weight")
+
+
+class Slack(Description):
+    """A rope is not taut: somewhere it is pulled by no more than `tension`."""
+
+    predicate: Literal["slack"] = "slack"
+    object: Name
+    tension: NonNegative | None = Field(default=None, description="[N]; default: half of the rope's own weight")
+
+
+class Folded(Description):
+    """More than `share` of a cloth lies on other parts of it."""
+
+    predicate: Literal["folded"] = "folded"
+    object: Name
+    share: float = Field(default=0.25, ge=0.0, lt=1.0)
+
+
+class Deformed(Description):
+    """The object is stretched or shortened by more than `strain` of its size: a soft body or cloth along any direction,
+    a rope along its length."""
+
+    predicate: Literal["deformed"] = "deformed"
+    object: Name
+    strain: Positive = Field(default=0.1, description="|length / length without forces - 1|")
 
 
 Predicate = Annotated[
-    InContact | Collides | Moving | AtRest | InsideRegion | InView | Above | Below | NearerThan | PassesBefore,
+    InContact
+    | Collides
+    | Moving
+    | AtRest
+    | InsideRegion
+    | InView
+    | Above
+    | Below
+    | NearerThan
+    | PassesBefore
+    | ReachesBefore
+    | Occupies
+    | Holds
+    | Taut
+    | Slack
+    | Folded
+    | Deformed,
     Field(discriminator="predicate"),
 ]
 

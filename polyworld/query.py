@@ -13,18 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.closest_approach import ClosestApproach, closest_approach
+from polyworld.margins import passing_offset, state_margin, why_untold
 from polyworld.predicates import (
-    Above,
-    AtRest,
-    Below,
     Collides,
+    Holds,
     InContact,
-    InsideRegion,
-    InView,
-    Moving,
     NearerThan,
+    Occupies,
     PassesBefore,
     Predicate,
+    ReachesBefore,
     names_in,
 )
 from polyworld.trajectory import Rollout, Trajectory
@@ -33,6 +31,9 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 Aggregation = Literal["any", "all", "first", "last", "count", "fraction"]
 Interval = tuple[float, float]
+
+# Statements that need no place of an object's centre: there may be none of a fluid.
+_PLACELESS = Occupies | Holds | InContact | Collides | PassesBefore | ReachesBefore
 
 ROUNDING = 1e-9  # [s]: an interval that ends at the horizon may have been computed another way
 
@@ -85,11 +86,12 @@ def query(
     """
     if rollout.world_id != world.id:
         raise ValueError(f"the rollout is of {rollout.world_id}, the world is {world.id}")
-    if isinstance(predicate, PassesBefore) and aggregation != "any":
-        raise ValueError("passes_before is an order, not a state: its only aggregation is any")
+    if isinstance(predicate, PassesBefore | ReachesBefore) and aggregation != "any":
+        raise ValueError(f"{predicate.predicate} is an order, not a state: its only aggregation is any")
     if isinstance(predicate, Collides) and aggregation in ("all", "fraction"):
         raise ValueError("collides holds at instants: its aggregations are any, first, last, count")
-    late = {o.name: o.start_time for o in world.objects if o.name in names_in(predicate) and o.start_time > 0}
+    starts = start_times(world)
+    late = {name: starts[name] for name in names_in(predicate) if starts.get(name, 0.0) > 0.0}
     joined = max(late.values(), default=0.0)
     asked = interval if interval is not None else (min(joined, rollout.horizon), rollout.horizon)
     if not (np.isfinite(asked[0]) and np.isfinite(asked[1]) and asked[0] <= asked[1]):
@@ -108,6 +110,11 @@ def query(
     return replace(result, reason=reason)
 
 
+def start_times(world: World) -> dict[str, float]:
+    """When each moving object joins [s]; fluids are there from the beginning."""
+    return {o.name: float(getattr(o, "start_time", 0.0)) for o in (*world.objects, *world.deformables)}
+
+
 def _said(value: bool | int | float | None) -> str:
     if value is None:
         return "never"
@@ -117,7 +124,7 @@ def _said(value: bool | int | float | None) -> str:
 def _decided(
     rollout: Rollout, world: World, predicate: Predicate, asked: Interval, aggregation: Aggregation
 ) -> QueryResult:
-    objects = [o.name for o in world.objects]
+    objects = list(world.moving_names)
     statics = [s.name for s in world.statics]
     may_be_static = isinstance(predicate, InContact | Collides)
     for position, name in enumerate(names_in(predicate)):
@@ -126,12 +133,13 @@ def _decided(
             return _unknown(f"{name!r} is {kind}; objects: {objects}" + (f"; statics: {statics}" * may_be_static))
         if name in statics and position == 0:
             return _unknown(f"{name!r} is static: give the object that moves first; objects: {objects}")
-    if isinstance(predicate, InView) and world.camera is None and world.region is None:
-        return _unknown("this world has neither a camera nor a region: there is no view to be in")
+    untold = why_untold(world, rollout.trajectory, predicate)
+    if untold is not None:
+        return _unknown(untold)
     covered = _coverage(rollout, world, predicate, *asked)
     if isinstance(covered, str):
         return _unknown(covered)
-    if isinstance(predicate, PassesBefore):
+    if isinstance(predicate, PassesBefore | ReachesBefore):
         return _order(rollout.trajectory, predicate, covered, asked)
     if isinstance(predicate, InContact | Collides):
         holds, evidence = _contacts(rollout, predicate, covered)
@@ -152,15 +160,22 @@ def _unknown(
 
 
 def _coverage(rollout: Rollout, world: World, predicate: Predicate, start: float, end: float) -> Interval | str:
-    """The part of an interval that the rollout simulated with all objects active; else why there is none."""
+    """The part of an interval that the rollout simulated with all objects active; else why there is none.
+
+    A fluid without a drop has no place: what is said of its centre or of its motion is covered while there is some.
+    """
     times = rollout.trajectory.times
     if len(times) == 0:
         return "the rollout has no samples"
     first, last = float(times[0]), float(times[-1])
+    starts = start_times(world)
     for name in names_in(predicate):
-        for item in world.objects:
-            if item.name == name:
-                first = max(first, item.start_time)
+        first = max(first, starts.get(name, first))
+        if name in rollout.trajectory.deformables and not isinstance(predicate, _PLACELESS):
+            there = np.flatnonzero(np.isfinite(rollout.trajectory.positions[:, rollout.trajectory.index(name), 0]))
+            if not len(there):
+                return f"there is none of {name!r} in the covered {first:.6g} to {last:.6g} s"
+            first, last = max(first, float(times[there[0]])), min(last, float(times[there[-1]]))
     if start > last + ROUNDING or end < first - ROUNDING:
         return f"the interval {start:.6g} to {end:.6g} s lies outside the covered {first:.6g} to {last:.6g} s"
     return max(start, first), min(end, last)
@@ -239,7 +254,7 @@ def _approach(
     rollout: Rollout, world: World, predicate: InContact | Collides | NearerThan, covered: Interval
 ) -> dict[str, Any] | None:
     """How near the surfaces come, to the nearest of all where the predicate names one object alone."""
-    starts = {o.name: o.start_time for o in world.objects}
+    starts = start_times(world)
     others = [predicate.b] if predicate.b is not None else [*starts, *(s.name for s in world.statics)]
     found: list[ClosestApproach] = []
     for other in others:
@@ -259,7 +274,8 @@ def _states(
     trajectory: Trajectory, world: World, predicate: Predicate, covered: Interval
 ) -> tuple[tuple[Interval, ...], dict[str, Any]]:
     """Intervals in which the predicate's margin is positive, and the range of the quantity behind it."""
-    quantity, margin, label = _margin(trajectory, world, predicate)
+    told = state_margin(trajectory, world, predicate)
+    quantity, margin, label = told.quantity, told.margin, told.label
     times = trajectory.times
     inner = (times > covered[0]) & (times < covered[1])
     grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
@@ -290,50 +306,14 @@ def _states(
     return tuple(holds), evidence
 
 
-def _margin(trajectory: Trajectory, world: World, predicate: Predicate) -> tuple[Array, Array, str]:
-    """The quantity a state predicate compares, its margin (positive: it holds), and the quantity's label; (T,)."""
-    names = names_in(predicate)
-    i = trajectory.index(names[0])
-    p = trajectory.positions[:, i]
-    speed: Array = np.linalg.norm(trajectory.velocities[:, i], axis=1)
-    if isinstance(predicate, Moving):
-        return speed, speed - predicate.speed, "speed_m_per_s"
-    if isinstance(predicate, AtRest):
-        spin = np.linalg.norm(trajectory.angular_velocities[:, i], axis=1)
-        return speed, np.minimum(1.0 - speed / predicate.speed, 1.0 - spin / predicate.spin), "speed_m_per_s"
-    if isinstance(predicate, InsideRegion):
-        depth = _depth(p, np.asarray(predicate.lower), np.asarray(predicate.upper))
-        return depth, depth, "depth_inside_m"
-    if isinstance(predicate, InView):
-        if world.camera is None:
-            assert world.region is not None  # checked by `query`
-            depth = _depth(p, np.asarray(world.region.lower), np.asarray(world.region.upper))
-            return depth, depth, "depth_inside_m"
-        pixels = world.camera.project(p)
-        depth = _depth(pixels, np.zeros(2), np.array([world.camera.width, world.camera.height], dtype=float))
-        depth = np.where(np.isfinite(depth), depth, -1.0)  # behind the camera
-        return depth, depth, "depth_inside_px"
-    other = trajectory.positions[:, trajectory.index(names[1])]
-    if isinstance(predicate, Above | Below):
-        higher = p[:, 2] - other[:, 2]
-        sign = 1.0 if isinstance(predicate, Above) else -1.0
-        return higher, sign * higher - predicate.margin, "height_difference_m"
-    assert isinstance(predicate, NearerThan)
-    distance = np.linalg.norm(p - other, axis=1)
-    return distance, predicate.distance - distance, "distance_m"
-
-
-def _depth(points: Array, lower: Array, upper: Array) -> Array:
-    depth: Array = np.minimum((points - lower).min(axis=1), (upper - points).min(axis=1))
-    return depth
-
-
-def _order(trajectory: Trajectory, predicate: PassesBefore, covered: Interval, asked: Interval) -> QueryResult:
-    axis = "xyz".index(predicate.axis)
+def _order(
+    trajectory: Trajectory, predicate: PassesBefore | ReachesBefore, covered: Interval, asked: Interval
+) -> QueryResult:
     passed: dict[str, float | None] = {}
     for name in (predicate.a, predicate.b):
-        offset = trajectory.positions[:, trajectory.index(name), axis] - predicate.value
-        passed[name] = _first_crossing(trajectory.times, offset, covered)
+        offset = passing_offset(trajectory, predicate, name, covered)
+        inside = isinstance(predicate, ReachesBefore) and bool(np.interp(covered[0], trajectory.times, offset) > 0.0)
+        passed[name] = covered[0] if inside else _first_crossing(trajectory.times, offset, covered)
     evidence = {"passes_at_s": passed}
     a, b = passed[predicate.a], passed[predicate.b]
     if a is None and b is None:
