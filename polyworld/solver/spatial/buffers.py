@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld import geometry
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
@@ -50,9 +51,10 @@ def allocate_state(world: World, rows: int) -> layout.State:
     """Room to work in for `rows` worlds at a time."""
     n, s = len(world.objects), len(world.statics)
     meshes = sum(static.shape.kind == "triangle_mesh" for static in world.statics)
-    pairs = n * (n - 1) // 2 + n * (s - meshes) + n * meshes * MESH_TRIANGLES
+    pieces = sum(len(geometry.pieces(o.shape)) for o in world.objects)
+    with_statics = pieces * (s - meshes + meshes * MESH_TRIANGLES)
     # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
-    manifolds = max(1, min(pairs, 12 * n + n * s + n * meshes * MESH_TRIANGLES))
+    manifolds = max(1, min(pieces * (pieces - 1) // 2, 12 * pieces) + with_statics)
     contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
     state = layout.State()
     state.bodies = zeros((rows, n + s), layout.Body)

@@ -15,6 +15,7 @@ OVERLAP_SWEEPS = 3
 OVERLAP_SHARE = wp.float64(0.05)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
 NO_TARGET = wp.float64(-1.0e30)  # a normal velocity that is always reached
+IMMOBILE = wp.float64(1.0e-9)  # least velocity per impulse of a row, in those of a free point
 ROWS = 6  # normal, two tangents, spin, two of rolling
 
 
@@ -27,14 +28,22 @@ def world_inverse_inertia(b: Body) -> wp.mat33d:
 
 
 @wp.func
-def make_row(d: wp.vec3d, ja: wp.vec3d, jb: wp.vec3d, ia: wp.mat33d, ib: wp.mat33d, masses: wp.float64) -> Row:
+def make_row(
+    d: wp.vec3d, ja: wp.vec3d, jb: wp.vec3d, ia: wp.mat33d, ib: wp.mat33d, masses: wp.float64, lock: wp.vec3d
+) -> Row:
+    """A row; where bodies move in a plane only (unit normal `lock`), what would lead out of it is left out."""
     row = Row()
     row.d = d
     row.ja = ja
     row.jb = jb
+    locked = wp.dot(lock, lock) > wp.float64(0.5)
+    if locked:  # the bodies' inverse inertia sees to the rotation
+        row.d = d - lock * wp.dot(lock, d)
     row.wa = ia * ja
     row.wb = ib * jb
-    row.k = masses * wp.dot(d, d) + wp.dot(ja, row.wa) + wp.dot(jb, row.wb)
+    row.k = masses * wp.dot(row.d, row.d) + wp.dot(ja, row.wa) + wp.dot(jb, row.wb)
+    if locked:  # a row without freedom moves nothing, whatever its impulse: keep it divisible
+        row.k = wp.max(row.k, IMMOBILE * masses)
     return row
 
 
@@ -60,7 +69,7 @@ def push(state: State, w: int, a: int, b: int, r: int, impulse: wp.float64) -> N
 
 
 @wp.func
-def build_rows(state: State, w: int, half: int) -> None:
+def build_rows(state: State, w: int, half: int, lock: wp.vec3d) -> None:
     """Write the rows of all contacts in this half. Friction acts at the anchors, normal forces at the points."""
     base = half * state.max_manifolds
     offset = half * state.max_contacts
@@ -83,23 +92,23 @@ def build_rows(state: State, w: int, half: int) -> None:
             r = ROWS * (c - offset)
             p = state.contacts[w, c].point
             state.rows[w, r] = make_row(
-                m.normal, wp.cross(p - a.x, m.normal), wp.cross(p - b.x, m.normal), ia, ib, masses
+                m.normal, wp.cross(p - a.x, m.normal), wp.cross(p - b.x, m.normal), ia, ib, masses, lock
             )
             if touching > 1:
                 p = centre + (p - centre) * m.anchor
             pa = p - a.x
             pb = p - b.x
-            state.rows[w, r + 1] = make_row(m.t1, wp.cross(pa, m.t1), wp.cross(pb, m.t1), ia, ib, masses)
-            state.rows[w, r + 2] = make_row(m.t2, wp.cross(pa, m.t2), wp.cross(pb, m.t2), ia, ib, masses)
+            state.rows[w, r + 1] = make_row(m.t1, wp.cross(pa, m.t1), wp.cross(pb, m.t1), ia, ib, masses, lock)
+            state.rows[w, r + 2] = make_row(m.t2, wp.cross(pa, m.t2), wp.cross(pb, m.t2), ia, ib, masses, lock)
             state.contacts[w, c].speed = velocity_along(state, w, m.a, m.b, r)
             state.contacts[w, c].coupling = wp.dot(state.rows[w, r + 1].ja, state.rows[w, r + 2].wa) + wp.dot(
                 state.rows[w, r + 1].jb, state.rows[w, r + 2].wb
             )
             if m.torsion > wp.float64(0.0):
-                state.rows[w, r + 3] = make_row(wp.vec3d(), m.normal, m.normal, ia, ib, masses)
+                state.rows[w, r + 3] = make_row(wp.vec3d(), m.normal, m.normal, ia, ib, masses, lock)
             if m.rolling > wp.float64(0.0):
-                state.rows[w, r + 4] = make_row(wp.vec3d(), m.t1, m.t1, ia, ib, masses)
-                state.rows[w, r + 5] = make_row(wp.vec3d(), m.t2, m.t2, ia, ib, masses)
+                state.rows[w, r + 4] = make_row(wp.vec3d(), m.t1, m.t1, ia, ib, masses, lock)
+                state.rows[w, r + 5] = make_row(wp.vec3d(), m.t2, m.t2, ia, ib, masses, lock)
                 state.contacts[w, c].coupling_rolling = wp.dot(m.t1, state.rows[w, r + 5].wa) + wp.dot(
                     m.t1, state.rows[w, r + 5].wb
                 )

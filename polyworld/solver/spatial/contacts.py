@@ -7,6 +7,7 @@ from polyworld.solver.spatial.layout import (
     MAX_MANIFOLD_POINTS,
     MESH,
     PLANE,
+    SPHERE,
     TRIANGLE,
     Body,
     Geometry,
@@ -103,20 +104,31 @@ def touch(
     half: int,
     i: int,
     j: int,
+    p: int,
+    q: int,
     sb: Shape,
     reach: wp.float64,
     old: int,
     remembered: int,
-) -> None:
-    """Add the manifold of bodies i and j, where j has the shape sb, if they come within reach of each other.
+    told: int,
+) -> int:
+    """Add the manifold of bodies i and j at their shapes p and q, if they come within reach of each other.
 
-    old is the pair's first manifold of the last step, -1 for none; `remembered` contacts belong to it.
+    sb is shape q, or one of its triangles. old is the pair's first manifold of the last step, -1 for none;
+    `remembered` contacts belong to it. told: 1 where a manifold of this pair already carries the impacts that have
+    not been reported. Returns `told` from now on.
     """
-    sa = geometry.shapes[i]
+    sa = geometry.shapes[p]
     xa = state.bodies[w, i].x
     ra = state.bodies[w, i].rotation
     xb = state.bodies[w, j].x
     rb = state.bodies[w, j].rotation
+    if geometry.placed[p] == 1:
+        xa += ra * geometry.offset[p]
+        ra = ra * geometry.turn[p]
+    if geometry.placed[q] == 1:
+        xb += rb * geometry.offset[q]
+        rb = rb * geometry.turn[q]
     c = xa - xb
     n = sb.size
     gap = wp.float64(0.0)
@@ -130,28 +142,33 @@ def touch(
             if wp.dot(face, n) > FLAT:
                 n = face
             elif inactive_edge(geometry, sb.first_face, wp.transpose(rb) * n):
-                return  # the surface goes on behind this edge: the neighbour is closer
+                return told  # the surface goes on behind this edge: the neighbour is closer
         gap = separation(geometry.vertices, sa, ra, sb, rb, c, n)
     if gap > reach:
-        return
+        return told
     index = state.manifold_count[w, half]
     first = state.contact_count[w, half]
     if index >= state.max_manifolds or first + MAX_MANIFOLD_POINTS > state.max_contacts:
         state.crowded[w] = 1
-        return
+        return told
     t1 = tangent(n)
+    across = wp.cross(geometry.lock, n)
+    if wp.length_sq(across) > wp.float64(0.25):  # friction acts in the plane of motion
+        t1 = wp.normalize(across)
     t2 = wp.cross(n, t1)
     frame = wp.mat33d(t1[0], t1[1], t1[2], t2[0], t2[1], t2[2], n[0], n[1], n[2])
     scratch = state.scratch[w]
     count = touching_points(geometry, sa, ra, sb, rb, c, frame, gap, reach, scratch)
     if count == 0:
-        return
+        return told
     base = half * state.max_contacts
     for k in range(count):
-        p = scratch[k]
-        arm = t1 * p[0] + t2 * p[1] + n * p[2]
-        state.contacts[w, base + first + k].point = xa + arm
-        state.contacts[w, base + first + k].local = wp.transpose(ra) * arm
+        at = scratch[k]
+        point = xa + t1 * at[0] + t2 * at[1] + n * at[2]
+        state.contacts[w, base + first + k].point = point
+        state.contacts[w, base + first + k].local = wp.transpose(state.bodies[w, i].rotation) * (
+            point - state.bodies[w, i].x
+        )
         state.contacts[w, base + first + k].gap = scratch[MAX_MANIFOLD_POINTS + k][0]
         before = wp.int32(0)
         if old >= 0:
@@ -173,12 +190,76 @@ def touch(
     if j < state.objects:
         m.close = TOUCHING * wp.min(sa.bound, sb.bound)
     m.torsion = wp.max(state.bodies[w, i].torsion, state.bodies[w, j].torsion)
-    if old >= 0:  # impacts of this step, until they have been reported
+    if old >= 0 and told == 0:  # impacts of this step, until they have been reported
         m.approach = state.manifolds[w, old].approach
         m.impact = state.manifolds[w, old].impact
     state.manifolds[w, half * state.max_manifolds + index] = m
     state.manifold_count[w, half] = index + 1
     state.contact_count[w, half] = first + count
+    return 1
+
+
+@wp.func(inline=False)
+def touch_mesh(
+    geometry: Geometry,
+    state: State,
+    w: int,
+    half: int,
+    i: int,
+    j: int,
+    p: int,
+    q: int,
+    reach: wp.float64,
+    old: int,
+    remembered: int,
+    told: int,
+) -> int:
+    """As `touch`, for all triangles of the mesh q that come near shape p."""
+    sa = geometry.shapes[p]
+    sb = geometry.shapes[q]
+    xa = state.bodies[w, i].x
+    if geometry.placed[p] == 1:
+        xa += state.bodies[w, i].rotation * geometry.offset[p]
+    x = wp.transpose(state.bodies[w, j].rotation) * (xa - state.bodies[w, j].x)
+    far = wp.float32(sa.bound + reach)
+    centre = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+    box = wp.vec3(far, far, far) * wp.float32(1.00001)
+    query = wp.bvh_query_aabb(geometry.tree[q], centre - box, centre + box)
+    triangle = wp.int32(0)
+    piece = Shape()
+    piece.kind = TRIANGLE
+    piece.vertices = 3
+    piece.faces = 1
+    while wp.bvh_query_next(query, triangle):
+        piece.first_face = sb.first_face + triangle
+        piece.first_vertex = sb.first_vertex + 3 * triangle
+        piece.bound = sa.bound
+        told = touch(geometry, state, w, half, i, j, p, q, piece, reach, old, remembered, told)
+    return told
+
+
+@wp.func(inline=False)
+def touch_pieces(
+    geometry: Geometry, state: State, w: int, half: int, i: int, j: int, reach: wp.float64, old: int, remembered: int
+) -> None:
+    """As `touch`, for all pieces of two bodies of which at least one has several."""
+    told = wp.int32(0)
+    for p in range(geometry.first_shape[i], geometry.first_shape[i + 1]):
+        sa = geometry.shapes[p]
+        xa = state.bodies[w, i].x
+        if geometry.placed[p] == 1:
+            xa += state.bodies[w, i].rotation * geometry.offset[p]
+        for q in range(geometry.first_shape[j], geometry.first_shape[j + 1]):
+            sb = geometry.shapes[q]
+            if sb.kind == MESH:
+                told = touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, told)
+            elif geometry.placed[q] == 1:
+                xb = state.bodies[w, j].x + state.bodies[w, j].rotation * geometry.offset[q]
+                far = sa.bound + sb.bound + reach
+                if wp.length_sq(xa - xb) <= far * far:
+                    told = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, told)
+            elif near(sa, xa, sb, state.bodies[w, j], reach):
+                told = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, told)
 
 
 @wp.func
@@ -194,15 +275,23 @@ def find_contacts(geometry: Geometry, state: State, w: int, half: int) -> None:
     for i in range(state.objects):
         if state.bodies[w, i].active == 0:
             continue
-        sa = geometry.shapes[i]
+        p = geometry.first_shape[i]
+        single = geometry.first_shape[i + 1] - p == 1
+        sa = geometry.shapes[p]
+        sa.bound = geometry.bound[i]
         xa = state.bodies[w, i].x
         swept = state.bodies[w, i].swept + TOUCHING * wp.float64(2.0) * sa.bound
         for j in range(i + 1, state.objects + state.statics):
             if state.bodies[w, j].active == 0:
                 continue
-            sb = geometry.shapes[j]
+            q = geometry.first_shape[j]
+            alone = single and geometry.first_shape[j + 1] - q == 1
+            sb = geometry.shapes[q]
+            if geometry.placed[q] == 1:
+                sb.kind = SPHERE
+                sb.bound = geometry.bound[j]
             reach = swept + state.bodies[w, j].swept
-            if not near(sa, xa, sb, state.bodies[w, j], reach):
+            if not near(sa, xa, sb, state.bodies[w, j], reach) or geometry.collides[i, j] == 0:
                 continue
             while previous < previous_end and (
                 state.manifolds[w, previous].a < i
@@ -213,24 +302,18 @@ def find_contacts(geometry: Geometry, state: State, w: int, half: int) -> None:
             remembered = wp.int32(0)
             k = previous
             while k < previous_end and state.manifolds[w, k].a == i and state.manifolds[w, k].b == j:
-                old = previous  # a mesh's triangles have a manifold each, their contacts in one run
+                if old < 0:
+                    old = previous  # pieces and triangles have a manifold each, their contacts in one run
+                else:  # what impacts there were is kept with the first
+                    impact = state.manifolds[w, k].impact
+                    state.manifolds[w, old].impact += impact
+                    approach = state.manifolds[w, k].approach
+                    state.manifolds[w, old].approach = wp.max(state.manifolds[w, old].approach, approach)
                 remembered += state.manifolds[w, k].count
                 k += 1
-            if sb.kind == MESH:
-                x = wp.transpose(state.bodies[w, j].rotation) * (xa - state.bodies[w, j].x)
-                far = wp.float32(sa.bound + reach)
-                centre = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
-                box = wp.vec3(far, far, far) * wp.float32(1.00001)
-                query = wp.bvh_query_aabb(geometry.tree[j], centre - box, centre + box)
-                triangle = wp.int32(0)
-                piece = Shape()
-                piece.kind = TRIANGLE
-                piece.vertices = 3
-                piece.faces = 1
-                while wp.bvh_query_next(query, triangle):
-                    piece.first_face = sb.first_face + triangle
-                    piece.first_vertex = sb.first_vertex + 3 * triangle
-                    piece.bound = sa.bound
-                    touch(geometry, state, w, half, i, j, piece, reach, old, remembered)
+            if not alone:
+                touch_pieces(geometry, state, w, half, i, j, reach, old, remembered)
+            elif sb.kind == MESH:
+                touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, 0)
             else:
-                touch(geometry, state, w, half, i, j, sb, reach, old, remembered)
+                touch(geometry, state, w, half, i, j, p, q, geometry.shapes[q], reach, old, remembered, 0)

@@ -25,10 +25,10 @@ MAX_MANIFOLD_POINTS = 8  # contact points kept of one pair
 
 @wp.struct
 class Shape:
-    """Geometry in body axes, the same in all worlds.
+    """Geometry in the shape's own axes, the same in all worlds.
 
     size: box half extents; (radius, radius, half height) of cylinder and capsule; radius of a sphere; normal of
-    a plane, whose offset is `bound`. bound: radius of the bounding sphere about the body's origin [m]. inset:
+    a plane, whose offset is `bound`. bound: radius of the bounding sphere about the shape's origin [m]. inset:
     how far the core lies inside the surface [m]. first_vertex, vertices, first_face, faces: rows of
     Geometry.vertices and of Geometry.face_normals; for a MESH faces counts triangles.
     """
@@ -45,13 +45,25 @@ class Shape:
 
 @wp.struct
 class Geometry:
-    """Shapes (n + s,) and the vertices and faces they refer to; face f has corners
-    face_corners[face_starts[f]:face_starts[f + 1]], rows of `vertices`. tree: id of the bounding-volume
-    hierarchy of every body's triangles, 0 for none. edge_active: bit k set where edge k of a triangle may be
-    touched from the side: it is a border or convex.
+    """Convex pieces of all bodies, and the vertices and faces they refer to; face f has corners
+    face_corners[face_starts[f]:face_starts[f + 1]], rows of `vertices`.
+
+    Body i has the shapes first_shape[i] to first_shape[i + 1], objects first. Where `placed` is 1, a shape lies
+    at offset and turn in body axes, else at the body's origin. bound: radius of the ball about a body's origin
+    that holds all of it [m]. collides (n, n + s): 0 for pairs that pass through each other. tree: id of the
+    bounding-volume hierarchy of a shape's triangles, 0 for none. edge_active: bit k set where edge k of a triangle
+    may be touched from the side: it is a border or convex. lock: unit normal of the plane that all bodies move
+    in, zero in space.
     """
 
     shapes: wp.array[Shape]
+    first_shape: wp.array[wp.int32]
+    placed: wp.array[wp.int32]
+    offset: wp.array[wp.vec3d]
+    turn: wp.array[wp.mat33d]
+    bound: wp.array[wp.float64]
+    collides: wp.array2d[wp.int32]
+    lock: wp.vec3d
     vertices: wp.array[wp.vec3d]
     face_normals: wp.array[wp.vec3d]
     face_starts: wp.array[wp.int32]

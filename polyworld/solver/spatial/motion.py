@@ -21,6 +21,22 @@ def turned(q: wp.quatd, rotation: wp.vec3d) -> wp.quatd:
 
 
 @wp.func
+def locked(b: Body, normal: wp.vec3d) -> Body:
+    """The body with the freedoms of a plane only: torques turn it about the plane's unit normal, or not at all.
+
+    Its inverse inertia is given in world axes, in which it stays the same.
+    """
+    axis = wp.transpose(b.rotation) * normal
+    moment = wp.dot(axis, b.inertia * axis)
+    b.inertia = wp.diag(wp.vec3d(moment, moment, moment))
+    b.inverse_inertia = wp.outer(normal, normal) * (wp.float64(1.0) / moment)
+    b.isotropic = 1
+    b.v -= normal * wp.dot(normal, b.v)
+    b.w = normal * wp.dot(normal, b.w)
+    return b
+
+
+@wp.func
 def angular_velocity(b: Body, q: wp.quatd, momentum: wp.vec3d) -> wp.vec3d:
     """Angular velocity, world axes, of a body in orientation q with the given angular momentum."""
     r = wp.quat_to_matrix(q)
@@ -75,7 +91,7 @@ def move_freely(b: Body, force: wp.vec3d, torque: wp.vec3d, gravity: wp.vec3d, h
     left = wp.exp(-b.angular_damping * h)
     mean = remaining(b.angular_damping, h)[1]
     if b.isotropic == 1:
-        turning = torque * (b.inverse_inertia[0, 0] * b.inverse_mass * h)
+        turning = b.inverse_inertia * torque * (b.inverse_mass * h)
         b.q_free = turned(b.q, (b.w * mean + turning * wp.float64(0.5)) * h)
         b.w = b.w * left + turning
     else:

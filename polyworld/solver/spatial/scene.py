@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.spatial import layout
 from polyworld.world import StaticObject, World
 
@@ -37,8 +38,9 @@ class _Tables:
 def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
     """Geometry of a world, and the trees that must live as long as it is used."""
     tables = _Tables()
-    for item in world.objects:
-        _add(tables, item.shape)
+    pieces = [geometry.pieces(o.shape) for o in world.objects]
+    for piece in chain.from_iterable(pieces):
+        _add(tables, piece.shape)
     positions, orientations = [], []
     for static in world.statics:
         position, orientation = _add_static(tables, static)
@@ -50,6 +52,7 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
         for name, value in shape.items():
             rows[name][i] = value
     g.shapes = wp.array(rows, dtype=layout.Shape, device="cpu")
+    _place_shapes(g, world, pieces, tables)
     g.vertices = _array(tables.vertices, wp.vec3d)
     g.face_normals = _array(tables.normals, wp.vec3d)
     g.face_starts = _array(tables.starts, wp.int32)
@@ -66,7 +69,30 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
     return g, tables.trees
 
 
-def _add(tables: _Tables, shape: Sphere | Box | Cylinder | Capsule | ConvexMesh) -> None:
+def _place_shapes(g: layout.Geometry, world: World, pieces: list[tuple[geometry.Piece, ...]], tables: _Tables) -> None:
+    """Which shapes each body has and where they lie in its axes; statics have one, at their origin."""
+    statics = len(world.statics)
+    g.first_shape = _array(np.cumsum([0, *(len(p) for p in pieces), *[1] * statics]), wp.int32)
+    placed = [int(isinstance(o.shape, Compound)) for o, own in zip(world.objects, pieces, strict=True) for _ in own]
+    g.placed = _array(placed + [0] * statics, wp.int32)
+    objects = list(chain.from_iterable(pieces))
+    g.offset = _array([p.position for p in objects] + [np.zeros(3)] * statics, wp.vec3d)
+    g.turn = _array([p.rotation for p in objects] + [np.eye(3)] * statics, wp.mat33d)
+    own = [geometry.circumscribed_radius(o.shape) for o in world.objects]
+    g.bound = _array(own + [shape["bound"] for shape in tables.shapes[len(objects) :]], wp.float64)
+    collides = np.ones((len(world.objects), len(world.objects) + statics), dtype=np.int32)
+    index = {o.name: i for i, o in enumerate(world.objects)}
+    for joint in world.joints:
+        if joint.other is not None and joint.kind != "spring":
+            a, b = index[joint.object], index[joint.other]
+            collides[a, b] = collides[b, a] = 0
+    g.collides = wp.array(collides, dtype=wp.int32, device="cpu")
+    if world.planar:
+        normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
+        g.lock = wp.vec3d(*(normal / np.linalg.norm(normal)))
+
+
+def _add(tables: _Tables, shape: geometry.ConvexShape) -> None:
     tables.trees.append(None)
     if isinstance(shape, Sphere):
         row = {"kind": layout.SPHERE, "size": (shape.radius, 0, 0), "bound": shape.radius}

@@ -21,7 +21,7 @@ from polyworld.solver.spatial.layout import (
     Schedule,
     State,
 )
-from polyworld.solver.spatial.motion import FASTEST, move_freely, out_of_bounds, place
+from polyworld.solver.spatial.motion import FASTEST, locked, move_freely, out_of_bounds, place
 
 wp.set_module_options(OPTIONS)
 
@@ -52,6 +52,8 @@ def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int
         )
         if spread < wp.float64(1.0e-12) * b.inertia[0, 0]:
             b.isotropic = 1
+        if wp.dot(geometry.lock, geometry.lock) > wp.float64(0.5):
+            b = locked(b, geometry.lock)
         b.friction = parameters.friction[w % parameters.friction.shape[0], i]
         b.restitution = parameters.restitution[w % parameters.restitution.shape[0], i]
         b.rolling = parameters.rolling_resistance[w % parameters.rolling_resistance.shape[0], i]
@@ -81,16 +83,24 @@ def sweep_bodies(geometry: Geometry, state: State, k: int, fall: wp.float64, h: 
     """How far any point of each body may move within h."""
     for i in range(state.objects):
         state.bodies[k, i].swept = h * (
-            wp.length(state.bodies[k, i].v) + wp.length(state.bodies[k, i].w) * geometry.shapes[i].bound + fall
+            wp.length(state.bodies[k, i].v) + wp.length(state.bodies[k, i].w) * geometry.bound[i] + fall
         )
 
 
 @wp.func
 def predict(
-    parameters: Parameters, state: State, w: int, k: int, gravity: wp.vec3d, time: wp.float64, h: wp.float64
+    geometry: Geometry,
+    parameters: Parameters,
+    state: State,
+    w: int,
+    k: int,
+    gravity: wp.vec3d,
+    time: wp.float64,
+    h: wp.float64,
 ) -> None:
     """Free motion of all bodies over h; effects act with their values at the middle of the step."""
     half = wp.float64(0.5) * h
+    lock = geometry.lock
     for i in range(state.objects):
         b = state.bodies[k, i]
         if b.active == 0:
@@ -121,6 +131,10 @@ def predict(
                 torque = wp.spatial_bottom(wrench)
         force += b.push
         torque += b.push_torque
+        if wp.dot(lock, lock) > wp.float64(0.5):
+            b.v -= lock * wp.dot(lock, b.v)
+            b.w = lock * wp.dot(lock, b.w)
+            force -= lock * (wp.dot(lock, force) + wp.dot(lock, gravity) * b.mass)
         state.bodies[k, i] = move_freely(b, force, torque, gravity, h)
 
 
@@ -151,7 +165,7 @@ def advance(
         sweep_bodies(geometry, state, k, fall, left)
         half = 1 - half
         find_contacts(geometry, state, k, half)
-        build_rows(state, k, half)
+        build_rows(state, k, half, geometry.lock)
         part = left
         slowest = threshold
         if impacts < MAX_IMPACTS:
@@ -163,7 +177,7 @@ def advance(
                 impacts += 1
         else:
             slowest = FASTEST
-        predict(parameters, state, w, k, gravity, time, part)
+        predict(geometry, parameters, state, w, k, gravity, time, part)
         solve_velocities(state, k, half, part, slowest)
         separate_overlaps(state, k, half, part)
         if log.record == 1:
