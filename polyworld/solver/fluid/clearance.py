@@ -1,0 +1,69 @@
+"""How far points are from a world's solids at the start."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.solver.fluid.distance import nearest, to_solid
+from polyworld.solver.fluid.layout import OPTIONS, Solids
+from polyworld.solver.fluid.scene import build_solids
+from polyworld.world import World
+
+wp.set_module_options(OPTIONS)
+
+Array = NDArray[np.float64]
+
+
+@wp.kernel
+def distances(
+    solids: Solids,
+    present: wp.array[wp.int32],
+    place: wp.array[wp.vec3d],
+    rotation: wp.array[wp.mat33d],
+    points: wp.array[wp.vec3d],
+    out: wp.array[wp.float64],
+) -> None:
+    """out: distance of points from the nearest solid, negative inside."""
+    i = wp.tid()
+    d = wp.float64(1.0e6)
+    for s in range(solids.solids.shape[0]):
+        x = wp.vec3d()
+        r = wp.identity(n=3, dtype=wp.float64)
+        b = solids.solids[s].body
+        if b >= 0:
+            if present[b] == 0:
+                continue
+            x = place[b]
+            r = rotation[b]
+        d = wp.min(d, nearest(solids, s, to_solid(solids.solids[s], x, r, points[i]))[3])
+    out[i] = d
+
+
+def clearance(world: World, points: Array) -> Array:
+    """Distance (k,) of points (k, 3) from statics and from rigid objects that are there at time 0 [m]."""
+    if len(points) == 0 or not (world.statics or world.objects):
+        return np.full(len(points), np.inf)
+    solids, _meshes = build_solids(world)
+    objects = world.objects
+    present = np.array([o.start_time == 0.0 for o in objects] or [False], dtype=np.int32)
+    place = np.array([o.position for o in objects] or [(0.0, 0.0, 0.0)], dtype=float)
+    turns = np.array([o.orientation for o in objects] or [(1.0, 0.0, 0.0, 0.0)], dtype=float)
+    out = wp.zeros(len(points), dtype=wp.float64, device="cpu")
+    wp.launch(
+        distances,
+        dim=len(points),
+        inputs=[
+            solids,
+            wp.array(present, dtype=wp.int32, device="cpu"),
+            wp.array(place, dtype=wp.vec3d, device="cpu"),
+            wp.array(geometry.quaternion_matrix(turns), dtype=wp.mat33d, device="cpu"),
+            wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device="cpu"),
+            out,
+        ],
+        device="cpu",
+    )
+    result: Array = out.numpy()
+    return result

@@ -1,0 +1,181 @@
+"""How much of each face and cell is free of solids, and which faces rigid bodies cover."""
+
+import warp as wp
+
+from polyworld.solver.fluid.distance import cover, nearest, to_solid
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, Wetted
+from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre
+from polyworld.solver.spatial.layout import Body
+
+wp.set_module_options(OPTIONS)
+
+REACH = wp.float64(1.5)  # a solid farther than this many edges from a cell's centre touches none of its faces
+QUARTER = wp.float64(0.25)
+
+
+@wp.func
+def _offset(grid: Grid, n: int, axis: int) -> wp.vec3d:
+    """The n-th of eight points a quarter edge around a sample; those of a face lie in it."""
+    o = wp.vec3d(
+        QUARTER - HALF * wp.float64(n % 2), QUARTER - HALF * wp.float64((n // 2) % 2), QUARTER - HALF * wp.float64(n // 4)
+    )
+    for a in range(3):
+        if a == axis or grid.wide[a] == 0:
+            o[a] = ZERO
+    return o * grid.cell
+
+
+@wp.func
+def _part(solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d, h: wp.float64, flat: int) -> wp.float64:
+    """Part of p's surroundings that solids [first, last) take up."""
+    total = wp.float64(0.0)
+    for s in range(first, last):
+        total += cover(solids, s, to_solid(solids.solids[s], x, r, p), h, flat)
+    return wp.min(total, ONE)
+
+
+@wp.func(inline=False)
+def _mean_part(
+    grid: Grid, solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d, axis: int
+) -> wp.float64:
+    """Mean of `_part` over the face, or (axis 3) the cell around p."""
+    flat = int(0)
+    if grid.thin >= 0:
+        flat = 1
+    total = wp.float64(0.0)
+    for n in range(8):
+        total += _part(solids, first, last, x, r, p + _offset(grid, n, axis), grid.cell, flat)
+    return total / wp.float64(8.0)
+
+
+@wp.func
+def _closest(solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d) -> wp.float64:
+    d = wp.float64(1.0e6)
+    for s in range(first, last):
+        d = wp.min(d, nearest(solids, s, to_solid(solids.solids[s], x, r, p))[3])
+    return d
+
+
+@wp.kernel
+def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
+    """static_open, static_room, static_distance of every cell: box and static solids."""
+    c = wp.tid()
+    nyz = grid.count[1] * grid.count[2]
+    index = wp.vec3i(c // nyz, (c // grid.count[2]) % grid.count[1], c % grid.count[2])
+    p = centre(grid, index[0], index[1], index[2], 3)
+    first = solids.moving
+    last = solids.solids.shape[0]
+    still = wp.vec3d()
+    axes = wp.identity(n=3, dtype=wp.float64)
+    d = _closest(solids, first, last, still, axes, p)
+    near = int(0)
+    if d < REACH * grid.cell:
+        near = 1
+    room = wp.float64(1.0)
+    outside = int(0)
+    for a in range(3):
+        fields.static_open[a, c] = ZERO
+        if grid.wide[a] == 1 and (index[a] < grid.lower[a] or index[a] >= grid.upper[a]):
+            outside = 1
+    if near == 1:
+        room = ONE - _mean_part(grid, solids, first, last, still, axes, p, 3)
+    for a in range(3):
+        if grid.wide[a] == 0:
+            continue
+        if grid.closed == 1:
+            wall = int(0)
+            if outside == 1 or index[a] == grid.lower[a]:
+                wall = 1
+            if wall == 1 or index[a] == grid.upper[a]:
+                if outside == 0:
+                    room *= wp.float64(0.875)  # a cell's surroundings reach half an edge beyond it, thinning out
+                continue
+            if index[a] + 1 == grid.upper[a]:
+                room *= wp.float64(0.875)
+        free = wp.float64(1.0)
+        if near == 1:
+            free -= _mean_part(grid, solids, first, last, still, axes, centre(grid, index[0], index[1], index[2], a), a)
+        fields.static_open[a, c] = free
+    if outside == 1 and grid.closed == 1:
+        room = ZERO
+        for a in range(3):
+            fields.static_open[a, c] = ZERO
+    fields.static_room[c] = room
+    fields.static_distance[c] = d
+
+
+@wp.kernel
+def cover_by_bodies(
+    grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace, wetted: Wetted
+) -> None:
+    """open and room of the window's cells, and the list of faces that bodies cover."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    fields.open[w, a, c] = fields.static_open[a, c]
+                fields.room[w, c] = fields.static_room[c]
+    count = int(0)
+    first = int(0)
+    for b in range(solids.bodies):
+        reach = wp.float64(0.0)
+        last = int(first)
+        while last < solids.moving:
+            if solids.solids[last].body != b:
+                break
+            reach = wp.max(reach, solids.solids[last].bound + wp.length(solids.solids[last].position))
+            last += 1
+        if bodies[w, b].active == 0:
+            first = last
+            continue
+        x = bodies[w, b].x
+        r = bodies[w, b].rotation
+        g = (x - grid.origin) / grid.cell
+        span = reach / grid.cell + wp.float64(2.0)
+        begin = lo
+        end = hi
+        for a in range(3):
+            if grid.wide[a] == 1:
+                begin[a] = wp.max(lo[a], wp.int32(wp.max(g[a] - span, ZERO)))
+                end[a] = wp.min(hi[a], wp.int32(wp.max(g[a] + span, -ONE)) + 1)
+        for i in range(begin[0], end[0]):
+            for j in range(begin[1], end[1]):
+                for k in range(begin[2], end[2]):
+                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                    p = centre(grid, i, j, k, 3)
+                    d = _closest(solids, first, last, x, r, p)
+                    if d > REACH * grid.cell:
+                        continue
+                    if d < -REACH * grid.cell:
+                        fields.room[w, c] = ZERO
+                        for a in range(3):
+                            fields.open[w, a, c] = ZERO
+                        continue
+                    taken = _mean_part(grid, solids, first, last, x, r, p, 3)
+                    fields.room[w, c] = wp.max(fields.room[w, c] - taken, ZERO)
+                    for a in range(3):
+                        free = fields.open[w, a, c]
+                        if free <= ZERO:
+                            continue
+                        q = centre(grid, i, j, k, a)
+                        part = wp.min(free, _mean_part(grid, solids, first, last, x, r, q, a))
+                        if part <= wp.float64(1.0e-9):
+                            continue
+                        fields.open[w, a, c] = free - part
+                        if count < wetted.capacity:
+                            axis = wp.vec3d()
+                            axis[a] = ONE
+                            wetted.body[w, count] = b
+                            wetted.axis[w, count] = a
+                            wetted.face[w, count] = c
+                            wetted.cover[w, count] = part
+                            wetted.arm[w, count] = wp.cross(q - x, axis)
+                        count += 1
+        first = last
+    wetted.count[w] = count

@@ -1,0 +1,114 @@
+"""Volume: shifts of the particles that undo what crowding and thinning out has crept in.
+
+Kugelstadt, Longva, Thuerey, Bender, Implicit density projection for volume conserving liquids (2019): a Poisson
+problem like the pressure's, whose right side is the excess of content. It moves particles, not velocities.
+"""
+
+import warp as wp
+
+from polyworld.solver.fluid.conjugate_gradient import (
+    dot,
+    factorise,
+    largest,
+    multiply,
+    precondition,
+    step_along,
+    step_back,
+)
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System
+from polyworld.solver.fluid.stencil import ONE, ZERO
+
+wp.set_module_options(OPTIONS)
+
+OPEN = wp.float64(1.0e-3)
+LARGEST = wp.float64(0.5)  # excess of content that is looked at
+NEGLIGIBLE = wp.float64(1.0e-4)
+TOLERANCE = wp.float64(1.0e-2)
+ITERATIONS = 50
+
+
+@wp.kernel
+def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+    """shift of every face [m]; its flow out of a cell is the share of the excess that this sub-step takes away."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    h = grid.cell
+    n = system.n[w]
+    none = system.rows
+    # In the time that the liquid takes to cross half a cell, its content is put right.
+    rate = wp.min(ONE, wp.float64(2.0) * dt * pace.fastest[w] / h)
+    x = system.x[w]
+    r = system.residual[w]
+    z = system.z[w]
+    s = system.search[w]
+    y = system.product[w]
+    for i in range(n):
+        c = system.cell[w, i]
+        diagonal = wp.float64(0.0)
+        surface = int(0)
+        for a in range(3):
+            system.coupling[w, a, i] = ZERO
+            if grid.wide[a] == 0:
+                continue
+            for side in range(2):
+                free = fields.open[w, a, c + side * grid.stride[a]]
+                if free <= OPEN:
+                    continue
+                beyond = c + (2 * side - 1) * grid.stride[a]
+                weight = free / (h * h)
+                if fields.unknown[w, beyond] >= 0:
+                    diagonal += weight
+                    if side == 1:
+                        system.coupling[w, a, i] = -weight
+                elif fields.level[w, beyond] >= ZERO:
+                    diagonal += weight / wp.max(fields.level[w, c] / (fields.level[w, c] - fields.level[w, beyond]), wp.float64(0.25))
+                    surface = 1
+        excess = wp.clamp(fields.filled[w, c] - ONE, -LARGEST, LARGEST)
+        if surface == 1:
+            excess = wp.max(excess, ZERO)
+        if diagonal <= ZERO:
+            diagonal = ONE
+            excess = ZERO
+        system.diagonal[w, i] = diagonal
+        r[i] = rate * excess
+        x[i] = ZERO
+    x[none] = ZERO
+    enough = wp.max(TOLERANCE * largest(r, n), NEGLIGIBLE * rate)
+    factorise(system, w, n)
+    iterations = int(0)
+    rho = wp.float64(0.0)
+    while largest(r, n) > enough and iterations < ITERATIONS:
+        precondition(system, w, n)
+        new = dot(r, z, n)
+        if iterations == 0:
+            step_back(s, z, ZERO, n)
+        else:
+            step_back(s, z, new / rho, n)
+        s[none] = ZERO
+        rho = new
+        multiply(system, w, n, s, y)
+        alpha = rho / dot(s, y, n)
+        step_along(x, s, alpha, n)
+        step_along(r, y, -alpha, n)
+        iterations += 1
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                index = wp.vec3i(i, j, k)
+                for a in range(3):
+                    move = wp.float64(0.0)
+                    if grid.wide[a] == 1 and index[a] > lo[a] and fields.open[w, a, c] > OPEN:
+                        high = fields.unknown[w, c]
+                        low = fields.unknown[w, c - grid.stride[a]]
+                        if high >= 0 and low >= 0:
+                            move = (x[low] - x[high]) / h
+                        elif high >= 0 and fields.level[w, c - grid.stride[a]] >= ZERO:
+                            move = -x[high] / h
+                        elif low >= 0 and fields.level[w, c] >= ZERO:
+                            move = x[low] / h
+                    fields.shift[w, a, c] = wp.clamp(move, -h * LARGEST, h * LARGEST)

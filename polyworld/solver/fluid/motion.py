@@ -1,0 +1,234 @@
+"""From the grid back to particles, which then move; solids keep them out."""
+
+import warp as wp
+
+from polyworld.solver.fluid.distance import nearest, to_solid
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Particles, Solids
+from polyworld.solver.fluid.stencil import HALF, ZERO, centre, gather, gather_slope, stencil
+from polyworld.solver.spatial.layout import Body
+
+wp.set_module_options(OPTIONS)
+
+LAYERS = 3  # faces beyond the liquid that its velocity is continued to
+SKIN = wp.float64(0.02)  # particles keep this many edges from solids
+SHUT = wp.float64(1.0e-3)
+
+
+@wp.struct
+class Motion:
+    """Where and how fast; or, of a solid's surface, its outward normal (zero if it is far) and its velocity."""
+
+    x: wp.vec3d
+    v: wp.vec3d
+
+
+@wp.func
+def _motion(x: wp.vec3d, v: wp.vec3d) -> Motion:
+    m = Motion()
+    m.x = x
+    m.v = v
+    return m
+
+
+@wp.func
+def _velocity(grid: Grid, fields: Fields, w: int, x: wp.vec3d) -> wp.vec3d:
+    v = wp.vec3d()
+    for a in range(3):
+        if grid.wide[a] == 1:
+            v[a] = gather(grid, fields.velocity[w, a], stencil(grid, x, a))
+    return v
+
+
+@wp.kernel
+def continue_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
+    """Velocity of faces outside the liquid: the mean of their neighbours, layer by layer."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for layer in range(1, LAYERS + 1):
+        for i in range(lo[0], hi[0]):
+            for j in range(lo[1], hi[1]):
+                for k in range(lo[2], hi[2]):
+                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                    index = wp.vec3i(i, j, k)
+                    for a in range(3):
+                        if fields.known[w, a, c] > 0 or grid.wide[a] == 0:
+                            continue
+                        total = wp.float64(0.0)
+                        count = int(0)
+                        for b in range(3):
+                            if grid.wide[b] == 0:
+                                continue
+                            if index[b] > lo[b]:
+                                d = c - grid.stride[b]
+                                if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
+                                    total += fields.velocity[w, a, d]
+                                    count += 1
+                            if index[b] + 1 < hi[b]:
+                                d = c + grid.stride[b]
+                                if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
+                                    total += fields.velocity[w, a, d]
+                                    count += 1
+                        if count > 0:
+                            fields.velocity[w, a, c] = total / wp.float64(count)
+                            fields.known[w, a, c] = layer + 1
+
+
+@wp.func(inline=False)
+def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, statics: int) -> Motion:
+    """Outward normal of the solid closest to p and its velocity there; the normal is zero beyond one edge."""
+    best = wp.float64(1.0e6)
+    normal = wp.vec3d()
+    velocity = wp.vec3d()
+    still = wp.vec3d()
+    axes = wp.identity(n=3, dtype=wp.float64)
+    for s in range(solids.solids.shape[0]):
+        b = solids.solids[s].body
+        x = still
+        r = axes
+        if b >= 0:
+            if bodies[w, b].active == 0:
+                continue
+            x = bodies[w, b].x
+            r = bodies[w, b].rotation
+        elif statics == 0:
+            continue
+        near = nearest(solids, s, to_solid(solids.solids[s], x, r, p))
+        if near[3] < best:
+            best = near[3]
+            normal = r * (solids.solids[s].rotation * wp.vec3d(near[0], near[1], near[2]))
+            velocity = still
+            if b >= 0:
+                velocity = bodies[w, b].v + wp.cross(bodies[w, b].w, p - x)
+    return _motion(normal, velocity)
+
+
+@wp.kernel
+def slide_along_solids(grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace) -> None:
+    """Velocity of faces that solids shut: that of the liquid beside them, less its part into the solid."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    for i in range(fields.window[w, 0], fields.window[w, 3]):
+        for j in range(fields.window[w, 1], fields.window[w, 4]):
+            for k in range(fields.window[w, 2], fields.window[w, 5]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                index = wp.vec3i(i, j, k)
+                for a in range(3):
+                    if grid.wide[a] == 0 or fields.open[w, a, c] > SHUT or fields.known[w, a, c] == 0:
+                        continue
+                    if grid.closed == 1 and (index[a] <= grid.lower[a] or index[a] >= grid.upper[a]):
+                        fields.velocity[w, a, c] = ZERO
+                        continue
+                    if solids.solids.shape[0] == 0:
+                        continue
+                    p = centre(grid, i, j, k, a)
+                    near = solid_at(solids, bodies, w, p, 1)
+                    n = near.x
+                    u = _velocity(grid, fields, w, p)
+                    into = wp.dot(u - near.v, n)
+                    fields.velocity[w, a, c] = u[a] - into * n[a]
+
+
+@wp.func
+def _keep_out(
+    grid: Grid, solids: Solids, bodies: wp.array2d[Body], w: int, x: wp.vec3d, v: wp.vec3d, first: int, last: int
+) -> Motion:
+    """Position and velocity of a particle at x, v after solids [first, last) have pushed it out."""
+    skin = SKIN * grid.cell
+    for s in range(first, last):
+        b = solids.solids[s].body
+        place = wp.vec3d()
+        r = wp.identity(n=3, dtype=wp.float64)
+        if b >= 0:
+            if bodies[w, b].active == 0:
+                continue
+            place = bodies[w, b].x
+            reach = solids.solids[s].bound + wp.length(solids.solids[s].position) + skin
+            away = x - place
+            if grid.thin >= 0:
+                away[grid.thin] = ZERO
+            if wp.dot(away, away) > reach * reach:
+                continue
+            r = bodies[w, b].rotation
+        near = nearest(solids, s, to_solid(solids.solids[s], place, r, x))
+        if near[3] < skin:
+            n = r * (solids.solids[s].rotation * wp.vec3d(near[0], near[1], near[2]))
+            u = wp.vec3d()
+            if b >= 0:
+                u = bodies[w, b].v + wp.cross(bodies[w, b].w, x - place)
+            x = x + n * (skin - near[3])
+            into = wp.dot(v - u, n)
+            if into < ZERO:
+                v = v - n * into
+    return _motion(x, v)
+
+
+@wp.kernel
+def move_particles(
+    grid: Grid, solids: Solids, particles: Particles, fields: Fields, bodies: wp.array2d[Body], pace: Pace, flip: wp.float64
+) -> None:
+    """Particles take the grid's velocity and its gradient, and move with it (midpoint rule)."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    skin = SKIN * grid.cell
+    for p in range(particles.used[w]):
+        if particles.fluid[w, p] < 0:
+            continue
+        x = particles.x[w, p]
+        was = particles.v[w, p]
+        v = wp.vec3d()
+        gradient = wp.mat33d()
+        shift = wp.vec3d()
+        for a in range(3):
+            if grid.wide[a] == 0:
+                continue
+            s = stencil(grid, x, a)
+            v[a] = gather(grid, fields.velocity[w, a], s)
+            slope = gather_slope(grid, fields.velocity[w, a], s)
+            for b in range(3):
+                gradient[a, b] = slope[b]
+            shift[a] = gather(grid, fields.shift[w, a], s)
+        u = _velocity(grid, fields, w, x + v * (HALF * dt))
+        if flip > ZERO:
+            for a in range(3):
+                if grid.wide[a] == 1:
+                    v[a] += flip * (was[a] - gather(grid, fields.old[w, a], stencil(grid, x, a)))
+        x = x + u * dt + shift
+        gone = int(0)
+        for a in range(3):
+            if grid.wide[a] == 0:
+                continue
+            if grid.closed == 0:
+                if x[a] <= grid.box_lower[a] or x[a] >= grid.box_upper[a]:
+                    gone = 1
+                continue
+            if x[a] < grid.box_lower[a] + skin:
+                x[a] = grid.box_lower[a] + skin
+                v[a] = wp.max(v[a], ZERO)
+            if x[a] > grid.box_upper[a] - skin:
+                x[a] = grid.box_upper[a] - skin
+                v[a] = wp.min(v[a], ZERO)
+        if gone == 1:
+            particles.fluid[w, p] = -1
+            continue
+        g = (x - grid.origin) / grid.cell
+        c = int(0)
+        for a in range(3):
+            if grid.wide[a] == 1:
+                c += wp.clamp(wp.int32(g[a]), 0, grid.count[a] - 1) * grid.stride[a]
+        last = solids.moving
+        if fields.static_distance[c] < wp.float64(1.5) * grid.cell:
+            last = solids.solids.shape[0]
+        if last > 0:
+            for _ in range(2):
+                kept = _keep_out(grid, solids, bodies, w, x, v, 0, last)
+                x = kept.x
+                v = kept.v
+        particles.x[w, p] = x
+        particles.v[w, p] = v
+        particles.gradient[w, p] = gradient

@@ -1,0 +1,228 @@
+"""Pressure projection: the pressure that keeps the liquid's volume, with its pushes on liquids and bodies.
+
+Open fractions of faces as in Batty, Bertails and Bridson (2007) and Ng, Min and Gibou (2009); the free surface to
+second order by ghost values (Enright, Nguyen, Gibou, Fedkiw 2003).
+"""
+
+import warp as wp
+
+from polyworld.solver.fluid.bodies import add_outflow, gather_wrench, keep_touching, present_motion, respond
+from polyworld.solver.fluid.conjugate_gradient import (
+    dot,
+    factorise,
+    largest,
+    multiply,
+    number_unknowns,
+    precondition,
+    step_along,
+    step_back,
+)
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, System, Wetted
+from polyworld.solver.fluid.stencil import ONE, ZERO
+from polyworld.solver.spatial.layout import Body
+
+wp.set_module_options(OPTIONS)
+
+OPEN = wp.float64(1.0e-3)  # a face less open than this is shut
+NEAREST = wp.float64(0.05)  # a free surface nearer to a centre than this many edges is taken to be this far
+TOLERANCE = wp.float64(1.0e-6)  # largest divergence left, relative to the largest there was
+ITERATIONS = 400
+
+
+@wp.kernel
+def build_pressure(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
+    """The equations: row i is the divergence at cell i that pressures take away."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    h = grid.cell
+    none = system.rows
+    n = int(0)
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for a in range(3):
+        if grid.wide[a] == 1:
+            lo[a] += 1
+            hi[a] -= 1
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                if fields.level[w, c] >= ZERO:
+                    fields.pressure[w, c] = ZERO
+                    continue
+                widest = wp.float64(0.0)
+                for a in range(3):
+                    if grid.wide[a] == 1:
+                        widest = wp.max(widest, fields.open[w, a, c])
+                        widest = wp.max(widest, fields.open[w, a, c + grid.stride[a]])
+                if widest > OPEN:
+                    row = number_unknowns(system, w, c, n)
+                    fields.unknown[w, c] = row
+                    if row >= 0:
+                        n += 1
+    system.n[w] = n
+    for i in range(n):
+        c = system.cell[w, i]
+        diagonal = wp.float64(0.0)
+        divergence = wp.float64(0.0)
+        level = fields.level[w, c]
+        for a in range(3):
+            system.plus[w, a, i] = none
+            system.minus[w, a, i] = none
+            system.coupling[w, a, i] = ZERO
+            if grid.wide[a] == 0:
+                continue
+            for side in range(2):
+                face = c + side * grid.stride[a]
+                beyond = c + (2 * side - 1) * grid.stride[a]
+                sign = wp.float64(2 * side - 1)
+                free = fields.open[w, a, face]
+                row = fields.unknown[w, beyond]
+                if row >= 0:
+                    if side == 0:
+                        system.minus[w, a, i] = row
+                    else:
+                        system.plus[w, a, i] = row
+                if free <= OPEN:
+                    continue
+                divergence += sign * free * fields.velocity[w, a, face] / h
+                if row < 0 and fields.level[w, beyond] < ZERO:
+                    continue
+                bulk = fields.bulk[w, a, face]
+                if bulk <= ZERO:
+                    continue
+                weight = dt * free * bulk / (fields.mass[w, a, face] * h * h)
+                if row >= 0:
+                    diagonal += weight
+                    if side == 1:
+                        system.coupling[w, a, i] = -weight
+                else:
+                    diagonal += weight / wp.max(level / (level - fields.level[w, beyond]), NEAREST)
+        if diagonal <= ZERO:
+            diagonal = ONE
+            divergence = ZERO
+        system.diagonal[w, i] = diagonal
+        system.residual[w, i] = -divergence
+        system.x[w, i] = fields.pressure[w, c]
+    for a in range(3):
+        system.coupling[w, a, none] = ZERO
+    system.x[w, none] = ZERO
+    keep_touching(wetted, fields.unknown, grid.stride, w, none)
+
+
+@wp.kernel
+def solve_pressure(
+    grid: Grid, solids: Solids, fields: Fields, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
+) -> None:
+    """Conjugate gradients from the last sub-step's pressure."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    n = system.n[w]
+    none = system.rows
+    x = system.x[w]
+    r = system.residual[w]
+    z = system.z[w]
+    s = system.search[w]
+    y = system.product[w]
+    wet = wetted.count[w]
+    if wet > 0:
+        present_motion(bodies, wetted, w, solids.bodies)
+        for i in range(n):
+            y[i] = ZERO
+        add_outflow(grid, wetted, w, y, none)
+        step_along(r, y, -ONE, n)
+    enough = TOLERANCE * largest(r, n)
+    multiply(system, w, n, x, y)
+    if wet > 0:
+        gather_wrench(grid, wetted, system, w, wet, x)
+        respond(grid, solids, bodies, wetted, w, dt)
+        add_outflow(grid, wetted, w, y, none)
+    step_along(r, y, -ONE, n)
+    factorise(system, w, n)
+    iterations = int(0)
+    rho = wp.float64(0.0)
+    while largest(r, n) > enough and iterations < ITERATIONS:
+        precondition(system, w, n)
+        new = dot(r, z, n)
+        if iterations == 0:
+            step_back(s, z, ZERO, n)
+        else:
+            step_back(s, z, new / rho, n)
+        s[none] = ZERO
+        rho = new
+        multiply(system, w, n, s, y)
+        if wet > 0:
+            gather_wrench(grid, wetted, system, w, wet, s)
+            respond(grid, solids, bodies, wetted, w, dt)
+            add_outflow(grid, wetted, w, y, none)
+        alpha = rho / dot(s, y, n)
+        step_along(x, s, alpha, n)
+        step_along(r, y, -alpha, n)
+        iterations += 1
+    system.iterations[w] = iterations
+    for i in range(n):
+        fields.pressure[w, system.cell[w, i]] = x[i]
+
+
+@wp.kernel
+def push_liquid(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+    """Velocity change by the pressure gradient on all faces beside an unknown; marks them as known."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    h = grid.cell
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                index = wp.vec3i(i, j, k)
+                for a in range(3):
+                    known = int(0)
+                    if fields.mass[w, a, c] > ZERO and fields.open[w, a, c] > OPEN:
+                        known = 1
+                        if index[a] > lo[a] and grid.wide[a] == 1:
+                            d = c - grid.stride[a]
+                            high = fields.unknown[w, c]
+                            low = fields.unknown[w, d]
+                            if high >= 0 or low >= 0:
+                                above = fields.pressure[w, c]
+                                below = fields.pressure[w, d]
+                                near = fields.level[w, c]
+                                far = fields.level[w, d]
+                                if low < 0:
+                                    near = far
+                                    far = fields.level[w, c]
+                                difference = above - below
+                                if high < 0 or low < 0:
+                                    if near < ZERO:
+                                        difference = ZERO
+                                    else:
+                                        difference /= wp.max(far / (far - near), NEAREST)
+                                fields.velocity[w, a, c] += (
+                                    -dt * difference * fields.bulk[w, a, c] / (fields.mass[w, a, c] * h)
+                                )
+                    fields.known[w, a, c] = known
+
+
+@wp.kernel
+def push_bodies(
+    grid: Grid, solids: Solids, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
+) -> None:
+    """Velocity change of the bodies by the pressure on them."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO or wetted.count[w] == 0:
+        return
+    gather_wrench(grid, wetted, system, w, wetted.count[w], system.x[w])
+    respond(grid, solids, bodies, wetted, w, dt)
+    for b in range(solids.bodies):
+        if bodies[w, b].active == 1:
+            bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]

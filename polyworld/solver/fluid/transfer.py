@@ -1,0 +1,156 @@
+"""From particles to the grid (mass, volume, momentum, content) and the sub-step they allow.
+
+Affine particle-in-cell (Jiang, Schroeder, Selle, Teran, Stomakhin 2015) with linear weights on staggered faces.
+"""
+
+import warp as wp
+
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles
+from polyworld.solver.fluid.stencil import ONE, ZERO, scatter, scatter_linear, stencil
+from polyworld.solver.spatial.layout import Body
+
+wp.set_module_options(OPTIONS)
+
+COURANT = wp.float64(1.0)  # edges that the fastest particle crosses in a sub-step
+MARGIN = 3  # cells of the window around the particles
+
+
+@wp.kernel
+def begin_step(pace: Pace, h: wp.array[wp.float64]) -> None:
+    w = wp.tid()
+    pace.left[w] = h[w]
+    pace.steps[w] = 0
+    pace.go[0] = 1
+
+
+@wp.kernel
+def choose_step(
+    grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace, bodies: wp.array2d[Body], count: int
+) -> None:
+    """Length of the next sub-step, an equal part of what is left, and the window of cells around the particles."""
+    w = wp.tid()
+    if w == 0:
+        pace.go[0] = 0
+    left = pace.left[w]
+    pace.dt[w] = ZERO
+    if left <= ZERO:
+        return
+    fastest = wp.float64(0.0)
+    lo = grid.count
+    hi = wp.vec3i(0, 0, 0)
+    present = int(0)
+    for p in range(particles.used[w]):
+        if particles.fluid[w, p] < 0:
+            continue
+        present = 1
+        v = particles.v[w, p]
+        g = (particles.x[w, p] - grid.origin) / grid.cell
+        for a in range(3):
+            fastest = wp.max(fastest, wp.abs(v[a]))
+            if grid.wide[a] == 1:
+                i = wp.int32(wp.floor(g[a]))
+                lo[a] = wp.min(lo[a], i - MARGIN)
+                hi[a] = wp.max(hi[a], i + MARGIN + 1)
+    if present == 0:
+        lo = wp.vec3i(0, 0, 0)
+        hi = lo
+    for a in range(3):
+        if grid.wide[a] == 0:
+            lo[a] = 0
+            hi[a] = present
+        fields.window[w, a] = wp.max(lo[a], 0)
+        fields.window[w, 3 + a] = wp.min(hi[a], grid.count[a])
+    for b in range(count):
+        if bodies[w, b].active == 1:
+            fastest = wp.max(fastest, wp.length(bodies[w, b].v))
+    fastest += wp.length(liquids.gravity[w % liquids.gravity.shape[0]]) * left
+    pace.fastest[w] = fastest
+    parts = wp.ceil(left * fastest / (COURANT * grid.cell))
+    parts = wp.max(parts, ONE)
+    pace.dt[w] = left / parts
+    pace.steps[w] = pace.steps[w] + 1
+    if parts < wp.float64(1.5):
+        pace.left[w] = ZERO
+        pace.dt[w] = left
+    else:
+        pace.left[w] = left - pace.dt[w]
+        pace.go[0] = 1
+
+
+@wp.kernel
+def clear(grid: Grid, fields: Fields, pace: Pace) -> None:
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    for i in range(fields.window[w, 0], fields.window[w, 3]):
+        for j in range(fields.window[w, 1], fields.window[w, 4]):
+            for k in range(fields.window[w, 2], fields.window[w, 5]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    fields.velocity[w, a, c] = ZERO
+                    fields.mass[w, a, c] = ZERO
+                    fields.bulk[w, a, c] = ZERO
+                fields.content[w, c] = ZERO
+                fields.unknown[w, c] = -1
+
+
+@wp.kernel
+def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace) -> None:
+    """Adds the particles' volume, mass and momentum to the faces, and their volume to the cells."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    volume = particles.volume
+    content = fields.content[w]
+    for p in range(particles.used[w]):
+        f = particles.fluid[w, p]
+        if f < 0:
+            continue
+        mass = volume * liquids.density[w % liquids.density.shape[0], f]
+        x = particles.x[w, p]
+        v = particles.v[w, p]
+        gradient = particles.gradient[w, p]
+        for a in range(3):
+            if grid.wide[a] == 0:
+                continue
+            s = stencil(grid, x, a)
+            slope = wp.vec3d(gradient[a, 0], gradient[a, 1], gradient[a, 2])
+            scatter_linear(grid, fields.velocity[w, a], s, mass, v[a], slope)
+            scatter(grid, fields.bulk[w, a], s, volume)
+            scatter(grid, fields.mass[w, a], s, mass)
+        scatter(grid, content, stencil(grid, x, 3), volume)
+
+
+@wp.kernel
+def momentum_to_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
+    """Faces' velocity from their momentum; `old` keeps it as it was before any force."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    for i in range(fields.window[w, 0], fields.window[w, 3]):
+        for j in range(fields.window[w, 1], fields.window[w, 4]):
+            for k in range(fields.window[w, 2], fields.window[w, 5]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    m = fields.mass[w, a, c]
+                    u = wp.float64(0.0)
+                    if m > ZERO:
+                        u = fields.velocity[w, a, c] / m
+                    fields.velocity[w, a, c] = u
+                    fields.old[w, a, c] = u
+
+
+@wp.kernel
+def add_gravity(grid: Grid, liquids: Liquids, fields: Fields, pace: Pace) -> None:
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    g = liquids.gravity[w % liquids.gravity.shape[0]]
+    for i in range(fields.window[w, 0], fields.window[w, 3]):
+        for j in range(fields.window[w, 1], fields.window[w, 4]):
+            for k in range(fields.window[w, 2], fields.window[w, 5]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    if fields.mass[w, a, c] > ZERO:
+                        fields.velocity[w, a, c] += dt * g[a]
