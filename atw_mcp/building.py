@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from atw_mcp.parts import Parts, read_part
+from atw_mcp.representation_choice import Chosen, Representation, choose
 from polyworld.camera import Camera
 from polyworld.description import Appearance
 from polyworld.geometry import hull, planar_outline
@@ -19,11 +21,8 @@ from polyworld.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cyli
 from polyworld.tracks import ObservedTracks
 from polyworld.world import Effect, Environment, MotionPlane, StaticObject, TimeBase, World
 
-Representation = Literal["auto", "planar", "spatial"]
-
-# An object counts as staying on its plane while its height varies less than this share of its half height,
-# or than this many standard deviations of its measured position.
-HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+# Where planar ropes, soft bodies and fluids move when nobody says otherwise.
+ACROSS = MotionPlane(point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), supports=False)
 MOST_VERTICES = 256  # of a convex mesh
 TRUST = 0.5  # an object begins at the first sample with this share of its median confidence
 
@@ -40,7 +39,8 @@ class ObservedObject:
 
 @dataclass(frozen=True)
 class Given:
-    """What the agent says about one object; None leaves it to the observation or to the default."""
+    """What the agent says about one object; None leaves it to the observation or to the default. An object without
+    a track needs a shape and a position."""
 
     shape: BodyShape | None = None
     mass: float | None = None
@@ -52,6 +52,11 @@ class Given:
     angular_damping: float | None = None
     color: str | None = None
     material: str | None = None
+    position: tuple[float, float, float] | None = None
+    orientation: tuple[float, float, float, float] | None = None
+    velocity: tuple[float, float, float] | None = None
+    angular_velocity: tuple[float, float, float] | None = None
+    start_time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,9 @@ class Scene:
     motion_plane: MotionPlane | None = None
     statics: tuple[StaticObject, ...] = ()
     effects: tuple[Effect, ...] = ()
+    parts: Parts = field(default_factory=Parts)
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    air_density: float | None = None
 
 
 @dataclass(frozen=True)
@@ -88,51 +96,122 @@ def build_world(
     time: TimeBase,
     camera: Camera | None = None,
 ) -> Built:
-    """A world of the tracked objects, each placed and set in motion as its track begins.
+    """A world of the tracked objects, each placed and set in motion as its track begins, and of what was described.
 
-    chosen: names of the tracks to model (default all). heights_assumed: the tracks were got by assuming that
-    objects stay on the floor, so their height says nothing. Raises ValueError or KeyError for unknown names and
-    for objects whose shape is neither observed nor given.
+    chosen: names of the tracks to model (default all; a deformable object of the same name takes a track's place).
+    heights_assumed: the tracks were got by assuming that objects stay on the floor, so their height says nothing.
+    Raises ValueError or KeyError for unknown names and for objects whose shape is neither observed nor given.
     """
     seen = {item.name: item for item in objects}
-    names = list(tracks.names if chosen is None else chosen)
-    unknown = sorted((set(names) | set(given)) - set(tracks.names))
-    if unknown:
-        raise ValueError(f"no tracks {unknown}; tracks: {list(tracks.names)}")
+    soft = {str(item["name"]) for item in scene.parts.deformables}
+    names = [name for name in (tracks.names if chosen is None else chosen) if name not in soft]
+    _check_names(names, given, tracks, soft)
     tracks = from_trusted_start(tracks)
     states = initial_states(tracks, seconds_per_frame=time.seconds_per_frame)
     left_out = tuple(f"{name}: observed in fewer than two frames" for name in names if name not in states)
     names = [name for name in names if name in states]
-    if not names:
+    described = [name for name in given if name not in tracks.names and name not in soft]
+    if not names and not described and not soft:
         raise ValueError(f"there is no object to place: {'; '.join(left_out) or 'no track was chosen'}")
-    shapes = _shapes(names, seen, given)
-    kind, why = _representation(representation, tracks.select(names), shapes, scene, heights_assumed)
-    bodies = tuple(
-        _body(name, shapes[name], seen.get(name), given.get(name, Given()), kind, scene, states[name].position)
-        for name in names
+    shapes = _shapes([*names, *described], seen, given)
+    kind, why = choose(
+        representation,
+        tracks.select(names),
+        {name: half_height(shape) for name, shape in shapes.items()},
+        shapes,
+        statics=scene.statics,
+        plane=scene.motion_plane,
+        gravity=scene.gravity,
+        parts=scene.parts,
+        heights_assumed=heights_assumed,
     )
-    floor: tuple[StaticObject, ...] = ()
+    if kind == "planar" and scene.motion_plane is None and scene.parts.deformables:
+        scene = replace(scene, motion_plane=ACROSS)
+        why += "; the plane is y = 0, seen along +y, as no motion_plane was given"
+    bodies = []
+    for name in [*names, *described]:
+        own = given.get(name, Given())
+        place = states[name].position if name in states and name in names else np.asarray(own.position)
+        bodies.append(_body(name, shapes[name], seen.get(name), own, kind, scene, place, tracked=name in names))
     plane = scene.motion_plane
     if plane is None:
         # Without a floor the plane is still where the objects move; it just does not press back.
         plane = MotionPlane(point=(0.0, 0.0, scene.floor_height or 0.0), supports=scene.floor_height is not None)
+    floor: tuple[StaticObject, ...] = ()
     if scene.floor_height is not None and (kind == "spatial" or _upright(plane)):
         floor = (StaticObject(name="floor", shape=Plane(offset=scene.floor_height)),)
+    air = {} if scene.air_density is None else {"air_density": scene.air_density}
+    parts = scene.parts
     world = World(
-        objects=bodies,
+        objects=tuple(bodies),
         statics=(*floor, *scene.statics),
-        environment=Environment(gravity=scene.gravity, motion_plane=plane),
+        environment=Environment(gravity=scene.gravity, motion_plane=plane, wind=scene.wind, **air),
         effects=scene.effects,
+        deformables=tuple(_deformable(item, kind, tracks, time) for item in parts.deformables),
+        joints=parts.joints,
+        attachments=parts.attachments,
+        pulleys=parts.pulleys,
+        fluid_grid=parts.fluid_grid,
+        emitters=parts.emitters,
+        drains=parts.drains,
+        containers=parts.containers,
         time=time,
         camera=camera,
     )
     return Built(
-        world=with_initial_states(world, tracks.select(names)),
+        world=with_initial_states(world, tracks.select(names)) if names else world,
         representation=kind,
         why=why,
-        assumed=_assumed(names, given, scene, kind),
+        assumed=_assumed([*names, *described], given, scene, kind),
         left_out=left_out,
     )
+
+
+def _check_names(names: Sequence[str], given: Mapping[str, Given], tracks: ObservedTracks, soft: set[str]) -> None:
+    """Raise ValueError for a name that is neither tracked nor fully described."""
+    twice = sorted(soft & set(given))
+    if twice:
+        raise ValueError(f"{twice} are in objects, for rigid bodies, and in parts: give each in one of the two")
+    unknown = sorted(set(names) - set(tracks.names))
+    if unknown:
+        raise ValueError(f"no tracks {unknown}; tracks: {list(tracks.names)}")
+    vague = sorted(name for name, own in given.items() if name not in tracks.names and own.position is None)
+    if vague:
+        raise ValueError(
+            f"no tracks {vague}; tracks: {list(tracks.names)}. An object that was not observed needs a shape and a "
+            "position"
+        )
+
+
+def _deformable(item: dict[str, Any], kind: Chosen, tracks: ObservedTracks, time: TimeBase) -> Any:
+    """A deformable object as described, completed by what was observed of it, in the world's representation."""
+    kind_of_part = str(item["representation"]).removesuffix("_planar")
+    fields = {key: value for key, value in item.items() if key != "representation"}
+    fields = {**_observed_start(str(item["name"]), kind_of_part, fields, tracks, time), **fields}
+    made = read_part(kind_of_part, fields)
+    if kind == "planar" and kind_of_part != "cloth":
+        return made.model_copy(update={"representation": f"{kind_of_part}_planar"})
+    return made
+
+
+def _observed_start(
+    name: str, kind: str, fields: Mapping[str, Any], tracks: ObservedTracks, time: TimeBase
+) -> dict[str, Any]:
+    """Where a deformable object was first seen: the centreline of a rope, the centre of a soft body."""
+    if kind == "rope" and "points" not in fields:
+        for series in tracks.shapes:
+            if series.object != name or series.readout.kind != "centreline" or series.readout.view != "world":
+                continue
+            whole = np.flatnonzero(np.all(series.confidence > 0.0, axis=1))
+            if len(whole):
+                start = float(tracks.frames[whole[0]]) * time.seconds_per_frame
+                return {"points": series.values[whole[0]].tolist(), "start_time": start}
+    if kind == "soft" and "position" not in fields and name in tracks.names:
+        state = initial_states(tracks.select([name]), seconds_per_frame=time.seconds_per_frame).get(name)
+        if state is not None:
+            start = state.frame * time.seconds_per_frame
+            return {"position": state.position.tolist(), "velocity": state.velocity.tolist(), "start_time": start}
+    return {}
 
 
 def _upright(plane: MotionPlane) -> bool:
@@ -177,32 +256,6 @@ def _shapes(
             'e.g. {"kind": "sphere", "radius": 0.2}'
         )
     return shapes
-
-
-def _representation(
-    asked: Representation,
-    tracks: ObservedTracks,
-    shapes: Mapping[str, BodyShape],
-    scene: Scene,
-    heights_assumed: bool,
-) -> tuple[Literal["planar", "spatial"], str]:
-    if asked != "auto":
-        return asked, "as asked"
-    if any(static.shape.kind == "triangle_mesh" for static in scene.statics):
-        return "spatial", "a triangle mesh can only be touched in a spatial world"
-    if scene.motion_plane is not None:
-        return "planar", "a motion plane was given"
-    if heights_assumed:
-        return "planar", "positions were measured by assuming that objects stay on the floor"
-    for column, name in enumerate(tracks.names):
-        rows = tracks.confidence[:, column] > 0
-        height = tracks.positions[rows, column, 2]
-        swing = float(np.ptp(height))
-        sigma = float(np.median(tracks.position_sigma[rows, column]))
-        allowed = max(HEIGHT_SHARE * half_height(shapes[name]), HEIGHT_SIGMAS * sigma)
-        if swing > allowed:
-            return "spatial", f"{name} rises or falls by {swing:.3g} m, more than the {allowed:.3g} m of level motion"
-    return "planar", "every object keeps its height"
 
 
 def half_height(shape: BodyShape) -> float:
@@ -254,19 +307,22 @@ def _body(
     shape: BodyShape,
     seen: ObservedObject | None,
     given: Given,
-    kind: Literal["planar", "spatial"],
+    kind: Chosen,
     scene: Scene,
     position: np.ndarray,
+    *,
+    tracked: bool,
 ) -> RigidObject:
     values = {
         key: value
         for key in (
-            "mass", "density", "friction", "restitution", "rolling_resistance", "linear_damping", "angular_damping"
+            "mass", "density", "friction", "restitution", "rolling_resistance", "linear_damping", "angular_damping",
+            "orientation", "velocity", "angular_velocity", "start_time",
         )
         if (value := getattr(given, key)) is not None
     }  # fmt: skip
     x, y, z = (float(v) for v in position)
-    if kind == "planar" and scene.motion_plane is None:
+    if kind == "planar" and scene.motion_plane is None and tracked:
         z = (scene.floor_height or 0.0) + half_height(shape)  # it stands on the floor, whatever a track says
     return RigidObject(
         name=name,
@@ -281,9 +337,7 @@ def _body(
     )
 
 
-def _assumed(
-    names: Sequence[str], given: Mapping[str, Given], scene: Scene, kind: Literal["planar", "spatial"]
-) -> tuple[str, ...]:
+def _assumed(names: Sequence[str], given: Mapping[str, Given], scene: Scene, kind: Chosen) -> tuple[str, ...]:
     defaults = RigidObject(name="x", shape=Sphere(radius=1.0), position=(0.0, 0.0, 0.0))
     said = {name: given.get(name, Given()) for name in names}
     notes = []
@@ -294,7 +348,7 @@ def _assumed(
     unweighed = [name for name in names if said[name].mass is None and said[name].density is None]
     if unweighed:
         notes.append(f"density {defaults.density:g} kg/m^3 for {', '.join(unweighed)}")
-    if kind == "planar" and scene.motion_plane is None:
+    if kind == "planar" and scene.motion_plane is None and names:
         notes.append("objects stay upright and on the floor")
     if scene.motion_plane is not None and _upright(scene.motion_plane) and scene.floor_height is None:
         notes.append("there is no floor: give floor=z if objects bounce or rest on one")

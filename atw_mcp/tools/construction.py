@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from atw_mcp.app import App
@@ -13,7 +14,9 @@ from atw_mcp.building import Built, Given, ObservedObject, Scene, build_world
 from atw_mcp.fitting import FitRequest, window
 from atw_mcp.importing import mesh_of
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import derivation, derived_tracks, latest_camera, track_record
+from atw_mcp.material_facts import about_deformable
+from atw_mcp.observing import UNKNOWN_RATE, derivation, derived_tracks, latest_camera, track_record
+from atw_mcp.parts import Parts, read_parts
 from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import (
@@ -21,6 +24,7 @@ from atw_mcp.tools.world_arguments import (
     EffectArgument,
     ObjectArgument,
     ObstacleArgument,
+    PartArgument,
     Patience,
     PlaneArgument,
     Point,
@@ -52,16 +56,30 @@ def build_world_tool(
     representation: Annotated[
         Literal["auto", "planar", "spatial"],
         Field(
-            description="planar: objects slide on a plane with three degrees of freedom, fast; spatial: six. auto: "
-            "planar unless an object leaves the floor"
+            description="planar: objects stay in one plane with three degrees of freedom, fast; spatial: six. auto: "
+            "planar unless an object leaves the floor, or something described moves in space only; the result says why"
         ),
     ] = "auto",
     objects: Annotated[
         list[ObjectArgument] | None,
-        Field(max_length=64, description="what is known about single objects; the rest is taken from the observation"),
+        Field(
+            max_length=64,
+            description="what is known about single rigid objects; the rest is taken from the observation. Objects "
+            "that were not observed are described here",
+        ),
+    ] = None,
+    parts: Annotated[
+        list[PartArgument] | None,
+        Field(
+            max_length=256,
+            description="ropes, cloth, soft bodies, fluids (with their grid, emitters, drains and containers), what "
+            "holds them, pulleys, and joints of rigid objects. A rope or soft body that was observed under its name "
+            "starts where it was seen",
+        ),
     ] = None,
     only: Annotated[
-        list[str] | None, Field(max_length=64, description="names of the tracks to model; default: all")
+        list[str] | None,
+        Field(max_length=64, description="names of the tracks to model; default: all; [] for a world described alone"),
     ] = None,
     default_shape: Annotated[
         ShapeArgument | None, Field(description="shape of every object whose shape is neither observed nor given")
@@ -82,6 +100,16 @@ def build_world_tool(
     walls: Annotated[list[WallArgument] | None, Field(max_length=64, description="upright walls")] = None,
     obstacles: Annotated[list[ObstacleArgument] | None, Field(max_length=64, description="other fixed solids")] = None,
     effects: Annotated[list[EffectArgument] | None, Field(max_length=32, description="further laws")] = None,
+    wind: Annotated[Point | None, Field(description="velocity of the air, which moves cloth alone [m/s]")] = None,
+    substep: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            le=0.05,
+            description="longest step [s]; default 0.002. Deformable objects take smaller steps inside it as their "
+            "stiffness asks; a fast fluid or thin fast things may need a smaller one",
+        ),
+    ] = None,
     first_frame: Annotated[
         int | None, Field(ge=0, description="frame at which the world begins; default: the first of the tracks")
     ] = None,
@@ -98,8 +126,9 @@ def build_world_tool(
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Build a draft world from what was observed: every tracked object with its shape and size, placed and set in
-    motion as its track begins, on a floor. Friction, restitution and masses are defaults until FitWorld fits them.
-    A changed world is a new world; build as many drafts as needed. Next: FitWorld, or InspectRollout to look."""
+    motion as its track begins, on a floor; with what is described in objects and parts. Friction, restitution, masses
+    and stiffnesses are defaults until FitWorld fits them. A changed world is a new world; build as many drafts as
+    needed. Next: FitWorld, or InspectRollout to look."""
     found = app.case_to_model(case, "BuildWorld")
     if world is not None:
         return _from_document(app, found, world)
@@ -117,13 +146,18 @@ def build_world_tool(
             motion_plane=None if motion_plane is None else motion_plane.to_plane(),
             statics=(
                 *(wall.to_static(floor if isinstance(floor, float) else 0.0) for wall in walls or []),
-                *(item.to_static(meshes) for item in obstacles or []),
+                *(static for item in obstacles or [] for static in item.to_statics(meshes)),
             ),
             effects=tuple(item.to_effect() for item in effects or []),
             first_frame=first_frame,
             seconds_per_frame=seconds_per_frame,
+            parts=read_parts(parts or []),
+            wind=(0.0, 0.0, 0.0) if wind is None else _triple(wind),
+            substep=substep,
         )
         how = None
+        if tracks is None and _described_alone(app, found, request):
+            return _build(app, found, request, None)
         if tracks is None:
             solids = {
                 name: item.shape for name, item in given.items() if isinstance(item.shape, Sphere | Box | Cylinder)
@@ -164,9 +198,39 @@ class _BuildRequest:
     effects: tuple[Effect, ...]
     first_frame: int | None
     seconds_per_frame: float | None
+    parts: Parts
+    wind: tuple[float, float, float]
+    substep: float | None
 
 
-def _build(app: App, case: Case, request: _BuildRequest, record: TrackRecord) -> Answer:
+def _described_alone(app: App, case: Case, request: _BuildRequest) -> bool:
+    """Whether the world is made of what was described, and of nothing that was observed."""
+    if request.only == []:
+        return True
+    observed = {kind for kind, _ in app.store.cases.observations(case.id)} & {"tracks", "objects"}
+    described = any(own.position is not None for own in request.given.values()) or request.parts.deformables
+    return not observed and bool(described)
+
+
+def _no_tracks(case: Case) -> TrackRecord:
+    """What stands for the track record of a world that models none."""
+    frame = 1.0 / float(case.facts.get("frames_per_second") or 0.0 or 1.0 / UNKNOWN_RATE)
+    none = ObservedTracks(
+        names=(),
+        frames=np.zeros(0, dtype=np.int64),
+        seconds_per_frame=frame,
+        positions=np.zeros((0, 0, 3)),
+        position_sigma=np.zeros((0, 0)),
+        orientations=np.zeros((0, 0, 4)),
+        confidence=np.zeros((0, 0)),
+        orientation_confidence=np.zeros((0, 0)),
+        symmetry=(),
+    )
+    return TrackRecord("", none, (), False, {"kind": "described"}, None)
+
+
+def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | None) -> Answer:
+    record = _no_tracks(case) if found is None else found
     rate, rate_note = _seconds_per_frame(case, record, request.seconds_per_frame)
     observed = record.objects
     if request.default_shape is not None:
@@ -191,14 +255,23 @@ def _build(app: App, case: Case, request: _BuildRequest, record: TrackRecord) ->
             motion_plane=plane,
             statics=request.statics,
             effects=request.effects,
+            parts=request.parts,
+            wind=request.wind,
         ),
         representation=request.representation,
         heights_assumed=record.heights_assumed,
-        time=TimeBase(seconds_per_frame=rate, frame_count=_frame_count(case, tracks)),
+        time=TimeBase.model_validate(
+            {
+                "seconds_per_frame": rate,
+                "frame_count": _frame_count(case, tracks),
+                **({} if request.substep is None else {"substep": request.substep}),
+            }
+        ),
         camera=latest_camera(app, case),
     )
-    app.keep_world(case, built.world, how="built", observation=record.id)
-    return _built_answer(case, built, record.id, rate_note)
+    observation = None if found is None else found.id
+    app.keep_world(case, built.world, how="built", observation=observation)
+    return _built_answer(case, built, observation, rate_note)
 
 
 def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
@@ -207,10 +280,10 @@ def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
     record = app.store.cases.observations(case.id, "tracks")
     observation = record[0][1] if record else None
     app.keep_world(case, made, how="given", observation=observation)
-    names = tuple(item.name for item in made.objects)
+    names = made.moving_names
     return Answer(
         summary=f"draft world {made.id} with {len(names)} objects, as given",
-        data={"world": made.id, "objects": made.objects, "statics": made.statics},
+        data={"world": made.id, "objects": made.objects, "statics": made.statics, **described_parts(made)},
         case=case.id,
         world=made.id,
         observation=observation,
@@ -218,9 +291,9 @@ def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
     )
 
 
-def _built_answer(case: Case, built: Built, observation: str, rate_note: str | None) -> Answer:
+def _built_answer(case: Case, built: Built, observation: str | None, rate_note: str | None) -> Answer:
     made = built.world
-    names = tuple(item.name for item in made.objects)
+    names = made.moving_names
     assumed = [*built.assumed, *([rate_note] if rate_note else [])]
     return Answer(
         summary=f"draft world {made.id}: {len(names)} objects, {built.representation} ({built.why})",
@@ -239,12 +312,15 @@ def _built_answer(case: Case, built: Built, observation: str, rate_note: str | N
                 }
                 for item in made.objects
             ],
+            **described_parts(made),
             "statics": [static.name for static in made.statics],
             "seconds_per_frame": made.time.seconds_per_frame,
             "camera": made.camera is not None,
             "assumed": assumed,
             "left_out": list(built.left_out),
-            "next": f"FitWorld(case={case.id!r}, world={made.id!r})",
+            "next": f"FitWorld(case={case.id!r}, world={made.id!r})"
+            if observation is not None
+            else f"InspectRollout(case={case.id!r}, world={made.id!r}), then CommitWorld",
         },
         case=case.id,
         world=made.id,
@@ -257,6 +333,8 @@ def _seconds_per_frame(case: Case, record: TrackRecord, given: float | None) -> 
     if given is not None:
         return given, None
     rate = record.tracks.seconds_per_frame
+    if record.source["kind"] == "described":
+        return rate, f"{rate:.6g} s per frame, between the samples of rollouts: there is nothing observed"
     if record.source["kind"] == "imported":
         return rate, f"{rate:.6g} s per frame, from the imported tracks"
     source = "from the file's frame rate" if case.facts.get("frames_per_second") else "although the file states no rate"
@@ -272,6 +350,19 @@ def _frame_count(case: Case, tracks: ObservedTracks) -> int:
 
 def _with_shape(item: ObservedObject, shape: Any) -> ObservedObject:
     return item if item.shape is not None else replace(item, shape=shape)
+
+
+def described_parts(world: World) -> dict[str, Any]:
+    """Deformable objects and what connects things, in short, where there are any."""
+    told: dict[str, Any] = {}
+    if world.deformables:
+        told["deformables"] = [about_deformable(world, item) for item in world.deformables]
+        told["substep"] = world.time.substep
+    for part in ("joints", "attachments", "pulleys", "emitters", "drains", "containers"):
+        names = [item.name for item in getattr(world, part)]
+        if names:
+            told[part] = names
+    return told
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:

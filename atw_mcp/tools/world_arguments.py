@@ -7,11 +7,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
 from atw_mcp.building import Given, hull_vertices
+from atw_mcp.parts import parts_schema
 from polyworld.description import Appearance
-from polyworld.shapes import BodyShape, ConvexMesh, TriangleMesh, Wall
+from polyworld.geometry import quaternion_matrix
+from polyworld.shapes import BodyShape, Box, Compound, ConvexMesh, Part, TriangleMesh, Wall
 from polyworld.world import Effect, MotionPlane, StaticObject
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
@@ -24,6 +26,7 @@ Patience = Annotated[
     Field(ge=0, le=3600, description="seconds to wait for the result before it is returned as still running"),
 ]
 Meshes = Callable[[str], tuple[NDArray[np.float64], NDArray[np.int64]]]
+PartArgument = Annotated[Any, WithJsonSchema(parts_schema())]
 _BODY_SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
 
@@ -35,9 +38,10 @@ class Argument(BaseModel):
 
 class ShapeArgument(Argument):
     """A solid shape. sphere: radius; box: half_extents; cylinder and capsule (upright): radius, half_height;
-    convex_mesh: vertices; mesh: the id of an imported mesh, of which a moving object takes the convex hull."""
+    convex_mesh: vertices; mesh: the id of an imported mesh, of which a moving object takes the convex hull; open_box:
+    half_extents and thickness, a bucket or tank open at the top, of five walls."""
 
-    kind: Literal["sphere", "box", "cylinder", "capsule", "convex_mesh", "mesh"]
+    kind: Literal["sphere", "box", "cylinder", "capsule", "convex_mesh", "mesh", "open_box"]
     radius: Length | None = Field(default=None, description="[m]")
     half_height: Length | None = Field(default=None, description="half the length along z [m]")
     half_extents: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = Field(
@@ -46,13 +50,15 @@ class ShapeArgument(Argument):
     vertices: Annotated[list[Point], Field(min_length=4, max_length=256)] | None = Field(
         default=None, description="points whose convex hull is the shape [m]"
     )
-
+    thickness: Length | None = Field(default=None, description="of the walls of an open_box [m]")
     mesh: str | None = Field(default=None, max_length=64, description="id, as ImportObservation returned it")
 
     def to_shape(self, meshes: Meshes) -> Any:
         """The engine's shape; raises ValueError naming what is missing. meshes: vertices and faces by id."""
         if self.kind == "mesh":
             return ConvexMesh(vertices=hull_vertices(self._mesh(meshes)[0]))
+        if self.kind == "open_box":
+            return Compound(parts=tuple(part for _, part in self.walls()))
         return _BODY_SHAPE.validate_python(self.model_dump(exclude_none=True))
 
     def to_static_shape(self, meshes: Meshes) -> Any:
@@ -62,17 +68,48 @@ class ShapeArgument(Argument):
         vertices, faces = self._mesh(meshes)
         return TriangleMesh.model_validate({"vertices": vertices.tolist(), "faces": faces.tolist()})
 
+    def walls(self) -> list[tuple[str, Part]]:
+        """The bottom and the four sides of an open_box, named, about the middle of the whole box."""
+        if self.half_extents is None or self.thickness is None:
+            raise ValueError("an open_box needs half_extents (its outer size) and thickness of its walls")
+        x, y, z = self.half_extents
+        t = self.thickness / 2
+        if 2 * self.thickness >= 2 * min(x, y) or self.thickness >= 2 * z:
+            raise ValueError(f"an open_box of half_extents {self.half_extents} has no room inside walls of {2 * t:g} m")
+        high = z - t  # half the height of the sides, which stand on the bottom
+        found = {
+            "bottom": ((x, y, t), (0.0, 0.0, -z + t)),
+            "left": ((t, y, high), (-x + t, 0.0, t)),
+            "right": ((t, y, high), (x - t, 0.0, t)),
+            "front": ((x - 2 * t, t, high), (0.0, -y + t, t)),
+            "back": ((x - 2 * t, t, high), (0.0, y - t, t)),
+        }
+        return [(name, Part(shape=Box(half_extents=half), position=place)) for name, (half, place) in found.items()]
+
     def _mesh(self, meshes: Meshes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         if self.mesh is None:
             raise ValueError("a shape of kind mesh needs mesh: the id of an imported mesh")
         return meshes(self.mesh)
 
 
-class ObjectArgument(Argument):
-    """What is known about one object and was not observed, or was observed wrongly."""
+class PieceArgument(ShapeArgument):
+    """A convex piece of a compound shape."""
 
-    name: str = Field(min_length=1, max_length=64, description="its track's name")
+    position: Point = Field(default=[0.0, 0.0, 0.0], description="of the piece in the body's axes [m]")
+    orientation: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
+        default=None, description="quaternion w, x, y, z"
+    )
+
+
+class ObjectArgument(Argument):
+    """What is known about one rigid object and was not observed, or was observed wrongly. One that was not observed
+    at all needs shape (or pieces) and position."""
+
+    name: str = Field(min_length=1, max_length=64, description="its track's name, or a new one")
     shape: ShapeArgument | None = Field(default=None, description="instead of the observed shape and size")
+    pieces: list[PieceArgument] | None = Field(
+        default=None, min_length=1, max_length=64, description="instead of shape: convex pieces that move as one"
+    )
     mass: float | None = Field(default=None, gt=0, le=1e9, description="[kg]")
     density: float | None = Field(default=None, gt=0, le=1e6, description="[kg/m^3], where mass is not given")
     friction: float | None = Field(default=None, ge=0, le=10, description="Coulomb coefficient")
@@ -82,11 +119,35 @@ class ObjectArgument(Argument):
     angular_damping: float | None = Field(default=None, ge=0, le=1000, description="[1/s]")
     color: str | None = Field(default=None, max_length=32)
     material: str | None = Field(default=None, max_length=32)
+    position: Point | None = Field(default=None, description="centre of mass, of an object without a track [m]")
+    orientation: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
+        default=None, description="quaternion w, x, y, z"
+    )
+    velocity: Point | None = Field(default=None, description="[m/s]; a track has its own")
+    angular_velocity: Point | None = Field(default=None, description="[rad/s]")
 
     def to_given(self, meshes: Meshes) -> Given:
         """The same for the builder."""
-        fields = self.model_dump(exclude={"name", "shape"})
-        return Given(shape=None if self.shape is None else self.shape.to_shape(meshes), **fields)
+        if self.shape is not None and self.pieces is not None:
+            raise ValueError(f"object {self.name!r}: give shape or pieces, not both")
+        shape = None if self.shape is None else self.shape.to_shape(meshes)
+        if self.pieces is not None:
+            shape = Compound(parts=tuple(_part(piece, meshes) for piece in self.pieces))
+        state = ("position", "orientation", "velocity", "angular_velocity")
+        fields = self.model_dump(exclude={"name", "shape", "pieces", *state})
+        return Given(shape=shape, **fields, **{key: _tuple(getattr(self, key)) for key in state})
+
+
+def _part(piece: PieceArgument, meshes: Meshes) -> Part:
+    if piece.kind == "open_box":
+        raise ValueError("an open_box has pieces itself: give it as shape, or its five walls as boxes")
+    turn = {} if piece.orientation is None else {"orientation": tuple(piece.orientation)}
+    plain = ShapeArgument.model_validate(piece.model_dump(exclude={"position", "orientation"}))
+    return Part.model_validate({"shape": plain.to_shape(meshes), "position": tuple(piece.position), **turn})
+
+
+def _tuple(values: list[float] | None) -> Any:
+    return None if values is None else tuple(values)
 
 
 class WallArgument(Argument):
@@ -128,17 +189,28 @@ class ObstacleArgument(Argument):
     friction: float | None = Field(default=None, ge=0, le=10)
     restitution: float | None = Field(default=None, ge=0, le=1)
 
-    def to_static(self, meshes: Meshes) -> StaticObject:
-        """The engine's static object."""
-        values: dict[str, Any] = {} if self.orientation is None else {"orientation": tuple(self.orientation)}
-        return StaticObject(
-            name=self.name,
-            shape=self.shape.to_static_shape(meshes),
-            appearance=Appearance(color=self.color),
-            position=(self.position[0], self.position[1], self.position[2]),
-            friction=self.friction,
-            restitution=self.restitution,
-            **values,
+    def to_statics(self, meshes: Meshes) -> list[StaticObject]:
+        """The engine's static objects: one, or the five walls of an open_box."""
+        turn = (1.0, 0.0, 0.0, 0.0) if self.orientation is None else tuple(self.orientation)
+        if self.shape.kind != "open_box":
+            return [self._static(self.name, self.shape.to_static_shape(meshes), np.asarray(self.position), turn)]
+        matrix = quaternion_matrix(np.asarray(turn) / np.linalg.norm(turn))
+        return [
+            self._static(f"{self.name}_{side}", wall.shape, np.asarray(self.position) + matrix @ wall.position, turn)
+            for side, wall in self.shape.walls()
+        ]
+
+    def _static(self, name: str, shape: Any, position: NDArray[np.float64], turn: tuple[float, ...]) -> StaticObject:
+        return StaticObject.model_validate(
+            {
+                "name": name,
+                "shape": shape,
+                "appearance": Appearance(color=self.color),
+                "position": tuple(float(v) for v in position),
+                "friction": self.friction,
+                "restitution": self.restitution,
+                "orientation": turn,
+            }
         )
 
 

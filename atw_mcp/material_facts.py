@@ -1,0 +1,75 @@
+"""What a deformable object is in a few numbers: size, mass, resolution, where it starts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polyworld.deformable_pictures import mesh_for
+from polyworld.representations.cloth import Cloth
+from polyworld.representations.fluid import Fluid
+from polyworld.representations.rope import Rope
+from polyworld.world import Deformable, World
+
+SIZE = {"rope": ("length", "m"), "cloth": ("area", "m^2"), "soft": ("volume", "m^3"), "fluid": ("volume", "m^3")}
+
+
+def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
+    """Name, kind, size, mass [kg], numbers of nodes and elements, and the box [m] it starts in."""
+    mesh = mesh_for(world, item)
+    size, _ = SIZE[item.representation.removesuffix("_planar")]
+    told: dict[str, Any] = {
+        "name": item.name,
+        "representation": item.representation,
+        "color": item.appearance.color,
+        size: float(mesh.measure.sum()),
+        "mass": mass(world, item),
+    }
+    if item.representation == "fluid_planar":
+        told["area"] = told.pop("volume")
+    if isinstance(item, Fluid):
+        told["particles"] = len(mesh.nodes)
+        emitters = [e.name for e in world.emitters if e.fluid == item.name]
+        if emitters:
+            told["fed_by"] = emitters
+    else:
+        told["nodes"] = len(mesh.nodes)
+        elements = {"segments": mesh.segments, "tetrahedra": mesh.tetrahedra, "triangles": mesh.triangles}
+        told |= {kind: len(rows) for kind, rows in elements.items() if len(rows)}
+        held = [a.name for a in world.attachments if item.name in (a.object, a.to)]
+        if held:
+            told["held_by"] = held
+    if isinstance(item, Rope):
+        over = [p.name for p in world.pulleys if p.rope == item.name]
+        told |= {"ends": [mesh.nodes[0].tolist(), mesh.nodes[-1].tolist()]} | ({"runs_over": over} if over else {})
+    if isinstance(item, Cloth):
+        told["thickness"] = item.thickness
+    if len(mesh.nodes):
+        told["starts_in"] = [mesh.nodes.min(axis=0).tolist(), mesh.nodes.max(axis=0).tolist()]
+    if getattr(item, "start_time", 0.0):
+        told["start_frame"] = round(getattr(item, "start_time", 0.0) / world.time.seconds_per_frame)
+    return told
+
+
+def mass(world: World, item: Deformable) -> float:
+    """Mass [kg] at the start; of a planar fluid per metre of thickness."""
+    measure = float(mesh_for(world, item).measure.sum())
+    if isinstance(item, Rope):
+        return item.linear_density * measure
+    return (item.areal_density if isinstance(item, Cloth) else item.density) * measure
+
+
+def size_of(world: World, item: Deformable) -> tuple[str, float, str]:
+    """Length, area or volume of a deformable object at rest: the word for it, its value and its unit."""
+    word, unit = SIZE[item.representation.removesuffix("_planar")]
+    if item.representation == "fluid_planar":
+        word, unit = "area", "m^2"
+    return word, float(mesh_for(world, item).measure.sum()), unit
+
+
+def nodes_of(world: World, item: Deformable, most: int) -> dict[str, Any]:
+    """Where nodes start, evenly picked: index and place [m]; attachments hold nodes by index."""
+    nodes = mesh_for(world, item).nodes
+    picked = np.unique(np.rint(np.linspace(0, len(nodes) - 1, min(most, len(nodes)))).astype(int)) if len(nodes) else []
+    return {"of": len(nodes), "index": [int(i) for i in picked], "place": [nodes[i].tolist() for i in picked]}

@@ -1,0 +1,99 @@
+"""Planar or spatial: which representation a world built from an observation gets, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from atw_mcp.parts import Parts
+from polyworld.shapes import BodyShape
+from polyworld.tracks import ObservedTracks
+from polyworld.world import MotionPlane, StaticObject
+
+Representation = Literal["auto", "planar", "spatial"]
+Chosen = Literal["planar", "spatial"]
+
+# An object counts as staying on its plane while its height varies less than this share of its half height,
+# or than this many standard deviations of its measured position.
+HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+
+
+def choose(
+    asked: Representation,
+    tracks: ObservedTracks,
+    half_heights: Mapping[str, float],
+    shapes: Mapping[str, BodyShape],
+    *,
+    statics: tuple[StaticObject, ...],
+    plane: MotionPlane | None,
+    gravity: tuple[float, float, float],
+    parts: Parts,
+    heights_assumed: bool,
+) -> tuple[Chosen, str]:
+    """The representation of all objects of a world and the reason for it, in words.
+
+    tracks: those of the rigid objects that were observed. half_heights [m], shapes: of all rigid objects. plane: the
+    plane of motion where one is given or the camera looks along it.
+    """
+    if asked != "auto":
+        return asked, "as asked"
+    reason = _needs_space(shapes, statics, parts)
+    if reason is not None:
+        return "spatial", reason
+    if parts.deformables:
+        return _of_deformables(plane, gravity, parts)
+    if plane is not None:
+        return "planar", "a motion plane was given"
+    if heights_assumed:
+        return "planar", "positions were measured by assuming that objects stay on the floor"
+    for column, name in enumerate(tracks.names):
+        rows = tracks.confidence[:, column] > 0
+        height = tracks.positions[rows, column, 2]
+        swing = float(np.ptp(height))
+        sigma = float(np.median(tracks.position_sigma[rows, column]))
+        allowed = max(HEIGHT_SHARE * half_heights[name], HEIGHT_SIGMAS * sigma)
+        if swing > allowed:
+            return "spatial", f"{name} rises or falls by {swing:.3g} m, more than the {allowed:.3g} m of level motion"
+    if not tracks.names:
+        return "spatial", "nothing was observed that would confine it to a plane"
+    return "planar", "every object keeps its height"
+
+
+def _needs_space(shapes: Mapping[str, BodyShape], statics: tuple[StaticObject, ...], parts: Parts) -> str | None:
+    """Why a world can only be spatial, or None."""
+    if any(static.shape.kind == "triangle_mesh" for static in statics):
+        return "a triangle mesh can only be touched in a spatial world"
+    cloth = [str(d["name"]) for d in parts.deformables if d["representation"] == "cloth"]
+    if cloth:
+        return f"cloth moves in space ({', '.join(cloth)})"
+    compounds = [name for name, shape in shapes.items() if shape.kind == "compound"]
+    if compounds:
+        return f"compound shapes move in space ({', '.join(compounds)})"
+    joints = [joint.name for joint in parts.joints if joint.kind != "hinge"]
+    if joints:
+        return f"joints other than hinges work in space ({', '.join(joints)})"
+    twisting = [str(d["name"]) for d in parts.deformables if d.get("twist_stiffness")]
+    if twisting:
+        return f"ropes that twist move in space ({', '.join(twisting)})"
+    return None
+
+
+def _of_deformables(plane: MotionPlane | None, gravity: tuple[float, float, float], parts: Parts) -> tuple[Chosen, str]:
+    names = ", ".join(str(d["name"]) for d in parts.deformables)
+    stated = [str(d["name"]) for d in parts.deformables if str(d["representation"]).endswith("_planar")]
+    if stated:
+        return "planar", f"{', '.join(stated)} given as planar"
+    if plane is None:
+        return (
+            "spatial",
+            f"{names} may move anywhere; give motion_plane, or representation='planar', to keep to a plane",
+        )
+    normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
+    if abs(float(normal @ np.asarray(gravity))) > 1e-9:
+        return (
+            "spatial",
+            "gravity pulls across the motion plane, on which deformable objects cannot lie in a planar world",
+        )
+    return "planar", f"{names} and all that touches them move in the given plane"
