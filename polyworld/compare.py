@@ -20,9 +20,9 @@ class ObjectDifference:
 
     largest [m] at largest_time [s]; final [m] at the end of what both cover; apart_from [s]: first time at
     which the centres are further apart than the tolerance, None if never. All None where the object is
-    active in both at no common time. shape_largest [m] at shape_largest_time [s]: root mean square distance between the
-    same points of a deformable object in both; None for rigid objects, and where they have other points (a fluid that flows in
-    or out, another resolution).
+    active in both at no common time. shape_largest [m] at shape_largest_time [s]: root mean square distance between
+    the same points of a deformable object in both; None for rigid objects, and where they have other points (a fluid
+    that flows in or out, another resolution).
     """
 
     name: str

@@ -153,12 +153,19 @@ def passing_offset(
 
 
 def largest_strain(trajectory: Trajectory, world: World, name: str) -> Array:
-    """|length / length without forces - 1| (T,): of a rope's length, else of the principal stretches of the whole."""
+    """|length / length without forces - 1| (T,): a rope's largest along it, else of the principal stretches of all.
+
+    A rope's strain is its tension over its stiffness, which also holds on a pulley.
+    """
     item, points = world.deformable(name), trajectory.deformables[name].points
     mesh = object_mesh(world, name)
     if isinstance(item, Rope):
-        strain: Array = np.abs(lengths_along(points)[:, -1] / mesh.measure.sum() - 1.0)
-        return strain
+        tension = trajectory.deformables[name].quantities.get("tension")
+        if tension is not None:
+            strain: Array = np.abs(tension).max(axis=-1) / item.stretch_stiffness
+            return strain
+        whole: Array = np.abs(lengths_along(points)[:, -1] / mesh.measure.sum() - 1.0)
+        return whole
     stretches = principal_stretches(points, mesh.nodes, mesh.measure)
     spanned = principal_stretches(mesh.nodes[None], mesh.nodes, mesh.measure)[0] > 0.5  # a flat sheet has two
     largest: Array = np.abs(stretches[:, spanned] - 1.0).max(axis=1)

@@ -97,20 +97,22 @@ def grid_filling(
 ) -> Array:
     """Filled share (..., nx ny nz) of the cells of a box, z fastest, at most 1; points (..., k, 3).
 
-    Each particle is spread over the nearest cell centres in proportion (cloud in cell; Hockney & Eastwood 1988), so
-    that the filling changes smoothly with every particle's place. planar_axis: the world axis across the motion
-    plane, along which nothing is told apart and sizes do not count.
+    Each particle is a cube of its volume and belongs to the cells in proportion to what of it is in them; cubes larger
+    than a cell are taken for cells. planar_axis: the world axis across the motion plane, along which nothing is told
+    apart and sizes do not count.
     """
     shape = np.asarray(cells)
     size = (np.asarray(upper) - np.asarray(lower)) / shape
     flat = points.reshape(-1, *points.shape[-2:])
-    place = (flat - np.asarray(lower)) / size - 0.5
+    place = (flat - np.asarray(lower)) / size
     known: NDArray[np.bool_] = np.isfinite(place).all(axis=-1)
     if planar_axis is not None:
-        place[..., planar_axis] = 0.0
-    place = np.where(known[..., None], place, 0.0)
-    base = np.floor(place).astype(np.int64)
-    part = place - base
+        place[..., planar_axis] = 0.5
+    place = np.where(known[..., None], place, -9.0)
+    edge = substances ** (1.0 / 3.0 if planar_axis is None else 0.5)
+    half = np.minimum(0.5 * edge[:, None] / size, 0.5)
+    base = np.floor(place - half).astype(np.int64)
+    part = np.clip((place + half - (base + 1)) / (2.0 * half), 0.0, 1.0)
     filled = np.zeros((len(flat), int(shape.prod())))
     rows = np.broadcast_to(np.arange(len(flat))[:, None], base.shape[:-1])
     content = np.where(known, substances, 0.0)

@@ -47,6 +47,10 @@ def surface_samples(mesh: DeformableMesh, spacing: float, count: int) -> Surface
         longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
         grid = _barycentric(_parts(longest, spacing))
         nodes, weights = np.repeat(triangles, len(grid), axis=0), np.tile(grid, (len(triangles), 1))
+        # Neighbouring triangles share the samples on their edge.
+        places = np.einsum("sn,snd->sd", weights, mesh.nodes[nodes])
+        _, first = np.unique(np.round(places / (1e-6 * max(longest, 1e-12))), axis=0, return_index=True)
+        nodes, weights = nodes[np.sort(first)], weights[np.sort(first)]
     elif len(mesh.segments):
         segments = mesh.segments.astype(np.int64)
         longest = float(np.linalg.norm(mesh.nodes[segments[:, 1]] - mesh.nodes[segments[:, 0]], axis=1).max())
@@ -85,7 +89,7 @@ def image_occupancy(
             frame, _ = np.nonzero(inside)
             chosen = index[inside]
             covered[begin + frame, chosen[:, 1] * (columns * fine) + chosen[:, 0]] = True
-    blocks = covered.reshape(-1, rows, fine, columns, fine)
+    blocks = _half_at_border(covered.reshape(-1, rows * fine, columns * fine)).reshape(-1, rows, fine, columns, fine)
     share: Array = blocks.mean(axis=(2, 4))
     return share.reshape(*leading, rows, columns)
 
@@ -104,6 +108,14 @@ def intersection_over_union(a: Array, b: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         overlap: Array = np.where(union > 0.0, shared / union, np.nan)
     return overlap
+
+
+def _half_at_border(covered: Bools) -> Array:
+    """Coverage (f, h, w) of cells that hold samples: a half where a neighbour holds none, since there the outline runs
+    through the cell. Beyond the image it goes on."""
+    padded = np.pad(covered, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    inner = covered & padded[:, 2:, 1:-1] & padded[:, :-2, 1:-1] & padded[:, 1:-1, 2:] & padded[:, 1:-1, :-2]
+    return 0.5 * covered + 0.5 * inner
 
 
 def _parts(longest: float, spacing: float) -> int:
