@@ -2,8 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.spatial.layout import OPTIONS, Body
-from polyworld.solver.spatial.motion import turned
+from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
@@ -112,68 +111,6 @@ def activate(
     w, i = wp.tid()
     begins = start[owner[i]] * scale[w % scale.shape[0]]
     active[w, i] = wp.where(time[w] >= begins - wp.float64(1.0e-9), 1, 0)
-
-
-@wp.struct
-class Poses:
-    """Where the bodies (W, n + s) were, and how they moved, when the coupling step began."""
-
-    x: wp.array2d[wp.vec3d]
-    q: wp.array2d[wp.quatd]
-    v: wp.array2d[wp.vec3d]
-    w: wp.array2d[wp.vec3d]
-
-
-@wp.kernel
-def keep_poses(bodies: wp.array2d[Body], kept: Poses) -> None:
-    """Note the bodies' state before the inner steps move them along."""
-    w, i = wp.tid()
-    kept.x[w, i] = bodies[w, i].x
-    kept.q[w, i] = bodies[w, i].q
-    kept.v[w, i] = bodies[w, i].v
-    kept.w[w, i] = bodies[w, i].w
-
-
-@wp.kernel
-def carry_bodies(dt: wp.array[wp.float64], gravity: wp.array[wp.vec3d], objects: int, bodies: wp.array2d[Body]) -> None:
-    """Move bodies through one inner step under gravity alone, so that nodes meet them where they are."""
-    w, i = wp.tid()
-    h = dt[w]
-    if h <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
-        return
-    fall = gravity[w % gravity.shape[0]] * h
-    bodies[w, i].x = bodies[w, i].x + (bodies[w, i].v + fall * wp.float64(0.5)) * h
-    bodies[w, i].v = bodies[w, i].v + fall
-    q = turned(bodies[w, i].q, bodies[w, i].w * h)
-    bodies[w, i].q = q
-    bodies[w, i].rotation = wp.quat_to_matrix(q)
-
-
-@wp.kernel
-def put_back_bodies(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    objects: int,
-    kept: Poses,
-    bodies: wp.array2d[Body],
-) -> None:
-    """Back to the start of the step. The impulses taken meanwhile act as a constant force when the rigid step moves
-    the bodies for good, so that a body that rests on deformable objects sees the force that holds it.
-    """
-    w, i = wp.tid()
-    if h[w] <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
-        return
-    b = bodies[w, i]
-    gained = (b.v - gravity[w % gravity.shape[0]] * h[w] - kept.v[w, i]) / h[w]
-    spun = (b.w - kept.w[w, i]) / h[w]
-    b.x = kept.x[w, i]
-    b.q = kept.q[w, i]
-    b.v = kept.v[w, i]
-    b.w = kept.w[w, i]
-    b.rotation = wp.quat_to_matrix(b.q)
-    b.push = gained * b.mass
-    b.push_torque = b.rotation * (b.inertia * (wp.transpose(b.rotation) * spun)) * b.mass
-    bodies[w, i] = b
 
 
 @wp.kernel

@@ -12,6 +12,9 @@ from polyworld.meshing import DeformableMesh
 from polyworld.parameter_tables import DEFORMABLE_STATE
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled import motion
+from polyworld.solver.coupled.attachment import Attachments
+from polyworld.solver.coupled.contact import Contacts
+from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.coupled.stage import MaterialStage
@@ -58,6 +61,9 @@ class Shard:
         self.diverged_time = wp.full((n_worlds,), np.nan, dtype=wp.float64, device="cpu")
         self.fluid: Any = None
         self._build_rigid()
+        bodies = None if self.rigid is None else self.rigid.bodies
+        self.attachments = Attachments(world, meshes, self.nodes, bodies)
+        self.contacts = Contacts(world, meshes, self.nodes, self.carried, self.rigid, record_events=record_events)
 
     # --- set-up --------------------------------------------------------------------------------
 
@@ -91,15 +97,14 @@ class Shard:
 
     def _build_rigid(self) -> None:
         self.rigid: Any = None
+        self.carried: CarriedBodies | None = None
         if not self.world.objects and not self.world.statics:
             return
         from polyworld.solver.spatial.stepper import RigidStepper
 
         self.rigid = RigidStepper(self.world, self.n_worlds, record_events=self.record_events)
         bodies = self.rigid.bodies
-        self._kept = motion.Poses()
-        for name, dtype in (("x", wp.vec3d), ("q", wp.quatd), ("v", wp.vec3d), ("w", wp.vec3d)):
-            setattr(self._kept, name, wp.zeros(bodies.shape, dtype=dtype, device="cpu"))
+        self.carried = CarriedBodies(bodies, len(self.world.objects))
         for stage in self.stages:
             stage.bind(bodies)
 
@@ -129,7 +134,7 @@ class Shard:
         rows = max((len(m) for m in masses), default=1)
         mass = np.concatenate([np.broadcast_to(m, (rows, m.shape[1])) for m in masses] or [np.zeros((1, 0))], axis=1)
         with np.errstate(divide="ignore"):
-            inverse = np.where(mass > 0, 1.0 / mass, 0.0)
+            inverse = self.attachments.hold(np.where(mass > 0, 1.0 / mass, 0.0))
         names = tuple(self.owners)
         zero = np.zeros(1)
         for name in names:  # a fluid has neither friction nor restitution nor damping of its own
@@ -165,8 +170,11 @@ class Shard:
         self.diverged_time.numpy()[:] = np.nan
         for stage in self.stages:
             stage.reset()
-        if self.rigid is not None:
+        if self.rigid is not None and self.carried is not None:
             self.rigid.reset()
+            self.carried.reset()
+        self.attachments.reset(self.nodes)
+        self.contacts.reset()
         longest = self.world.time.substep * np.broadcast_to(arrays.time_scale[:, 0], (self.n_worlds,))
         stable = np.full(self.n_worlds, LONGEST_INNER_STEP)
         for stage in self.stages:
@@ -192,6 +200,7 @@ class Shard:
                 left -= size
             wp.capture_launch(graphs["end"])
             self._note_lost_bodies()
+            self.contacts.check_room()
         time[:] = np.where(lost >= 0, time, end)
 
     def _note_lost_bodies(self) -> None:
@@ -253,6 +262,7 @@ class Shard:
         if not self.record_events:
             return ()
         found = [] if self.rigid is None else list(self.rigid.events(w, end))
+        found += [*self.contacts.events(w, end), *self.attachments.events(w)]
         return tuple(sorted(found, key=lambda e: (e.time, e.participants, e.kind)))
 
     def prepare(self) -> None:
@@ -282,9 +292,10 @@ class Shard:
         n, c = self.nodes, self.clock
         self._launch(motion.begin_coupling_step, 1, [c.inner])
         self._launch(motion.activate, n.x.shape, [c.time, self._scale, self._start, n.owner, n.active])
-        if self.rigid is not None:
-            bodies = self.rigid.bodies
-            self._launch(motion.keep_poses, bodies.shape, [bodies, self._kept])
+        if self.carried is not None:
+            self.carried.launch_begin(c)
+        self.attachments.launch_begin(n, c)
+        self.contacts.launch_search(n, c)
 
     def _inner(self) -> None:
         n, c = self.nodes, self.clock
@@ -294,23 +305,25 @@ class Shard:
         for stage in self.stages:
             stage.launch_forces(n, c)
         self._launch(motion.accelerate, n.x.shape, [c.dt, n.inverse_mass, n.active, self._across, n.f, n.v])
+        if self.carried is not None:
+            self.carried.launch_velocities(c)
         for stage in self.stages:
             stage.launch_velocities(n, c)
+        self.attachments.launch_velocities(n, c, self.contacts.reaction)
+        self.contacts.launch_solve(n, c)
         self._launch(motion.move, n.x.shape, [c.dt, c.gravity, n.inverse_mass, n.active, n.v, n.x])
-        if self.rigid is not None:
-            bodies = self.rigid.bodies
-            self._launch(motion.carry_bodies, bodies.shape, [c.dt, c.gravity, len(self.world.objects), bodies])
+        if self.carried is not None:
+            self.carried.launch_positions(c)
         for stage in self.stages:
             stage.launch_positions(n, c)
         self._launch(motion.count_inner_step, 1, [c.inner])
 
     def _end(self) -> None:
         c = self.clock
-        if self.rigid is not None:
-            bodies = self.rigid.bodies
-            objects = len(self.world.objects)
-            self._launch(motion.put_back_bodies, bodies.shape, [c.h, c.gravity, objects, self._kept, bodies])
+        if self.rigid is not None and self.carried is not None:
+            self.carried.launch_end(c)
             self.rigid.launch_step(c.time, c.h)
+        self.contacts.launch_tally()
         self._launch(motion.advance_time, self.n_worlds, [c.h, c.time])
         self._launch(
             motion.find_divergence,

@@ -1,0 +1,240 @@
+"""Attachments of ropes, cloth and soft bodies to the world, to rigid bodies and to each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.meshing import DeformableMesh
+from polyworld.solver.coupled import attachment_kernels as kernels
+from polyworld.solver.coupled.attachment_targets import Held, held_by_rope_stage, held_nodes, nearest_on
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.trajectory import Event
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+
+class Attachments:
+    """The attachments of W worlds, but for those of a rope's end to a rigid body, which the rope's solver holds."""
+
+    def __init__(self, world: World, meshes: dict[str, DeformableMesh], nodes: Nodes, bodies: Any) -> None:
+        """bodies: (W, B) of rigid bodies, or None."""
+        self.world = world
+        self.attachments = world.attachments
+        self._bodies = bodies
+        self._w = nodes.x.shape[0]
+        self._names = [o.name for o in world.objects]
+        self._to_world, self._to_nodes = Held(), Held()
+        on_bodies: dict[int, Held] = {}
+        for a, attachment in enumerate(world.attachments):
+            if held_by_rope_stage(attachment, world):
+                continue
+            own = held_nodes(meshes, attachment)
+            rows = [int(n) + nodes.first[attachment.object] for n in own]
+            if attachment.to is None:
+                held = self._to_world
+            elif attachment.to in self._names:
+                held = on_bodies.setdefault(self._names.index(attachment.to), Held())
+            else:
+                held = self._to_nodes
+                for n in own:
+                    target, weight, offset = nearest_on(meshes[attachment.to], meshes[attachment.object].nodes[n])
+                    first = nodes.first[attachment.to]
+                    held.target.append(np.where(target >= 0, target + first, -1).astype(np.int32))
+                    held.weight.append(weight)
+                    held.offset.append(offset)
+            held.node.extend(rows)
+            held.attachment.extend([a] * len(rows))
+        self._breakable = any(a.release is not None or a.strength is not None for a in world.attachments)
+        self._allocate(on_bodies)
+
+    def _allocate(self, on_bodies: dict[int, Held]) -> None:
+        w, count = self._w, max(len(self.attachments), 1)
+        f = kernels.Fastenings()
+        f.released, f.when = _zeros((w, count), wp.int32), _zeros((w, count), wp.float64)
+        f.impulse, f.force = _zeros((w, count), wp.vec3d), _zeros((w, count), wp.vec3d)
+        never, unbreakable = np.inf, -1.0
+        f.release = _floats([never if a.release is None else a.release for a in self.attachments] or [never])
+        f.strength = _floats([unbreakable if a.strength is None else a.strength for a in self.attachments] or [-1.0])
+        self.fastenings = f
+        self._last_h = _zeros((w,), wp.float64)
+        self._motion = self._motions()
+        self._world_node, self._world_attachment = _ints(self._to_world.node), _ints(self._to_world.attachment)
+        self._world_place = _zeros((w, len(self._to_world.node)), wp.vec3d)
+        groups = sorted(on_bodies)
+        self._body = _ints(groups)
+        self._body_first = _ints(np.cumsum([0, *(len(on_bodies[g].node) for g in groups)]))
+        self._body_node = _ints([n for g in groups for n in on_bodies[g].node])
+        self._body_attachment = _ints([a for g in groups for a in on_bodies[g].attachment])
+        self._body_place = _zeros((w, self._body_node.shape[0]), wp.vec3d)
+        held = self._to_nodes
+        self._node_node, self._node_attachment = _ints(held.node), _ints(held.attachment)
+        self._target: Any = wp.array(np.array(held.target, dtype=np.int32).reshape(-1, 3), dtype=wp.vec3i, device="cpu")
+        self._weight: Any = wp.array(np.array(held.weight).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+        self._offset: Any = wp.array(np.array(held.offset).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+        self._last = _zeros((w, len(held.node)), wp.vec3d)
+        self._wanted = _zeros((w, len(held.node)), wp.vec3d)
+
+    def _motions(self) -> kernels.Motion:
+        """Displacements count from where the object's nodes are when it joins."""
+        motion = kernels.Motion()
+        rows: list[Array] = []
+        first = [0]
+        for attachment in self.attachments:
+            table = np.array(attachment.motion, dtype=float).reshape(-1, 4)
+            rows.extend(table)
+            first.append(len(rows))
+        values = np.array(rows, dtype=float).reshape(-1, 4)
+        motion.first = _ints(first)
+        motion.time = _floats(values[:, 0])
+        motion.displacement = wp.array(values[:, 1:], dtype=wp.vec3d, device="cpu")
+        return motion
+
+    def hold(self, inverse_mass: Array) -> Array:
+        """Inverse masses (R, N) with 0 for the nodes held to the world; W rows where they may be let go."""
+        if not self._to_world.node:
+            return inverse_mass
+        rows = self._w if self._breakable else len(inverse_mass)
+        held = np.broadcast_to(inverse_mass, (rows, inverse_mass.shape[1])).copy()
+        held[:, self._to_world.node] = 0.0
+        return held
+
+    def reset(self, nodes: Nodes) -> None:
+        """Hold everything again, where the nodes and bodies are now: at their start."""
+        f = self.fastenings
+        f.released.numpy()[:] = 0
+        f.when.numpy()[:] = np.nan
+        for values in (f.impulse, f.force, self._last, self._last_h):
+            values.numpy()[:] = 0.0
+        x = nodes.x.numpy()
+        self._world_place.numpy()[:] = x[:, self._to_world.node]
+        node, first, bodies = self._body_node.numpy(), self._body_first.numpy(), self._body.numpy()
+        if len(bodies):
+            state = self._bodies.numpy()
+            for g, body in enumerate(bodies):
+                rows = slice(first[g], first[g + 1])
+                arms = x[:, node[rows]] - state["x"][:, body, None, :]
+                self._body_place.numpy()[:, rows] = np.einsum("wji,wkj->wki", state["rotation"][:, body], arms)
+
+    def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch what opens a coupling step: forces of the last one, and what lets go."""
+        if not self.attachments:
+            return
+        _launch(
+            kernels.begin_step, (self._w, len(self.attachments)), [clock.time, clock.h, self._last_h, self.fastenings]
+        )
+        _launch(kernels.note_length, self._w, [clock.h, self._last_h])
+        if self._breakable and self._to_world.node:
+            _launch(
+                kernels.free_nodes,
+                self._w,
+                [
+                    clock.h,
+                    self._world_node,
+                    self._world_attachment,
+                    nodes.mass,
+                    nodes.inverse_mass,
+                    self.fastenings,
+                ],
+            )
+
+    def launch_velocities(self, nodes: Nodes, clock: Clock, reaction: Any) -> None:
+        """Launch what holds the nodes in one inner step. reaction (W, N): impulses of contacts on held nodes."""
+        f = self.fastenings
+        if self._body.shape[0]:
+            _launch(
+                kernels.hold_to_bodies,
+                (self._w, self._body.shape[0]),
+                [
+                    clock.dt,
+                    self._body,
+                    self._body_first,
+                    self._body_node,
+                    self._body_attachment,
+                    self._body_place,
+                    nodes.mass,
+                    nodes.inverse_mass,
+                    nodes.active,
+                    self._bodies,
+                    nodes.x,
+                    nodes.v,
+                    f,
+                ],
+            )
+        if self._to_nodes.node:
+            _launch(
+                kernels.hold_to_nodes,
+                self._w,
+                [
+                    clock.dt,
+                    self._node_node,
+                    self._node_attachment,
+                    self._target,
+                    self._weight,
+                    self._offset,
+                    nodes.inverse_mass,
+                    nodes.active,
+                    nodes.x,
+                    nodes.v,
+                    self._last,
+                    self._wanted,
+                    f,
+                ],
+            )
+        if self._to_world.node:
+            _launch(
+                kernels.hold_to_world,
+                self._w,
+                [
+                    clock.time,
+                    clock.dt,
+                    clock.inner,
+                    self._world_node,
+                    self._world_attachment,
+                    self._world_place,
+                    self._motion,
+                    nodes.mass,
+                    nodes.active,
+                    nodes.x,
+                    nodes.v,
+                    nodes.f,
+                    reaction,
+                    f,
+                ],
+            )
+
+    def forces(self) -> dict[str, Array]:
+        """Attachment -> force (W, 3) on the deformable object, mean of the last coupling step [N]."""
+        force = self.fastenings.force.numpy()
+        return {
+            a.name: force[:, k].copy() for k, a in enumerate(self.attachments) if not held_by_rope_stage(a, self.world)
+        }
+
+    def events(self, w: int) -> tuple[Event, ...]:
+        """When attachments of world w let go."""
+        released, when = self.fastenings.released.numpy()[w], self.fastenings.when.numpy()[w]
+        return tuple(
+            Event("release", float(when[k]), (a.object,) if a.to is None else (a.object, a.to))
+            for k, a in enumerate(self.attachments)
+            if released[k] and not held_by_rope_stage(a, self.world)
+        )
+
+
+def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def _ints(values: Any) -> Any:
+    return wp.array(np.asarray(values, dtype=np.int32).reshape(-1), dtype=wp.int32, device="cpu")
+
+
+def _floats(values: Any) -> Any:
+    return wp.array(np.asarray(values, dtype=np.float64).reshape(-1), dtype=wp.float64, device="cpu")
+
+
+def _launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
+    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

@@ -1,0 +1,170 @@
+"""Contacts of ropes, cloth and soft bodies with rigid bodies, with statics and with each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from polyworld.meshing import DeformableMesh
+from polyworld.solver.coupled import contact_layout as layout
+from polyworld.solver.coupled.contact_bodies import CarriedBodies
+from polyworld.solver.coupled.contact_events import ContactLog
+from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies
+from polyworld.solver.coupled.contact_search import (
+    bound_objects,
+    near_parts,
+    search_corners,
+    search_edges,
+    search_nodes,
+)
+from polyworld.solver.coupled.contact_solve import solve_contacts
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.spatial.layout import Body, Geometry
+from polyworld.solver.spatial.stepper import RigidStepper
+from polyworld.trajectory import Event
+from polyworld.world import World
+
+
+class Contacts:
+    """All contacts of nodes in W worlds: searched once in a coupling step, solved in every inner step."""
+
+    def __init__(
+        self,
+        world: World,
+        meshes: dict[str, DeformableMesh],
+        nodes: Nodes,
+        carried: CarriedBodies | None,
+        rigid: RigidStepper | None,
+        *,
+        record_events: bool = False,
+    ) -> None:
+        """carried, rigid: the world's bodies, None where it has none."""
+        self.world = world
+        self.n_worlds = nodes.x.shape[0]
+        w, n = nodes.x.shape
+        if carried is None or rigid is None:
+            self._geometry = Geometry()
+            self._bodies: Any = _zeros((w, 1), Body)
+            self._acceleration: Any = _zeros((w, 1), wp.vec3d)
+            self._inverse_inertia: Any = _zeros((w, 1), wp.mat33d)
+            self.obstacles = layout.Obstacles()
+            self.obstacles.parts = _zeros((0,), layout.Part)
+            excluded = np.zeros((n, 1), dtype=np.int32)
+        else:
+            self._bodies = carried.bodies
+            self._acceleration = carried.carried.acceleration
+            self._inverse_inertia = carried.carried.inverse_inertia
+            self._geometry = rigid.geometry
+            self.obstacles = build_obstacles(rigid.geometry)
+            rigid.reset()
+            excluded = excluded_bodies(world, meshes, nodes, self._geometry, self.obstacles, self._bodies)
+        self.surface = build_surface(world, meshes, nodes.first, excluded)
+        parts = self.obstacles.parts.shape[0]
+        d = len(world.deformables)
+        self.bounds = layout.Bounds()
+        self.bounds.low, self.bounds.high = _zeros((w, d), wp.vec3d), _zeros((w, d), wp.vec3d)
+        self.bounds.speed = _zeros((w, d), wp.float64)
+        self.bounds.near = _zeros((w, d, parts), wp.int32)
+        room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0]
+        self.found = layout.Found()
+        self.found.contacts = _zeros((w, room), layout.Contact)
+        self.found.acting = _zeros((w, room), wp.int32)
+        self.found.count = _zeros((w,), wp.int32)
+        self.found.crowded = _zeros((w,), wp.int32)
+        self.found.falling = wp.ones((w, n), dtype=wp.float64, device="cpu")
+        self.found.reaction = _zeros((w, n), wp.vec3d)
+        bodies = [o.name for o in (*world.objects, *world.statics)]
+        names = [d.name for d in world.deformables]
+        self.tally = _tally(w, d, len(bodies), record_events)
+        self._log = ContactLog(w, self.tally, names, [*bodies, *names])
+
+    def reset(self) -> None:
+        """Forget all contacts."""
+        self.found.count.numpy()[:] = 0
+        self.found.crowded.numpy()[:] = 0
+        self.found.reaction.numpy()[:] = 0.0
+        self._log.reset()
+
+    @property
+    def reaction(self) -> Any:
+        """Impulses (W, N) of contacts on nodes that are held, for their attachments to read and clear."""
+        return self.found.reaction
+
+    def launch_tally(self) -> None:
+        """Launch the record of a coupling step's contacts."""
+        self._log.launch()
+
+    def events(self, w: int, end: float) -> tuple[Event, ...]:
+        """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""
+        return self._log.events(w, end, self.world.time.substep)
+
+    def check_room(self) -> None:
+        """Raise RuntimeError where a world had more contacts than there is room for."""
+        crowded = self.found.crowded.numpy()
+        if crowded.any():
+            raise RuntimeError(
+                f"{np.count_nonzero(crowded)} of {self.n_worlds} worlds had more than {self.found.contacts.shape[1]} "
+                "contacts of deformable objects at once: they overlap too much, or a mesh is too fine for them"
+            )
+
+    def launch_search(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch the search for all that may touch within the coupling step."""
+        w, d, parts = self.bounds.near.shape
+        _launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds, self.found.count])
+        if parts == 0:
+            return
+        moving = [clock.h, clock.gravity]
+        solids = [self._geometry, self.obstacles, self._bodies]
+        of_nodes = [nodes.x, nodes.v, nodes.radius, nodes.owner, nodes.active, nodes.friction, nodes.restitution]
+        _launch(near_parts, (w, d, parts), [*moving, *solids, nodes.radius, self.surface, self.bounds])
+        rest = [self.surface, self.bounds, self.found]
+        _launch(search_nodes, nodes.x.shape, [*moving, *solids, *of_nodes, *rest])
+        _launch(search_edges, (w, self.surface.edges.shape[0]), [*moving, *solids, *of_nodes, *rest])
+        _launch(
+            search_corners,
+            (w, self.surface.triangles.shape[0]),
+            [*moving, *solids[1:], nodes.x, *of_nodes[2:], *rest],
+        )
+
+    def launch_solve(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch the impulses of one inner step."""
+        _launch(
+            solve_contacts,
+            self.n_worlds,
+            [
+                clock.time,
+                clock.dt,
+                clock.inner,
+                clock.gravity,
+                self._geometry,
+                self.obstacles,
+                self._bodies,
+                self._acceleration,
+                self._inverse_inertia,
+                nodes.inverse_mass,
+                nodes.x,
+                nodes.v,
+                self.found,
+                self.tally,
+            ],
+        )
+
+
+def _tally(w: int, d: int, bodies: int, record: bool) -> layout.Tally:
+    tally = layout.Tally()
+    shape = (w, d, bodies + d) if record else (1, 1, 1)
+    for name in ("impulse", "first_impulse", "speed", "begin", "last"):
+        setattr(tally, name, _zeros(shape, wp.float64))
+    tally.position = _zeros(shape, wp.vec3d)
+    tally.record = int(record)
+    return tally
+
+
+def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def _launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
+    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

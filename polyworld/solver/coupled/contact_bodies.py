@@ -1,0 +1,191 @@
+"""Rigid bodies during the inner steps: carried along as nodes push them, then handed to the rigid step.
+
+Between two rigid steps a body is moved by what moved it in the last one, apart from the nodes: its weight where it
+flies, nothing where it stands on a floor. What the nodes push meanwhile acts in the rigid step as a constant force.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from polyworld.solver.coupled.nodes import Clock
+from polyworld.solver.spatial.constraints import world_inverse_inertia
+from polyworld.solver.spatial.layout import OPTIONS, Body
+from polyworld.solver.spatial.motion import turned
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.struct
+class Carried:
+    """Of bodies (W, B): state at the start of the coupling step, and how they are carried through it.
+
+    x, q, v, w: kept state. acceleration, turning: of all but the nodes. last, last_turning: what the step before
+    showed beyond gravity. inverse_inertia: world axes. h (W,): length of the step before. seen: 1 once it moved.
+    """
+
+    x: wp.array2d[wp.vec3d]
+    q: wp.array2d[wp.quatd]
+    v: wp.array2d[wp.vec3d]
+    w: wp.array2d[wp.vec3d]
+    acceleration: wp.array2d[wp.vec3d]
+    turning: wp.array2d[wp.vec3d]
+    last: wp.array2d[wp.vec3d]
+    last_turning: wp.array2d[wp.vec3d]
+    inverse_inertia: wp.array2d[wp.mat33d]
+    seen: wp.array2d[wp.int32]
+    h: wp.array[wp.float64]
+
+
+@wp.func
+def shorter(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
+    if wp.length_sq(a) < wp.length_sq(b):
+        return a
+    return b
+
+
+@wp.kernel
+def begin_step(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    objects: int,
+    bodies: wp.array2d[Body],
+    carried: Carried,
+) -> None:
+    """Note where the bodies are, and guess what will move them besides the nodes.
+
+    The guess is what moved them in the last two steps, whichever was less: one impact is no lasting force.
+    """
+    w, i = wp.tid()
+    if h[w] <= wp.float64(0.0):
+        return
+    b = bodies[w, i]
+    if i >= objects:
+        return
+    pull = gravity[w % gravity.shape[0]]
+    carried.acceleration[w, i] = pull
+    carried.turning[w, i] = wp.vec3d()
+    if carried.seen[w, i] == 1 and carried.h[w] > wp.float64(0.0):
+        rate = wp.float64(1.0) / carried.h[w]
+        other = (b.v - carried.v[w, i]) * rate - b.push * b.inverse_mass - pull
+        carried.acceleration[w, i] = pull + shorter(other, carried.last[w, i])
+        carried.last[w, i] = other
+        other = (b.w - carried.w[w, i]) * rate - carried.inverse_inertia[w, i] * b.push_torque
+        carried.turning[w, i] = shorter(other, carried.last_turning[w, i])
+        carried.last_turning[w, i] = other
+    carried.inverse_inertia[w, i] = world_inverse_inertia(b)
+    carried.seen[w, i] = b.active
+    carried.x[w, i] = b.x
+    carried.q[w, i] = b.q
+    carried.v[w, i] = b.v
+    carried.w[w, i] = b.w
+
+
+@wp.kernel
+def note_length(h: wp.array[wp.float64], carried: Carried) -> None:
+    w = wp.tid()
+    if h[w] > wp.float64(0.0):
+        carried.h[w] = h[w]
+
+
+@wp.kernel
+def accelerate_bodies(
+    dt: wp.array[wp.float64],
+    objects: int,
+    bodies: wp.array2d[Body],
+    carried: Carried,
+) -> None:
+    w, i = wp.tid()
+    t = dt[w]
+    if t <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
+        return
+    bodies[w, i].v = bodies[w, i].v + carried.acceleration[w, i] * t
+    bodies[w, i].w = bodies[w, i].w + carried.turning[w, i] * t
+
+
+@wp.kernel
+def carry_bodies(
+    dt: wp.array[wp.float64],
+    objects: int,
+    bodies: wp.array2d[Body],
+    carried: Carried,
+) -> None:
+    """Positions from velocities; the guessed acceleration acts half its velocity, as gravity does on nodes."""
+    w, i = wp.tid()
+    t = dt[w]
+    if t <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
+        return
+    half = wp.float64(0.5) * t
+    bodies[w, i].x = bodies[w, i].x + (bodies[w, i].v - carried.acceleration[w, i] * half) * t
+    q = turned(bodies[w, i].q, (bodies[w, i].w - carried.turning[w, i] * half) * t)
+    bodies[w, i].q = q
+    bodies[w, i].rotation = wp.quat_to_matrix(q)
+
+
+@wp.kernel
+def put_back_bodies(
+    h: wp.array[wp.float64],
+    objects: int,
+    bodies: wp.array2d[Body],
+    carried: Carried,
+) -> None:
+    """Back to the start of the step, with what the nodes gave as a force for the rigid step."""
+    w, i = wp.tid()
+    if i >= objects or h[w] <= wp.float64(0.0) or bodies[w, i].active == 0:
+        return
+    b = bodies[w, i]
+    gained = b.v - carried.v[w, i] - carried.acceleration[w, i] * h[w]
+    turned_by = b.w - carried.w[w, i] - carried.turning[w, i] * h[w]
+    b.x = carried.x[w, i]
+    b.q = carried.q[w, i]
+    b.v = carried.v[w, i]
+    b.w = carried.w[w, i]
+    b.rotation = wp.quat_to_matrix(b.q)
+    inertia = b.rotation * b.inertia * wp.transpose(b.rotation)
+    b.push = gained * (b.mass / h[w])
+    b.push_torque = (inertia * turned_by) * (b.mass / h[w])
+    bodies[w, i] = b
+
+
+class CarriedBodies:
+    """The bodies of a RigidStepper while nodes push them."""
+
+    def __init__(self, bodies: Any, objects: int) -> None:
+        self.bodies = bodies
+        self.objects = objects
+        self.carried = Carried()
+        shape = bodies.shape
+        for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning"):
+            setattr(self.carried, name, wp.zeros(shape, dtype=wp.vec3d, device="cpu"))
+        self.carried.q = wp.zeros(shape, dtype=wp.quatd, device="cpu")
+        self.carried.inverse_inertia = wp.zeros(shape, dtype=wp.mat33d, device="cpu")
+        self.carried.seen = wp.zeros(shape, dtype=wp.int32, device="cpu")
+        self.carried.h = wp.zeros(shape[0], dtype=wp.float64, device="cpu")
+
+    def reset(self) -> None:
+        """Forget the steps of the last run."""
+        for name in ("acceleration", "turning", "last", "last_turning", "inverse_inertia", "seen", "h"):
+            getattr(self.carried, name).numpy()[:] = 0
+
+    def launch_begin(self, clock: Clock) -> None:
+        """Launch what opens a coupling step."""
+        self._launch(begin_step, [clock.h, clock.gravity, self.objects, self.bodies, self.carried])
+        wp.launch(note_length, dim=self.bodies.shape[0], inputs=[clock.h, self.carried], device="cpu")
+
+    def launch_velocities(self, clock: Clock) -> None:
+        """Launch the velocities of an inner step, before nodes push."""
+        self._launch(accelerate_bodies, [clock.dt, self.objects, self.bodies, self.carried])
+
+    def launch_positions(self, clock: Clock) -> None:
+        """Launch the positions of an inner step, after nodes pushed."""
+        self._launch(carry_bodies, [clock.dt, self.objects, self.bodies, self.carried])
+
+    def launch_end(self, clock: Clock) -> None:
+        """Launch what hands the bodies to the rigid step."""
+        self._launch(put_back_bodies, [clock.h, self.objects, self.bodies, self.carried])
+
+    def _launch(self, kernel: Any, inputs: list[Any]) -> None:
+        if self.objects:
+            wp.launch(kernel, dim=self.bodies.shape, inputs=inputs, device="cpu")

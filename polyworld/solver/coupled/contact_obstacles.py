@@ -1,0 +1,155 @@
+"""Rigid bodies and statics as the pieces that nodes touch, and the nodes as what may touch."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.meshing import DeformableMesh
+from polyworld.solver.coupled.attachment_targets import held_nodes
+from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
+from polyworld.solver.coupled.contact_search import mark_overlaps
+from polyworld.solver.coupled.nodes import Nodes
+from polyworld.solver.spatial import layout
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+def build_obstacles(geometry: layout.Geometry) -> Obstacles:
+    """The pieces of all bodies, in the order of their shapes."""
+    shapes = geometry.shapes.numpy()
+    vertices = geometry.vertices.numpy()
+    first = geometry.first_shape.numpy()
+    offset, turn = geometry.offset.numpy(), geometry.turn.numpy()
+    rows = np.zeros(int(first[-1]), dtype=Part.numpy_dtype())
+    points: list[Array] = []
+    owners: list[int] = []
+    radii: list[float] = []
+    for body, (low, high) in enumerate(itertools.pairwise(first)):
+        for s in range(low, high):
+            corners, radius = _corners(shapes[s], vertices)
+            row = rows[s]
+            row["shape"], row["body"] = s, body
+            row["first_corner"], row["corners"] = len(points), len(corners)
+            row["position"], row["rotation"] = offset[s], turn[s]
+            row["bound"] = 0.0 if shapes[s]["kind"] == layout.PLANE else shapes[s]["bound"]
+            points.extend(np.asarray(turn[s]) @ c + offset[s] for c in corners)
+            owners.extend([body] * len(corners))
+            radii.extend([radius] * len(corners))
+    obstacles = Obstacles()
+    obstacles.parts = wp.array(rows, dtype=Part, device="cpu")
+    obstacles.corners = wp.array(np.array(points or [np.zeros(3)]), dtype=wp.vec3d, device="cpu")
+    obstacles.corner_body = wp.array(np.array(owners or [0]), dtype=wp.int32, device="cpu")
+    obstacles.corner_radius = wp.array(np.array(radii or [0.0]), dtype=wp.float64, device="cpu")
+    return obstacles
+
+
+def _corners(shape: Any, vertices: Array) -> tuple[list[Array], float]:
+    """Points of a shape that may press into a triangle between its nodes, in the shape's axes, and their radius."""
+    size = np.asarray(shape["size"])
+    kind = int(shape["kind"])
+    if kind == layout.SPHERE:
+        return [np.zeros(3)], float(size[0])
+    if kind == layout.CAPSULE:
+        return [np.array([0.0, 0.0, s * size[2]]) for s in (-1.0, 1.0)], float(size[0])
+    if kind == layout.BOX:
+        return [size * (x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], 0.0
+    if kind == layout.CONVEX:
+        first = int(shape["first_vertex"])
+        return list(vertices[first : first + int(shape["vertices"])]), 0.0
+    return [], 0.0
+
+
+def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[str, int], excluded: Ints) -> Surface:
+    """What of the nodes may touch. excluded (N, B): 1 where a node must not touch a body."""
+    nodes = excluded.shape[0]
+    exposed = np.zeros(nodes, dtype=np.int32)
+    edges: list[Ints] = [np.zeros((0, 2), dtype=np.int32)]
+    triangles: list[Ints] = [np.zeros((0, 3), dtype=np.int32)]
+    begin = np.zeros(len(world.deformables), dtype=np.int32)
+    count = np.zeros(len(world.deformables), dtype=np.int32)
+    one_sided = np.zeros(len(world.deformables), dtype=np.int32)
+    for d, item in enumerate(world.deformables):
+        if item.name not in first:
+            continue
+        mesh = meshes[item.name]
+        begin[d], count[d] = first[item.name], len(mesh.nodes)
+        one_sided[d] = item.representation.startswith("soft")
+        edges.append(begin[d] + surface_edges(mesh))
+        if not item.representation.endswith("_planar"):
+            triangles.append((begin[d] + mesh.triangles).astype(np.int32))
+        used = surface_edges(mesh).ravel()
+        exposed[begin[d] + used] = 1
+    surface = Surface()
+    surface.edges = wp.array(np.concatenate(edges).astype(np.int32), dtype=wp.int32, device="cpu")
+    surface.triangles = wp.array(np.concatenate(triangles).astype(np.int32), dtype=wp.int32, device="cpu")
+    surface.exposed = wp.array(exposed, dtype=wp.int32, device="cpu")
+    surface.one_sided = wp.array(one_sided, dtype=wp.int32, device="cpu")
+    surface.excluded = wp.array(np.ascontiguousarray(excluded), dtype=wp.int32, device="cpu")
+    surface.first = wp.array(begin, dtype=wp.int32, device="cpu")
+    surface.count = wp.array(count, dtype=wp.int32, device="cpu")
+    return surface
+
+
+def surface_edges(mesh: DeformableMesh) -> Ints:
+    """Edges (E, 2) by which an object touches: a rope's segments, the edges of its triangles, or, of a slice of
+    triangles in a plane, its outline.
+    """
+    if len(mesh.segments):
+        return mesh.segments
+    pairs = np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [2, 0]]])
+    found: Ints = np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int32)
+    return found
+
+
+def excluded_bodies(
+    world: World,
+    meshes: dict[str, DeformableMesh],
+    nodes: Nodes,
+    geometry: layout.Geometry,
+    obstacles: Obstacles,
+    bodies: Any,
+) -> Ints:
+    """Which nodes must not touch which bodies (N, B): those held to a body, those that lie in it at the start and
+    belong to an object that is fastened to it, and ropes that run over a pulley it carries.
+    """
+    names = [o.name for o in world.objects]
+    owners = {d.name: k for k, d in enumerate(world.deformables)}
+    excluded = np.zeros((nodes.x.shape[1], bodies.shape[1]), dtype=np.int32)
+    linked = np.zeros((len(owners), bodies.shape[1]), dtype=np.int32)
+    for attachment in world.attachments:
+        if attachment.to in names:
+            body = names.index(attachment.to)
+            linked[owners[attachment.object], body] = 1
+            excluded[held_nodes(meshes, attachment) + nodes.first[attachment.object], body] = 1
+    for pulley in world.pulleys:
+        if pulley.object is not None:
+            first = nodes.first[pulley.rope]
+            excluded[first : first + nodes.count[pulley.rope], names.index(pulley.object)] = 1
+    if not linked.any():
+        return excluded
+    places = np.concatenate([meshes[name].nodes for name in nodes.first])
+    marked: Any = wp.array(excluded, dtype=wp.int32, device="cpu")
+    wp.launch(
+        mark_overlaps,
+        dim=(nodes.x.shape[1], obstacles.parts.shape[0]),
+        inputs=[
+            wp.array(places, dtype=wp.vec3d, device="cpu"),
+            nodes.radius,
+            nodes.owner,
+            wp.array(linked, dtype=wp.int32, device="cpu"),
+            geometry,
+            obstacles,
+            bodies,
+            marked,
+        ],
+        device="cpu",
+    )
+    found: Ints = marked.numpy()
+    return found

@@ -1,0 +1,384 @@
+"""The search, once in a coupling step: every node, edge and corner that may touch before the next search."""
+
+import warp as wp
+
+from polyworld.solver.coupled.contact_layout import (
+    CORNER,
+    ON_SHAPE,
+    ON_TRIANGLE,
+    Bounds,
+    Contact,
+    Found,
+    Obstacles,
+    Part,
+    Surface,
+)
+from polyworld.solver.coupled.contact_shapes import shape_distance, triangle_distance
+from polyworld.solver.spatial.contacts import paired
+from polyworld.solver.spatial.layout import MESH, OPTIONS, PLANE, Body, Geometry
+from polyworld.solver.spatial.separation import triangle_weights
+
+wp.set_module_options(OPTIONS)
+
+OWN_SHARE = wp.constant(wp.float64(1.2))  # of a node's own way in the step; it may get faster meanwhile,
+OBJECT_SHARE = wp.constant(wp.float64(0.3))  # by this share of its object's highest speed
+LEAST_SAGITTA = wp.constant(wp.float64(2.0e-4))  # an edge touches between its nodes where it is this much closer
+BISECTIONS = 16
+
+
+@wp.kernel
+def bound_objects(
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    surface: Surface,
+    bounds: Bounds,
+    count: wp.array[wp.int32],
+) -> None:
+    """Boxes around the deformable objects and their highest speeds; the list of contacts is emptied."""
+    w, d = wp.tid()
+    if d == 0:
+        count[w] = 0
+    low = wp.vec3d(wp.float64(1.0e30), wp.float64(1.0e30), wp.float64(1.0e30))
+    high = -low
+    fastest = wp.float64(0.0)
+    for i in range(surface.first[d], surface.first[d] + surface.count[d]):
+        p = x[w, i]
+        low = wp.min(low, p)
+        high = wp.max(high, p)
+        fastest = wp.max(fastest, wp.length_sq(v[w, i]))
+    bounds.low[w, d] = low
+    bounds.high[w, d] = high
+    bounds.speed[w, d] = wp.sqrt(fastest)
+
+
+@wp.func
+def part_position(bodies: wp.array2d[Body], w: int, part: Part) -> wp.vec3d:
+    """Origin of a piece in world axes."""
+    return bodies[w, part.body].x + bodies[w, part.body].rotation * part.position
+
+
+@wp.func
+def swept(bodies: wp.array2d[Body], w: int, part: Part, h: wp.float64) -> wp.float64:
+    """How far a point of a piece may move in the step."""
+    return h * (
+        wp.length(bodies[w, part.body].v) + wp.length(bodies[w, part.body].w) * (part.bound + wp.length(part.position))
+    )
+
+
+@wp.kernel
+def near_parts(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    radius: wp.array[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+) -> None:
+    """Which pieces come near the box around each deformable object."""
+    w, d, s = wp.tid()
+    bounds.near[w, d, s] = 0
+    part = obstacles.parts[s]
+    if h[w] <= wp.float64(0.0) or bodies[w, part.body].active == 0 or surface.count[d] == 0:
+        return
+    thickness = radius[surface.first[d]]
+    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
+    reach = thickness * wp.float64(1.1) + swept(bodies, w, part, h[w]) + fall
+    reach += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h[w] + wp.float64(1.0e-5)
+    low = bounds.low[w, d]
+    high = bounds.high[w, d]
+    kind = geometry.shapes[part.shape].kind
+    if kind == PLANE:
+        n = geometry.shapes[part.shape].size
+        lowest = -geometry.shapes[part.shape].bound
+        for k in range(3):
+            lowest += wp.min(n[k] * low[k], n[k] * high[k])
+        if lowest <= reach:
+            bounds.near[w, d, s] = 1
+        return
+    if kind == MESH:
+        bounds.near[w, d, s] = 1
+        return
+    p = part_position(bodies, w, part)
+    away = p - wp.min(wp.max(p, low), high)
+    far = part.bound + reach
+    if wp.length_sq(away) <= far * far:
+        bounds.near[w, d, s] = 1
+
+
+@wp.func
+def add(found: Found, w: int, c: Contact) -> None:
+    slot = wp.atomic_add(found.count, w, 1)
+    if slot >= found.contacts.shape[1]:
+        found.crowded[w] = 1
+        found.count[w] = found.contacts.shape[1]
+        return
+    found.contacts[w, slot] = c
+
+
+@wp.func
+def against_body(
+    bodies: wp.array2d[Body],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    w: int,
+    owner: int,
+    body: int,
+) -> Contact:
+    """A contact of a deformable object with a body, its coefficients filled in."""
+    c = Contact()
+    c.body = body
+    c.other = body
+    c.owner = owner
+    c.friction = paired(friction[w % friction.shape[0], owner], bodies[w, body].friction)
+    c.restitution = paired(restitution[w % restitution.shape[0], owner], bodies[w, body].restitution)
+    return c
+
+
+@wp.kernel
+def search_nodes(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+    found: Found,
+) -> None:
+    """Nodes against the pieces of bodies, planes and meshes."""
+    w, i = wp.tid()
+    if surface.exposed[i] == 0 or active[w, i] == 0 or h[w] <= wp.float64(0.0):
+        return
+    d = owner[i]
+    p = x[w, i]
+    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
+    slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack += (OWN_SHARE * wp.length(v[w, i]) + OBJECT_SHARE * bounds.speed[w, d]) * h[w]
+    for s in range(obstacles.parts.shape[0]):
+        if bounds.near[w, d, s] == 0:
+            continue
+        part = obstacles.parts[s]
+        b = part.body
+        if surface.excluded[i, b] != 0:
+            continue
+        kind = geometry.shapes[part.shape].kind
+        reach = slack + swept(bodies, w, part, h[w])
+        if kind == PLANE:
+            n = geometry.shapes[part.shape].size
+            if wp.dot(n, p) - geometry.shapes[part.shape].bound <= reach:
+                c = against_body(bodies, friction, restitution, w, d, b)
+                c.kind = ON_SHAPE
+                c.n0 = i
+                c.weight[0] = wp.float64(1.0)
+                c.part = s
+                c.reach = radius[i]
+                add(found, w, c)
+            continue
+        local = wp.transpose(bodies[w, b].rotation) * (p - bodies[w, b].x)
+        if kind == MESH:
+            half = wp.float32(reach)
+            centre = wp.vec3(wp.float32(local[0]), wp.float32(local[1]), wp.float32(local[2]))
+            box = wp.vec3(half, half, half) * wp.float32(1.0001)
+            query = wp.bvh_query_aabb(geometry.tree[part.shape], centre - box, centre + box)
+            triangle = wp.int32(0)
+            while wp.bvh_query_next(query, triangle):
+                face = geometry.shapes[part.shape].first_face + triangle
+                first_vertex = geometry.shapes[part.shape].first_vertex + 3 * triangle
+                found_at = triangle_distance(geometry, first_vertex, face, local)
+                if wp.abs(found_at[3]) <= reach:
+                    c = against_body(bodies, friction, restitution, w, d, b)
+                    c.kind = ON_TRIANGLE
+                    c.n0 = i
+                    c.weight[0] = wp.float64(1.0)
+                    c.part = face
+                    c.reach = radius[i]
+                    add(found, w, c)
+            continue
+        local = wp.transpose(part.rotation) * (local - part.position)
+        far = part.bound + reach
+        if wp.length_sq(local) > far * far:
+            continue
+        if shape_distance(geometry, kind, geometry.shapes[part.shape], local)[3] <= reach:
+            c = against_body(bodies, friction, restitution, w, d, b)
+            c.kind = ON_SHAPE
+            c.n0 = i
+            c.weight[0] = wp.float64(1.0)
+            c.part = s
+            c.reach = radius[i]
+            add(found, w, c)
+
+
+@wp.kernel
+def search_edges(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+    found: Found,
+) -> None:
+    """Edges that come closest to a convex piece between their nodes.
+
+    The distance to a convex shape is a convex function along the edge, so bisection on its slope finds the point.
+    """
+    w, e = wp.tid()
+    i = surface.edges[e, 0]
+    j = surface.edges[e, 1]
+    if active[w, i] == 0 or h[w] <= wp.float64(0.0):
+        return
+    zero = wp.float64(0.0)
+    d = owner[i]
+    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
+    slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    fastest = wp.max(wp.length(v[w, i]), wp.length(v[w, j]))
+    slack += (OWN_SHARE * fastest + OBJECT_SHARE * bounds.speed[w, d]) * h[w]
+    half = wp.length(x[w, j] - x[w, i]) * wp.float64(0.5)
+    for s in range(obstacles.parts.shape[0]):
+        if bounds.near[w, d, s] == 0:
+            continue
+        part = obstacles.parts[s]
+        b = part.body
+        kind = geometry.shapes[part.shape].kind
+        if kind == PLANE:
+            continue
+        if kind == MESH or surface.excluded[i, b] != 0 or surface.excluded[j, b] != 0:
+            continue
+        reach = slack + swept(bodies, w, part, h[w])
+        turn = wp.transpose(bodies[w, b].rotation * part.rotation)
+        origin = part_position(bodies, w, part)
+        begin = turn * (x[w, i] - origin)
+        way = turn * (x[w, j] - x[w, i])
+        far = part.bound + reach + half
+        if wp.length_sq(begin + way * wp.float64(0.5)) > far * far:
+            continue
+        shape = geometry.shapes[part.shape]
+        at_begin = shape_distance(geometry, kind, shape, begin)
+        at_end = shape_distance(geometry, kind, shape, begin + way)
+        if (at_begin[3] + at_end[3]) * wp.float64(0.5) - half > reach:
+            continue
+        if wp.dot(wp.vec3d(at_begin[0], at_begin[1], at_begin[2]), way) >= zero:
+            continue
+        if wp.dot(wp.vec3d(at_end[0], at_end[1], at_end[2]), way) <= zero:
+            continue
+        low = wp.float64(0.0)
+        high = wp.float64(1.0)
+        t = wp.float64(0.5)
+        for _step in range(BISECTIONS):
+            t = wp.float64(0.5) * (low + high)
+            here = shape_distance(geometry, kind, shape, begin + way * t)
+            if wp.dot(wp.vec3d(here[0], here[1], here[2]), way) > zero:
+                high = t
+            else:
+                low = t
+        nearest = shape_distance(geometry, kind, shape, begin + way * t)[3]
+        if nearest > reach or nearest > wp.min(at_begin[3], at_end[3]) - LEAST_SAGITTA * wp.float64(2.0) * half:
+            continue
+        c = against_body(bodies, friction, restitution, w, d, b)
+        c.kind = ON_SHAPE
+        c.n0 = i
+        c.n1 = j
+        c.weight[0] = wp.float64(1.0) - t
+        c.weight[1] = t
+        c.part = s
+        c.reach = radius[i]
+        add(found, w, c)
+
+
+@wp.kernel
+def search_corners(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+    found: Found,
+) -> None:
+    """Triangles that a corner of a body, or the centre of its round end, may press into."""
+    w, k = wp.tid()
+    i = surface.triangles[k, 0]
+    if active[w, i] == 0 or h[w] <= wp.float64(0.0):
+        return
+    d = owner[i]
+    p0 = x[w, i]
+    p1 = x[w, surface.triangles[k, 1]]
+    p2 = x[w, surface.triangles[k, 2]]
+    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
+    slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h[w]
+    size = wp.max(wp.length(p1 - p0), wp.length(p2 - p0))
+    normal = wp.normalize(wp.cross(p1 - p0, p2 - p0))
+    for s in range(obstacles.parts.shape[0]):
+        part = obstacles.parts[s]
+        b = part.body
+        if part.corners == 0 or bounds.near[w, d, s] == 0 or surface.excluded[i, b] != 0:
+            continue
+        reach = slack + swept(bodies, w, part, h[w])
+        centre = part_position(bodies, w, part)
+        far = part.bound + reach + size
+        if wp.length_sq(p0 - centre) > far * far:
+            continue
+        for m in range(part.first_corner, part.first_corner + part.corners):
+            point = bodies[w, b].x + bodies[w, b].rotation * obstacles.corners[m]
+            weights = triangle_weights(p0 - point, p1 - point, p2 - point)
+            away = p0 * weights[0] + p1 * weights[1] + p2 * weights[2] - point
+            if wp.length(away) - obstacles.corner_radius[m] > reach:
+                continue
+            c = against_body(bodies, friction, restitution, w, d, b)
+            c.kind = CORNER
+            c.n0 = i
+            c.n1 = surface.triangles[k, 1]
+            c.n2 = surface.triangles[k, 2]
+            c.part = m
+            c.reach = radius[i] + obstacles.corner_radius[m]
+            c.side = wp.float64(-1.0)  # a surface with an inside is pushed inwards
+            if surface.one_sided[d] == 0 and wp.dot(normal, p0 - centre) > wp.float64(0.0):
+                c.side = wp.float64(1.0)
+            add(found, w, c)
+
+
+@wp.kernel
+def mark_overlaps(
+    places: wp.array[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    linked: wp.array2d[wp.int32],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    excluded: wp.array2d[wp.int32],
+) -> None:
+    """Mark nodes that lie in a body which their object is fastened to; linked (D, B)."""
+    i, s = wp.tid()
+    part = obstacles.parts[s]
+    if linked[owner[i], part.body] == 0:
+        return
+    local = wp.transpose(bodies[0, part.body].rotation) * (places[i] - bodies[0, part.body].x) - part.position
+    local = wp.transpose(part.rotation) * local
+    kind = geometry.shapes[part.shape].kind
+    if shape_distance(geometry, kind, geometry.shapes[part.shape], local)[3] < radius[i]:
+        excluded[i, part.body] = 1

@@ -1,0 +1,453 @@
+"""Contact impulses of one inner step: non-penetration, restitution and Coulomb friction.
+
+Gauss-Seidel over the contacts that act, warm started. Impulses are equal and opposite on the two sides, so linear
+momentum is conserved to rounding; against a body they act at the same point, so angular momentum is too.
+"""
+
+import warp as wp
+
+from polyworld.solver.coupled.contact_layout import (
+    CORNER,
+    CROSSING,
+    ON_SHAPE,
+    ON_TRIANGLE,
+    Contact,
+    Found,
+    Obstacles,
+    Tally,
+)
+from polyworld.solver.coupled.contact_shapes import FAR, shape_distance, triangle_distance
+from polyworld.solver.spatial.layout import OPTIONS, PLANE, Body, Geometry
+from polyworld.solver.spatial.manifold import tangent
+from polyworld.solver.spatial.separation import triangle_weights
+from polyworld.solver.spatial.shapes import unit
+
+wp.set_module_options(OPTIONS)
+
+SWEEPS = 10
+CONVERGED = wp.constant(wp.float64(1.0e-8))  # largest velocity change in a sweep that counts as none [m/s]
+SLOWEST_IMPACT = wp.constant(wp.float64(1.0e-4))  # on top of the speed that gravity gives in two inner steps [m/s]
+RECOVERY = wp.constant(wp.float64(0.01))  # time in which an overlap is removed [s]
+OVERLAP_SPEED = wp.constant(wp.float64(0.5))  # at most [m/s]
+NEAR = wp.constant(wp.float64(0.02))  # a gap that may act, per reach: other impulses of the step may close it
+
+
+@wp.func
+def closest_on_segments(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d) -> wp.vec2d:
+    """Parameters of the closest points of segments ab and cd (Ericson 2005, 5.1.9); of parallel ones the middle of
+    where they lie side by side.
+    """
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    u = b - a
+    v = d - c
+    r = a - c
+    uu = wp.dot(u, u)
+    vv = wp.dot(v, v)
+    uv = wp.dot(u, v)
+    ur = wp.dot(u, r)
+    vr = wp.dot(v, r)
+    det = uu * vv - uv * uv
+    s = wp.float64(0.5)
+    if det > wp.float64(1.0e-9) * uu * vv:
+        s = wp.clamp((uv * vr - ur * vv) / det, zero, one)
+    else:
+        s0 = wp.clamp(-ur / uu, zero, one)
+        s1 = wp.clamp((uv - ur) / uu, zero, one)
+        s = wp.float64(0.5) * (s0 + s1)
+    t = (uv * s + vr) / vv
+    if t < zero:
+        t = zero
+        s = wp.clamp(-ur / uu, zero, one)
+    elif t > one:
+        t = one
+        s = wp.clamp((uv - ur) / uu, zero, one)
+    return wp.vec2d(s, t)
+
+
+@wp.func(inline=False)
+def follow(
+    c: Contact,
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    w: int,
+) -> Contact:
+    """The contact's gap, normal, weights and arm where its sides are now; a gap of FAR where it cannot touch."""
+    zero = wp.float64(0.0)
+    p = x[w, c.n0]
+    if c.kind == ON_SHAPE or c.kind == ON_TRIANGLE:
+        if c.weight[1] > zero:
+            p = p * c.weight[0] + x[w, c.n1] * c.weight[1]
+        c.arm = p - bodies[w, c.body].x
+        at = wp.vec4d()
+        rotation = bodies[w, c.body].rotation
+        if c.kind == ON_TRIANGLE:
+            first = geometry.face_corners[geometry.face_starts[c.part]]
+            at = triangle_distance(geometry, first, c.part, wp.transpose(rotation) * c.arm)
+        else:
+            shape = obstacles.parts[c.part].shape
+            kind = geometry.shapes[shape].kind
+            if kind == PLANE:
+                c.normal = geometry.shapes[shape].size
+                c.gap = wp.dot(c.normal, p) - geometry.shapes[shape].bound - c.reach
+                return c
+            local = wp.transpose(rotation) * c.arm - obstacles.parts[c.part].position
+            local = wp.transpose(obstacles.parts[c.part].rotation) * local
+            at = shape_distance(geometry, kind, geometry.shapes[shape], local)
+            rotation = rotation * obstacles.parts[c.part].rotation
+        c.normal = rotation * wp.vec3d(at[0], at[1], at[2])
+        c.gap = at[3] - c.reach
+        return c
+    if c.kind == CROSSING:
+        st = closest_on_segments(p, x[w, c.n1], x[w, c.n2], x[w, c.n3])
+        c.weight = wp.vec4d(wp.float64(1.0) - st[0], st[0], st[1] - wp.float64(1.0), -st[1])
+        away = p * c.weight[0] + x[w, c.n1] * c.weight[1] + x[w, c.n2] * c.weight[2] + x[w, c.n3] * c.weight[3]
+        c.normal = unit(away, c.normal)
+        c.gap = wp.length(away) - c.reach
+        return c
+    a = p
+    if c.kind == CORNER:
+        p = bodies[w, c.body].x + bodies[w, c.body].rotation * obstacles.corners[c.part]
+        b1 = x[w, c.n1]
+        b2 = x[w, c.n2]
+    else:
+        a = x[w, c.n1]
+        b1 = x[w, c.n2]
+        b2 = x[w, c.n3]
+    weights = triangle_weights(a - p, b1 - p, b2 - p)
+    away = p - (a * weights[0] + b1 * weights[1] + b2 * weights[2])
+    face = wp.normalize(wp.cross(b1 - a, b2 - a))
+    inside = wp.min(weights[0], wp.min(weights[1], weights[2])) > zero
+    if c.kind == CORNER:
+        c.arm = p - away - bodies[w, c.body].x
+        c.weight = wp.vec4d(weights[0], weights[1], weights[2], zero)
+        c.normal = face * c.side
+        c.gap = FAR
+        if inside:
+            c.gap = -c.side * wp.dot(face, away) - c.reach
+        return c
+    c.weight = wp.vec4d(wp.float64(1.0), -weights[0], -weights[1], -weights[2])
+    height = wp.dot(face, away)
+    if inside:
+        c.normal = face * c.side
+        c.gap = c.side * height - c.reach
+        return c
+    # Beside the triangle nothing separates its two sides: the side is that which the node is on.
+    distance = wp.length(away)
+    c.normal = unit(away, face * c.side)
+    c.gap = distance - c.reach
+    if c.gap > zero and c.side != wp.float64(0.0):
+        c.side = wp.where(height >= zero, wp.float64(1.0), wp.float64(-1.0))
+    return c
+
+
+@wp.func
+def relative_velocity(c: Contact, bodies: wp.array2d[Body], v: wp.array2d[wp.vec3d], w: int) -> wp.vec3d:
+    u = v[w, c.n0] * c.weight[0]
+    if c.weight[1] != wp.float64(0.0):
+        u += v[w, c.n1] * c.weight[1]
+    if c.weight[2] != wp.float64(0.0):
+        u += v[w, c.n2] * c.weight[2]
+    if c.weight[3] != wp.float64(0.0):
+        u += v[w, c.n3] * c.weight[3]
+    if c.body >= 0:
+        u -= bodies[w, c.body].v + wp.cross(bodies[w, c.body].w, c.arm)
+    return u
+
+
+@wp.func
+def push(
+    c: Contact,
+    impulse: wp.vec3d,
+    inverse_mass: wp.array2d[wp.float64],
+    inverse_inertia: wp.array2d[wp.mat33d],
+    bodies: wp.array2d[Body],
+    v: wp.array2d[wp.vec3d],
+    w: int,
+) -> None:
+    r = w % inverse_mass.shape[0]
+    v[w, c.n0] += impulse * (c.weight[0] * inverse_mass[r, c.n0])
+    if c.weight[1] != wp.float64(0.0):
+        v[w, c.n1] += impulse * (c.weight[1] * inverse_mass[r, c.n1])
+    if c.weight[2] != wp.float64(0.0):
+        v[w, c.n2] += impulse * (c.weight[2] * inverse_mass[r, c.n2])
+    if c.weight[3] != wp.float64(0.0):
+        v[w, c.n3] += impulse * (c.weight[3] * inverse_mass[r, c.n3])
+    if c.body >= 0 and bodies[w, c.body].inverse_mass > wp.float64(0.0):
+        bodies[w, c.body].v -= impulse * bodies[w, c.body].inverse_mass
+        bodies[w, c.body].w -= inverse_inertia[w, c.body] * wp.cross(c.arm, impulse)
+
+
+@wp.func
+def node_mobility(c: Contact, inverse_mass: wp.array2d[wp.float64], w: int) -> wp.float64:
+    """Velocity of the weighted point per impulse on it."""
+    r = w % inverse_mass.shape[0]
+    return (
+        c.weight[0] * c.weight[0] * inverse_mass[r, c.n0]
+        + c.weight[1] * c.weight[1] * inverse_mass[r, c.n1]
+        + c.weight[2] * c.weight[2] * inverse_mass[r, c.n2]
+        + c.weight[3] * c.weight[3] * inverse_mass[r, c.n3]
+    )
+
+
+@wp.func(inline=False)
+def weigh(
+    c: Contact,
+    inverse_mass: wp.array2d[wp.float64],
+    inverse_inertia: wp.array2d[wp.mat33d],
+    bodies: wp.array2d[Body],
+    w: int,
+) -> Contact:
+    """Effective inverse masses of the contact along its normal and its two tangents."""
+    k = node_mobility(c, inverse_mass, w)
+    c.k = k
+    c.t1 = tangent(c.normal)
+    c.k12 = wp.float64(0.0)
+    c.k11 = k
+    c.k22 = k
+    if c.body >= 0 and bodies[w, c.body].inverse_mass > wp.float64(0.0):
+        k += bodies[w, c.body].inverse_mass
+        t2 = wp.cross(c.normal, c.t1)
+        jn = wp.cross(c.arm, c.normal)
+        j1 = wp.cross(c.arm, c.t1)
+        j2 = wp.cross(c.arm, t2)
+        inertia = inverse_inertia[w, c.body]
+        c.k = k + wp.dot(jn, inertia * jn)
+        turned = inertia * j1
+        c.k11 = k + wp.dot(j1, turned)
+        c.k12 = wp.dot(j2, turned)
+        c.k22 = k + wp.dot(j2, inertia * j2)
+    return c
+
+
+@wp.func
+def friction_impulse(c: Contact, u: wp.vec3d, bound: wp.float64) -> wp.vec3d:
+    """The tangential impulse that stops the sliding velocity u, or as much of it as friction can.
+
+    Where it slides, a step along the velocity by the same factor in both directions, projected on the disc: its
+    fixed point opposes the velocity.
+    """
+    t2 = wp.cross(c.normal, c.t1)
+    x = wp.dot(c.tangential, c.t1)
+    y = wp.dot(c.tangential, t2)
+    ux = wp.dot(u, c.t1)
+    uy = wp.dot(u, t2)
+    det = c.k11 * c.k22 - c.k12 * c.k12
+    sx = x - (c.k22 * ux - c.k12 * uy) / det
+    sy = y - (c.k11 * uy - c.k12 * ux) / det
+    if sx * sx + sy * sy > bound * bound:
+        mean = wp.float64(0.5) * (c.k11 + c.k22)
+        half = wp.float64(0.5) * (c.k11 - c.k22)
+        largest = mean + wp.sqrt(half * half + c.k12 * c.k12)
+        sx = x - ux / largest
+        sy = y - uy / largest
+        size = wp.sqrt(sx * sx + sy * sy)
+        if size > bound:
+            sx = sx * bound / size
+            sy = sy * bound / size
+    return c.t1 * sx + t2 * sy
+
+
+@wp.func(inline=False)
+def solve(
+    contacts: wp.array2d[Contact],
+    acting: wp.array2d[wp.int32],
+    count: int,
+    sweeps: int,
+    inverse_mass: wp.array2d[wp.float64],
+    inverse_inertia: wp.array2d[wp.mat33d],
+    bodies: wp.array2d[Body],
+    v: wp.array2d[wp.vec3d],
+    w: int,
+) -> None:
+    """Sweep over the acting contacts until no velocity changes any more."""
+    for _sweep in range(sweeps):
+        worst = wp.float64(0.0)
+        for a in range(count):
+            c = contacts[w, acting[w, a]]
+            u = relative_velocity(c, bodies, v, w)
+            before = c.impulse
+            normal = wp.max(before + (c.target - wp.dot(c.normal, u)) / c.k, wp.float64(0.0))
+            change = c.normal * (normal - before)
+            worst = wp.max(worst, wp.abs(normal - before) * c.k)
+            if c.friction > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
+                if c.body >= 0:
+                    push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
+                    u = relative_velocity(c, bodies, v, w)
+                    change = wp.vec3d()
+                tangential = friction_impulse(c, u, c.friction * normal)
+                slip = tangential - c.tangential
+                worst = wp.max(worst, wp.length(slip) * c.k11)
+                contacts[w, acting[w, a]].tangential = tangential
+                change += slip
+            contacts[w, acting[w, a]].impulse = normal
+            push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
+        if worst < CONVERGED:
+            break
+
+
+@wp.func
+def node_of(c: Contact, m: int) -> int:
+    if m == 1:
+        return c.n1
+    if m == 2:
+        return c.n2
+    if m == 3:
+        return c.n3
+    return c.n0
+
+
+@wp.func(inline=False)
+def settle(
+    c: Contact,
+    pull: wp.vec3d,
+    dt: wp.float64,
+    bodies: wp.array2d[Body],
+    acceleration: wp.array2d[wp.vec3d],
+    inverse_mass: wp.array2d[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    found: Found,
+    w: int,
+) -> None:
+    """Move nodes out of an overlap without giving them velocity, and let those that rest not fall.
+
+    The move of the nodes takes half a step of gravity off their way, which is right for what flies; here it is put
+    back. What held nodes took is noted.
+    """
+    zero = wp.float64(0.0)
+    lift = wp.vec3d()
+    if c.impulse > zero:
+        rest = pull
+        if c.body >= 0:
+            rest = pull - acceleration[w, c.body]
+        lift = rest * (wp.float64(0.5) * dt * dt)
+    deeper = -c.gap - wp.max(wp.dot(c.normal, relative_velocity(c, bodies, v, w)), zero) * dt
+    mobility = node_mobility(c, inverse_mass, w)
+    shift = wp.vec3d()
+    if deeper > zero and mobility > zero:
+        way = wp.min(deeper * wp.min(dt / RECOVERY, wp.float64(1.0)), OVERLAP_SPEED * dt)
+        shift = c.normal * (way / mobility)
+    for m in range(4):
+        if c.weight[m] != zero:
+            node = node_of(c, m)
+            im = inverse_mass[w % inverse_mass.shape[0], node]
+            if im > zero:
+                x[w, node] += shift * (c.weight[m] * im) + lift * found.falling[w, node]
+                if c.impulse > zero:
+                    found.falling[w, node] = zero
+            else:
+                found.reaction[w, node] += (c.normal * c.impulse + c.tangential) * c.weight[m]
+
+
+@wp.func
+def note(c: Contact, tally: Tally, p: wp.vec3d, now: wp.float64, dt: wp.float64, w: int) -> None:
+    """Add a contact's impulse to what its pair went through."""
+    a = c.owner
+    b = c.other
+    if tally.impulse[w, a, b] == wp.float64(0.0):
+        tally.begin[w, a, b] = now
+        tally.first_impulse[w, a, b] = wp.float64(0.0)
+        tally.speed[w, a, b] = wp.float64(0.0)
+        tally.position[w, a, b] = p
+    tally.impulse[w, a, b] += c.impulse
+    if tally.begin[w, a, b] == now:
+        tally.first_impulse[w, a, b] += c.impulse
+        tally.speed[w, a, b] = wp.max(tally.speed[w, a, b], c.approach)
+    tally.last[w, a, b] = now + dt
+
+
+@wp.func
+def act(
+    c: Contact,
+    dt: wp.float64,
+    threshold: wp.float64,
+    inverse_mass: wp.array2d[wp.float64],
+    inverse_inertia: wp.array2d[wp.mat33d],
+    bodies: wp.array2d[Body],
+    v: wp.array2d[wp.vec3d],
+    w: int,
+) -> Contact:
+    """Whether the contact may act in this inner step, with its target velocity; a gap of FAR where it does not."""
+    zero = wp.float64(0.0)
+    speed = wp.dot(c.normal, relative_velocity(c, bodies, v, w))
+    c.approach = -speed
+    end = c.gap + speed * dt
+    if end > NEAR * c.reach and c.impulse == zero:
+        c.gap = FAR
+        return c
+    c = weigh(c, inverse_mass, inverse_inertia, bodies, w)
+    if c.k <= zero:
+        c.gap = FAR
+        return c
+    c.target = -wp.max(c.gap, zero) / dt
+    if c.approach > threshold and end < zero:
+        c.target = wp.max(c.target, c.restitution * c.approach)
+    c.tangential = c.tangential - c.normal * wp.dot(c.normal, c.tangential)
+    return c
+
+
+@wp.kernel
+def solve_contacts(
+    clock_time: wp.array[wp.float64],
+    clock_dt: wp.array[wp.float64],
+    inner: wp.array[wp.int32],
+    gravity: wp.array[wp.vec3d],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    acceleration: wp.array2d[wp.vec3d],
+    inverse_inertia: wp.array2d[wp.mat33d],
+    inverse_mass: wp.array2d[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    found: Found,
+    tally: Tally,
+) -> None:
+    """Change the nodes' and bodies' velocities so that nothing overlaps at the end of the inner step."""
+    w = wp.tid()
+    dt = clock_dt[w]
+    if dt <= wp.float64(0.0) or found.count[w] == 0:
+        return
+    zero = wp.float64(0.0)
+    pull = gravity[w % gravity.shape[0]]
+    threshold = wp.float64(2.0) * wp.length(pull) * dt + SLOWEST_IMPACT
+    count = wp.int32(0)
+    sweeps = wp.int32(1)
+    last = wp.int32(-1)
+    for k in range(found.count[w]):
+        c = follow(found.contacts[w, k], geometry, obstacles, bodies, x, w)
+        if c.gap < FAR:
+            c = act(c, dt, threshold, inverse_mass, inverse_inertia, bodies, v, w)
+        if c.gap < FAR:
+            found.acting[w, count] = k
+            count += 1
+            if c.n0 == last or c.weight[1] != zero:
+                sweeps = SWEEPS
+            if c.body >= 0 and bodies[w, c.body].inverse_mass > zero:
+                sweeps = SWEEPS
+            last = c.n0
+        else:
+            c.impulse = zero
+            c.tangential = wp.vec3d()
+        found.contacts[w, k] = c
+    if count == 0:
+        return
+    for a in range(count):
+        c = found.contacts[w, found.acting[w, a]]
+        if c.impulse > zero:
+            push(c, c.normal * c.impulse + c.tangential, inverse_mass, inverse_inertia, bodies, v, w)
+    solve(found.contacts, found.acting, count, sweeps, inverse_mass, inverse_inertia, bodies, v, w)
+    now = clock_time[w] + wp.float64(inner[0]) * dt
+    for a in range(count):
+        c = found.contacts[w, found.acting[w, a]]
+        settle(c, pull, dt, bodies, acceleration, inverse_mass, x, v, found, w)
+        if tally.record == 1 and c.impulse > zero:
+            note(c, tally, x[w, c.n0], now, dt, w)
+    for a in range(count):
+        c = found.contacts[w, found.acting[w, a]]
+        for m in range(4):
+            if c.weight[m] != zero:
+                found.falling[w, node_of(c, m)] = wp.float64(1.0)
