@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -79,4 +80,4 @@ def _solid(shape: Sphere | Box | Cylinder, edge: float) -> QuadraticMesh:
 def _with_volume(mesh: QuadraticMesh, volume: float) -> QuadraticMesh:
     """The same, scaled about its origin by the little that its volume lacks."""
     scale = (volume / mesh.gradients()[1].sum()) ** (1.0 / 3.0)
-    return QuadraticMesh(mesh.nodes * scale, mesh.elements, mesh.boundary, mesh.planar)
+    return replace(mesh, nodes=mesh.nodes * scale)

@@ -8,7 +8,7 @@ for example Zienkiewicz & Taylor, The Finite Element Method.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +41,18 @@ class QuadraticMesh:
     """A solid of 10-node tetrahedra, or a slice of 6-node triangles, without forces.
 
     nodes (k, 3) [m]; elements (q, 10) or (q, 6); boundary (b, 6) outward faces of a solid with their middles, or
-    (b, 3) edges of a slice with theirs, the inside on their left.
+    (b, 3) edges of a slice with theirs, the inside on their left. thickness: of a slice [m], 1 of a solid.
     """
 
     nodes: Array
     elements: Ints
     boundary: Ints
-    planar: bool = field(default=False)
+    thickness: float = 1.0
+
+    @property
+    def planar(self) -> bool:
+        """Whether it is a slice of triangles."""
+        return self.elements.shape[1] == 6
 
     @property
     def corners(self) -> int:
@@ -58,7 +63,7 @@ class QuadraticMesh:
         """Gradients of the barycentric coordinates and weights at the quadrature points.
 
         Returns (q, c, c, 3): gradient [1/m] of coordinate i at point p of an element in [.., p, i], and (q, c): the
-        volume [m^3] or area [m^2] that a point stands for. c is the number of corners.
+        volume [m^3] that a point stands for. c is the number of corners.
         """
         near, far = (TRIANGLE_NEAR, TRIANGLE_FAR) if self.planar else (TETRAHEDRON_NEAR, TETRAHEDRON_FAR)
         slope = barycentric_slopes(self, near, far)
@@ -73,10 +78,10 @@ class QuadraticMesh:
         gradient = np.concatenate([-inverse.sum(axis=-2, keepdims=True), inverse], axis=-2)
         if self.planar:
             gradient = np.concatenate([gradient, np.zeros((*gradient.shape[:-1], 1))], axis=-1)
-        return gradient, measure / self.corners
+        return gradient, measure * (self.thickness / self.corners)
 
     def measure(self) -> Array:
-        """Volume or area that each node stands for (k,)."""
+        """Volume that each node stands for (k,) [m^3]."""
         _, weight = self.gradients()
         shares = TRIANGLE_SHARES if self.planar else TETRAHEDRON_SHARES
         total = np.zeros(len(self.nodes))
@@ -142,7 +147,9 @@ def quadratic_solid(points: Array, tetrahedra: Ints, snap: Callable[[Array], Arr
     return mesh if snap is None else _snapped(mesh, np.unique(middles), snap)
 
 
-def quadratic_slice(points: Array, triangles: Ints, snap: Callable[[Array], Array] | None = None) -> QuadraticMesh:
+def quadratic_slice(
+    points: Array, triangles: Ints, thickness: float, snap: Callable[[Array], Array] | None = None
+) -> QuadraticMesh:
     """6-node triangles from points (p, 2) and counter-clockwise triangles (q, 3); see `quadratic_solid`."""
     flat = np.column_stack([points, np.zeros(len(points))])
     nodes, elements, middle = _with_middles(flat, triangles, TRIANGLE_EDGES)
@@ -150,7 +157,7 @@ def quadratic_slice(points: Array, triangles: Ints, snap: Callable[[Array], Arra
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     outer = edges[np.sort(first[count == 1])]
     middles = middle(outer[:, 0], outer[:, 1])
-    mesh = QuadraticMesh(nodes, elements, np.column_stack([outer, middles]).astype(np.int32), planar=True)
+    mesh = QuadraticMesh(nodes, elements, np.column_stack([outer, middles]).astype(np.int32), thickness)
     return mesh if snap is None else _snapped(mesh, np.unique(middles), snap)
 
 
@@ -180,7 +187,7 @@ def _snapped(mesh: QuadraticMesh, middles: Ints, snap: Callable[[Array], Array])
     while True:
         nodes = mesh.nodes.copy()
         nodes[middles] = straight + share[:, None] * (target - straight)
-        curved = QuadraticMesh(nodes, mesh.elements, mesh.boundary, mesh.planar)
+        curved = replace(mesh, nodes=nodes)
         bad = _worst_jacobian(curved) < 0.4 * rest
         if not bad.any():
             return curved

@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.meshing.soft_elements import TETRAHEDRON_FAR, TETRAHEDRON_NEAR
-from polyworld.solver.soft.material import Law, law, response, stress, viscous_stress
+from polyworld.solver.soft.material import Law, response, stress
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -24,15 +24,6 @@ class Elements:
     body: wp.array[wp.int32]
     slopes: wp.array2d[wp.mat33d]
     volume: wp.array2d[wp.float64]
-
-
-@wp.struct
-class Parameters:
-    """Of each body in each world, (R, n), R = 1 or W: Young's modulus [Pa], Poisson ratio, damping time [s]."""
-
-    youngs_modulus: wp.array2d[wp.float64]
-    poisson_ratio: wp.array2d[wp.float64]
-    damping: wp.array2d[wp.float64]
 
 
 @wp.struct
@@ -129,26 +120,21 @@ def spread(stress: wp.mat33d, slopes: wp.mat33d, volume: wp.float64) -> wp.mat33
     return slopes * wp.transpose(stress) * volume
 
 
-@wp.func
-def law_of(parameters: Parameters, w: int, body: int) -> Law:
-    """The material of a body in world w."""
-    r = w % parameters.youngs_modulus.shape[0]
-    return law(parameters.youngs_modulus[r, body], parameters.poisson_ratio[r, body], parameters.damping[r, body])
-
-
 @wp.kernel
 def elastic_forces(
     elements: Elements,
-    parameters: Parameters,
+    laws: wp.array2d[Law],
     x: wp.array2d[wp.vec3d],
     dt: wp.array[wp.float64],
     f_out: wp.array2d[wp.vec3d],
 ) -> None:
-    """Add the elastic forces of tetrahedra at places x (W, N) to f (W, N)."""
+    """Add the forces of tetrahedra that never flow, at places x (W, N), to f (W, N)."""
     w, t = wp.tid()
     if dt[w] <= wp.float64(0.0):
         return
-    m = law_of(parameters, w, elements.body[t])
+    m = laws[w % laws.shape[0], elements.body[t]]
+    if m.yield_stress >= wp.float64(0.0):
+        return
     c = gathered(x, w, elements.nodes, t)
     common = common_slopes(c)
     g0 = elements.slopes[t, 0]
@@ -169,51 +155,3 @@ def elastic_forces(
     b2 = spread(stress(r2, mean, m), g2, w2)
     b3 = spread(stress(r3, mean, m), g3, w3)
     scatter(w, elements.nodes, t, b0, b1, b2, b3, f_out)
-
-
-@wp.kernel
-def viscous_forces(
-    elements: Elements,
-    parameters: Parameters,
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    going: wp.array[wp.int32],
-    f_out: wp.array2d[wp.vec3d],
-) -> None:
-    """Add the viscous forces of tetrahedra at places x and velocities v (W, N) to f (W, N), where going (W,) > 0."""
-    w, t = wp.tid()
-    if going[w] <= 0:
-        return
-    m = law_of(parameters, w, elements.body[t])
-    if m.tau <= wp.float64(0.0):
-        return
-    c = gathered(x, w, elements.nodes, t)
-    u = gathered(v, w, elements.nodes, t)
-    common = common_slopes(c)
-    rates = common_slopes(u)
-    g0 = elements.slopes[t, 0]
-    g1 = elements.slopes[t, 1]
-    g2 = elements.slopes[t, 2]
-    g3 = elements.slopes[t, 3]
-    p0 = viscous_stress(
-        gradient(common, c.a0, c.m01, c.m02, c.m03, g0), gradient(rates, u.a0, u.m01, u.m02, u.m03, g0), m
-    )
-    p1 = viscous_stress(
-        gradient(common, c.m01, c.a1, c.m12, c.m13, g1), gradient(rates, u.m01, u.a1, u.m12, u.m13, g1), m
-    )
-    p2 = viscous_stress(
-        gradient(common, c.m02, c.m12, c.a2, c.m23, g2), gradient(rates, u.m02, u.m12, u.a2, u.m23, g2), m
-    )
-    p3 = viscous_stress(
-        gradient(common, c.m03, c.m13, c.m23, c.a3, g3), gradient(rates, u.m03, u.m13, u.m23, u.a3, g3), m
-    )
-    scatter(
-        w,
-        elements.nodes,
-        t,
-        spread(p0, g0, elements.volume[t, 0]),
-        spread(p1, g1, elements.volume[t, 1]),
-        spread(p2, g2, elements.volume[t, 2]),
-        spread(p3, g3, elements.volume[t, 3]),
-        f_out,
-    )

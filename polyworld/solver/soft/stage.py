@@ -2,107 +2,137 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.meshing.soft import soft_form
-from polyworld.meshing.soft_elements import QuadraticMesh
 from polyworld.representations.soft import Soft
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
-from polyworld.solver.soft import solids
-from polyworld.solver.soft.spectrum import highest_square_frequency
+from polyworld.solver.soft import damping
+from polyworld.solver.soft.bodies import Kind, SliceKind, SolidKind
+from polyworld.solver.soft.laws import PARAMETERS, laws
+from polyworld.solver.soft.material import Law
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-# Share of the critical step of the undeformed mesh: a deformed one is stiffer, at most about (1 / SAFETY)^2 times.
-SAFETY = 0.6
-
 
 class SoftStage:
-    """Elastic, viscous and plastic forces of the soft bodies of W worlds; see `MaterialStage`."""
+    """Elastic, viscous and plastic forces of the soft bodies of W worlds; see `MaterialStage`.
 
-    def __init__(self, world: World, items: tuple[Soft, ...], nodes_first: dict[str, int], n_worlds: int) -> None:
-        self.names = tuple(item.name for item in items)
-        self.n_worlds = n_worlds
-        self._forms = tuple(soft_form(world, item) for item in items)
-        self._first = tuple(nodes_first[name] for name in self.names)
-        self._parameters: Any = None
-        self._fields: Fields = {}
-        self._solids, self._solid_count = _elements(self._forms, self._first)
+    Plastic flow happens as the forces are computed. Damping too strong for the step is integrated by itself, in
+    stages, after the other forces changed the velocities.
+    """
+
+    def __init__(self, world: World, items: Sequence[Soft], nodes_first: dict[str, int], n_worlds: int) -> None:
+        self._names = tuple(item.name for item in items)
+        self._worlds = n_worlds
+        kinds: list[Kind] = [SolidKind(world, items, nodes_first), SliceKind(world, items, nodes_first)]
+        self._kinds = [kind for kind in kinds if kind.count]
+        self._forms = {name: form for kind in kinds for name, form in kind.forms.items()}
+        self._damping = _velocities(
+            [len(self._forms[n].nodes) for n in self._names], nodes_first, self._names, n_worlds
+        )
+        self._laws: Any = None
+        self._steps: Array = np.full(1, np.inf)
+        self._modes: tuple[bool, int, bool] | None = None
+
+    def bind(self, bodies: Any) -> None:
+        """Soft bodies meet others through contacts alone."""
 
     def write(self, fields: Fields) -> bool:
-        """Take parameter values: object name -> parameter -> (1,) or (W,). True where arrays were made anew."""
-        self._fields = {name: {k: np.atleast_1d(v) for k, v in fields[name].items()} for name in self.names}
-        rows = max((len(v) for f in self._fields.values() for v in f.values()), default=1)
-        kept = self._parameters
-        new = kept is None or kept.youngs_modulus.shape[0] != rows
-        if new:
-            kept = self._parameters = solids.Parameters()
-        for parameter in ("youngs_modulus", "poisson_ratio", "damping"):
-            columns = [np.broadcast_to(self._fields[name][parameter], (rows,)) for name in self.names]
-            values = np.ascontiguousarray(np.stack(columns, axis=1), dtype=np.float64)
-            if new:
-                setattr(kept, parameter, wp.array(values, dtype=wp.float64, device="cpu"))
-            else:
-                getattr(kept, parameter).numpy()[:] = values
-        return new
+        """See MaterialStage. A yield stress of NaN means that the body never flows."""
+        given = [{p: np.atleast_1d(fields[name][p]).astype(float) for p in PARAMETERS} for name in self._names]
+        rows = max(len(v) for row in given for v in row.values())
+        values = np.zeros((rows, len(self._names)), dtype=Law.numpy_dtype())
+        steps = np.zeros((rows, len(self._names)))
+        for k, (name, row) in enumerate(zip(self._names, given, strict=True)):
+            whole = {p: np.broadcast_to(v, (rows,)) for p, v in row.items()}
+            values[:, k], steps[:, k] = laws(self._forms[name], whole)
+        self._steps = steps.min(axis=1)
+        stages = values["stages"]
+        modes = (
+            bool(np.any((values["viscous_shear"] > 0) & (stages == 0))),
+            int(stages.max()),
+            bool(np.any(values["yield_stress"] >= 0)),
+        )
+        anew = modes != self._modes
+        self._modes = modes
+        if modes[2]:
+            for kind in self._kinds:
+                anew |= kind.allow_flow(self._worlds)
+        if self._laws is not None and self._laws.shape == values.shape:
+            self._laws.numpy()[:] = values
+            return anew
+        self._laws = wp.array(values, dtype=Law, device="cpu")
+        return True
 
     def reset(self) -> None:
-        """Back to the initial state."""
+        """Nothing has flowed yet."""
+        for kind in self._kinds:
+            kind.reset()
 
     def stable_step(self) -> Array:
         """Longest inner step (1,) or (W,) [s]."""
-        steps = []
-        for name, form in zip(self.names, self._forms, strict=True):
-            f = self._fields[name]
-            square = highest_square_frequency(form, f["youngs_modulus"], f["poisson_ratio"], f["density"])
-            steps.append(SAFETY * 2.0 / np.sqrt(square))
-        rows = max(len(s) for s in steps)
-        step: Array = np.min([np.broadcast_to(s, (rows,)) for s in steps], axis=0)
-        return step
+        return self._steps
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
-        """Add elastic forces to nodes.f."""
-        if self._solid_count:
-            wp.launch(
-                solids.elastic_forces,
-                dim=(self.n_worlds, self._solid_count),
-                inputs=[self._solids, self._parameters, nodes.x, clock.dt],
-                outputs=[nodes.f],
-                device="cpu",
-            )
+        """Add elastic, plastic and weak viscous forces to nodes.f."""
+        weak, stages, flows = self._modes or (False, 0, False)
+        if stages:
+            self._launch_nodes(damping.keep, [nodes.v])
+        for kind in self._kinds:
+            dim = (self._worlds, kind.count)
+            given = [kind.elements, self._laws]
+            _launch(kind.elastic_forces, dim, [*given, nodes.x, clock.dt, nodes.f])
+            if flows:
+                _launch(kind.plastic_forces, dim, [*given, nodes.x, clock.dt, kind.undo, kind.strain, nodes.f])
+            if weak:
+                _launch(kind.viscous_forces, dim, [*given, 0, nodes.x, nodes.v, clock.dt, nodes.f])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
-        """Nothing yet."""
+        """Integrate strong damping; nodes.f of the bodies that have it is cleared."""
+        stages = self._modes[1] if self._modes else 0
+        if not stages:
+            return
+        self._launch_nodes(damping.begin, [clock.dt, nodes.v, nodes.f])
+        for stage in range(1, stages + 1):
+            for kind in self._kinds:
+                given = [kind.elements, self._laws, stage, nodes.x, nodes.v, clock.dt, nodes.f]
+                _launch(kind.viscous_forces, (self._worlds, kind.count), given)
+            self._launch_nodes(
+                damping.finish_stage, [stage, clock.dt, nodes.inverse_mass, nodes.active, nodes.v, nodes.f]
+            )
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
-        """Nothing: plastic flow happens with the forces."""
+        """Nothing: flow happens with the forces."""
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
-        """Object name -> quantity -> values (W, m)."""
-        return {}
+        """Of each body: von_mises [Pa], strain and (where something flows) plastic_strain of its elements (W, q), the
+        latter two as von Mises equivalents, and its volume (W, 1) [m^3]."""
+        found: dict[str, dict[str, Array]] = {}
+        for kind in self._kinds:
+            found.update(kind.quantities(nodes.x, self._laws, flows=self._modes is not None and self._modes[2]))
+        return found
+
+    def _launch_nodes(self, kernel: Any, inputs: list[Any]) -> None:
+        dim = (self._worlds, self._damping.node.shape[0])
+        _launch(kernel, dim, [self._damping, self._laws, *inputs])
 
 
-def _elements(forms: tuple[QuadraticMesh, ...], first: tuple[int, ...]) -> tuple[Any, int]:
-    """Tetrahedra of all solid bodies as the kernels' record, and their number."""
-    nodes, body, slopes, volume = [], [], [], []
-    for k, (form, start) in enumerate(zip(forms, first, strict=True)):
-        if form.planar:
-            continue
-        gradient, weight = form.gradients()
-        nodes.append(form.elements + start)
-        body.append(np.full(len(form.elements), k))
-        slopes.append(gradient[:, :, 1:])
-        volume.append(weight)
-    e = solids.Elements()
-    if not nodes:
-        return e, 0
-    e.nodes = wp.array(np.concatenate(nodes), dtype=wp.int32, device="cpu")
-    e.body = wp.array(np.concatenate(body), dtype=wp.int32, device="cpu")
-    e.slopes = wp.array(np.concatenate(slopes), dtype=wp.mat33d, device="cpu")
-    e.volume = wp.array(np.concatenate(volume), dtype=wp.float64, device="cpu")
-    return e, sum(len(n) for n in nodes)
+def _velocities(counts: list[int], first: dict[str, int], names: tuple[str, ...], worlds: int) -> Any:
+    """Rows and columns of all nodes of soft bodies, and what the stages of damping keep of them."""
+    v = damping.Velocities()
+    rows = [first[name] + np.arange(count) for name, count in zip(names, counts, strict=True)]
+    v.node = wp.array(np.concatenate(rows), dtype=wp.int32, device="cpu")
+    v.body = wp.array(np.repeat(np.arange(len(counts)), counts), dtype=wp.int32, device="cpu")
+    for name in ("start", "change", "last"):
+        setattr(v, name, wp.zeros((worlds, sum(counts)), dtype=wp.vec3d, device="cpu"))
+    return v
+
+
+def _launch(kernel: Any, dim: tuple[int, int], inputs: list[Any]) -> None:
+    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

@@ -56,9 +56,7 @@ class Bench:
             self.first[item.name] = count
             count += len(self.mesh[item.name].nodes)
         self.stage = SoftStage(world, items, self.first, worlds)
-        fields = {
-            i.name: {k: np.array([getattr(i, k)]) for k in PARAMETERS if getattr(i, k) is not None} for i in items
-        }
+        fields = {i.name: {k: np.array([getattr(i, k)], dtype=float) for k in PARAMETERS} for i in items}
         for name, values in (parameters or {}).items():
             fields[name].update(values)
         self.stage.write(fields)
@@ -114,9 +112,6 @@ class Bench:
     def run(self, steps: int, each: Callable[[int], object] | None = None, every: int = 1) -> None:
         """Take steps; call `each` with the step's number after every `every` of them."""
         if self._graph is None:
-            for kernel_module in {integrate.module}:
-                kernel_module.load("cpu")
-            wp.load_module("polyworld.solver.soft", device="cpu", recursive=True)
             with wp.ScopedCapture(device="cpu") as capture:
                 self._launch()
             self._graph = capture.graph

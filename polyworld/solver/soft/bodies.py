@@ -1,0 +1,134 @@
+"""The elements of all solid soft bodies, and of all slices, as arrays for the kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.meshing.soft import soft_form
+from polyworld.meshing.soft_elements import QuadraticMesh
+from polyworld.representations.soft import Soft
+from polyworld.solver.soft import readout, slices, solids, solids_plastic, solids_viscous
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+
+class Kind:
+    """Elements of one kind. forms: those bodies' meshes by name; count: elements; undo, strain (W, count, points):
+    inverse of the plastic deformation and equivalent plastic strain at each point, None until something may flow."""
+
+    elements: Any
+    elastic_forces: Any
+    viscous_forces: Any
+    plastic_forces: Any
+    read: Any
+    points: int
+
+    def __init__(self, world: World, items: Sequence[Soft], first: dict[str, int], *, planar: bool) -> None:
+        chosen = {k: item for k, item in enumerate(items) if (item.representation == "soft_planar") == planar}
+        self.forms: dict[str, QuadraticMesh] = {item.name: soft_form(world, item) for item in chosen.values()}
+        self.spans: dict[str, slice] = {}
+        self.count = 0
+        for name, form in self.forms.items():
+            self.spans[name] = slice(self.count, self.count + len(form.elements))
+            self.count += len(form.elements)
+        self._first = first
+        self._columns = tuple(chosen)
+        self.undo: Any = None
+        self.strain: Any = None
+        self._none: Any = None
+        self._readings: Any = None
+
+    def fill(self, record: Any) -> None:
+        """Write the bodies' meshes into a record of the kernels."""
+        nodes, body, slopes, volume = [], [], [], []
+        for k, (name, form) in zip(self._columns, self.forms.items(), strict=True):
+            gradient, weight = form.gradients()
+            nodes.append(form.elements + self._first[name])
+            body.append(np.full(len(form.elements), k))
+            rows = np.zeros((*weight.shape, 3, 3))
+            rows[:, :, : form.corners - 1] = gradient[:, :, 1:]
+            slopes.append(rows)
+            volume.append(weight)
+        record.nodes = wp.array(np.concatenate(nodes), dtype=wp.int32, device="cpu")
+        record.body = wp.array(np.concatenate(body), dtype=wp.int32, device="cpu")
+        record.slopes = wp.array(np.concatenate(slopes), dtype=wp.mat33d, device="cpu")
+        record.volume = wp.array(np.concatenate(volume), dtype=wp.float64, device="cpu")
+        self.elements = record
+        self._none = wp.array(np.tile(np.eye(3), (1, 1, self.points, 1, 1)), dtype=wp.mat33d, device="cpu")
+
+    def allow_flow(self, worlds: int) -> bool:
+        """Make room for plastic deformation; True where there was none."""
+        if self.undo is not None:
+            return False
+        self.undo = wp.zeros((worlds, self.count, self.points), dtype=wp.mat33d, device="cpu")
+        self.strain = wp.zeros((worlds, self.count, self.points), dtype=wp.float64, device="cpu")
+        self.reset()
+        return True
+
+    def reset(self) -> None:
+        """Nothing has flowed yet."""
+        if self.undo is not None:
+            self.undo.numpy()[:] = np.eye(3)
+            self.strain.numpy()[:] = 0.0
+
+    def quantities(self, x: Any, laws: Any, *, flows: bool) -> dict[str, dict[str, Array]]:
+        """Readings of each body at places x (W, N)."""
+        worlds = x.shape[0]
+        if self._readings is None:
+            self._readings = readout.Readings()
+            for name in ("stress", "strain", "volume"):
+                setattr(self._readings, name, wp.zeros((worlds, self.count), dtype=wp.float64, device="cpu"))
+        out = self._readings
+        for values in (out.stress, out.strain, out.volume):
+            values.zero_()
+        undo = self.undo if flows else self._none
+        wp.launch(self.read, dim=(worlds, self.count), inputs=[self.elements, laws, x, undo, out], device="cpu")
+        found = {}
+        for name, span in self.spans.items():
+            found[name] = {
+                "von_mises": out.stress.numpy()[:, span].copy(),
+                "strain": out.strain.numpy()[:, span].copy(),
+                "volume": out.volume.numpy()[:, span].sum(axis=1, keepdims=True),
+            }
+            if flows:
+                found[name]["plastic_strain"] = self.strain.numpy()[:, span].mean(axis=2)
+        return found
+
+
+class SolidKind(Kind):
+    """Quadratic tetrahedra."""
+
+    points = 4
+    elastic_forces = solids.elastic_forces
+    viscous_forces = solids_viscous.viscous_forces
+    plastic_forces = solids_plastic.plastic_forces
+    read = readout.read_solids
+
+    def __init__(self, world: World, items: Sequence[Soft], first: dict[str, int]) -> None:
+        super().__init__(world, items, first, planar=False)
+        if self.count:
+            self.fill(solids.Elements())
+
+
+class SliceKind(Kind):
+    """Quadratic triangles in the motion plane."""
+
+    points = 3
+    elastic_forces = slices.elastic_forces
+    viscous_forces = slices.viscous_forces
+    plastic_forces = slices.plastic_forces
+    read = readout.read_slices
+
+    def __init__(self, world: World, items: Sequence[Soft], first: dict[str, int]) -> None:
+        super().__init__(world, items, first, planar=True)
+        if self.count:
+            record = slices.Slices()
+            normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
+            record.normal = wp.vec3d(*(normal / np.linalg.norm(normal)))
+            self.fill(record)
