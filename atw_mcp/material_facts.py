@@ -71,5 +71,5 @@ def size_of(world: World, item: Deformable) -> tuple[str, float, str]:
 def nodes_of(world: World, item: Deformable, most: int) -> dict[str, Any]:
     """Where nodes start, evenly picked: index and place [m]; attachments hold nodes by index."""
     nodes = mesh_for(world, item).nodes
-    picked = np.unique(np.rint(np.linspace(0, len(nodes) - 1, min(most, len(nodes)))).astype(int)) if len(nodes) else []
-    return {"of": len(nodes), "index": [int(i) for i in picked], "place": [nodes[i].tolist() for i in picked]}
+    picked = [int(i) for i in np.unique(np.rint(np.linspace(0, len(nodes) - 1, min(most, len(nodes)))))]
+    return {"of": len(nodes), "index": picked, "place": [nodes[i].tolist() for i in picked]}

@@ -13,6 +13,8 @@ from evidence_store import Case
 from polyworld.world import World
 
 NAME_FIELDS = ("object", "a", "b")  # of edits and predicates
+# Parts of a world that an edit may remove by name although they are no objects.
+CONNECTING = ("joints", "attachments", "pulleys", "emitters", "drains", "containers")
 
 
 def object_name(app: App, case: Case, name: str, known: Sequence[str]) -> str:
@@ -43,10 +45,13 @@ def with_own_names(
     Left as it is: a name of `added`, and one that is not in this world but in another of the case, such as the
     one it was removed from. Raises ToolError with the names there are for a name that means nothing in the case.
     """
-    known = [o.name for o in world.objects] + [s.name for s in world.statics]
+    known = [*world.moving_names, *(s.name for s in world.statics)]
+    parts = {x.name for part in CONNECTING for x in getattr(world, part)}
     changed = dict(item)
     for field in NAME_FIELDS:
         name = item.get(field)
+        if item.get("action") == "remove" and name in parts and (name not in known or item.get("part") is not None):
+            continue
         if isinstance(name, str) and name not in added:
             changed[field] = _meant(app, case, name, known) or _of_another_world(app, case, name)
             if changed[field] is None:
@@ -62,7 +67,7 @@ def case_hint(app: App) -> str:
 
 def _of_another_world(app: App, case: Case, name: str) -> str | None:
     worlds = [app.world(case, identifier) for identifier, _ in app.store.cases.worlds(case.id)]
-    known = [name for w in worlds for name in [*(o.name for o in w.objects), *(s.name for s in w.statics)]]
+    known = [name for w in worlds for name in [*w.moving_names, *(s.name for s in w.statics)]]
     return _meant(app, case, name, list(dict.fromkeys(known)))
 
 

@@ -42,8 +42,14 @@ def knowledge(app: App, case: Case, world: World, path: str) -> Knowledge:
         world = parent
     parts = path.split(".", 2)
     is_state = parts[0] == "objects" and len(parts) == 3 and parts[2] in STATE_PARAMETERS
-    from_tracks = is_state and app.store.cases.modelled_observation(case.id, world.id) is not None
+    from_tracks = is_state and parts[1] in _tracked(app, case, world)
     return Knowledge("observed" if from_tracks else "given or default")
+
+
+def _tracked(app: App, case: Case, world: World) -> list[str]:
+    """Names of the tracks of the record that a world models."""
+    record = app.store.cases.modelled_observation(case.id, world.id)
+    return [] if record is None else list(app.store.observations.get(record).document["names"])
 
 
 def lineage(app: App, case: Case, world: World) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,16 @@ from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.app import App
 from atw_mcp.names import case_hint
+from atw_mcp.rollout_cost import cost, longest_horizon
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.rollout import MAX_SUBSTEPS, rollout
-from polyworld.trajectory import Event, Rollout, Trajectory
+from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory
 from polyworld.world import World
 
 KIND = "rollout"
 ENGINE = 1  # raise when the engine's results change: stored rollouts then no longer answer for new ones
 MAX_SAMPLES = 20_000  # frames in one rollout
+MANY_POINTS = 4_000  # of one object
 
 SERIES = ("times", "positions", "orientations", "velocities", "angular_velocities", "active")
 
@@ -25,7 +28,7 @@ SERIES = ("times", "positions", "orientations", "velocities", "angular_velocitie
 def checked_horizon(world: World, seconds: float | None) -> float:
     """The horizon to roll out to [s]: as asked, else the observed stretch; raises ToolError when it cannot be."""
     frame = world.time.seconds_per_frame
-    longest = min(MAX_SAMPLES * frame, MAX_SUBSTEPS * min(world.time.substep, frame))
+    longest = min(MAX_SAMPLES * frame, MAX_SUBSTEPS * min(world.time.substep, frame), longest_horizon(world))
     if seconds is None:
         if world.time.frame_count < 2:
             raise ToolError(
@@ -35,10 +38,18 @@ def checked_horizon(world: World, seconds: float | None) -> float:
         seconds = (world.time.frame_count - 1) * frame
     if not (math.isfinite(seconds) and 0 < seconds <= longest):
         raise ToolError(
-            f"horizon_seconds must be above 0 and at most {longest:g} s ({round(longest / frame)} frames of "
-            f"{frame:g} s in steps of {world.time.substep:g} s), got {seconds:g}"
+            f"horizon_seconds must be above 0 and at most {longest:.6g} s ({int(longest / frame)} frames of "
+            f"{frame:g} s in steps of {world.time.substep:g} s{_crowd(world)}), got {seconds:g}"
         )
     return seconds
+
+
+def _crowd(world: World) -> str:
+    """How many points limit the horizon, where they do."""
+    if not np.isfinite(longest_horizon(world)):
+        return ""
+    points = sum(cost(world, world.time.seconds_per_frame).points.values())
+    return f", with {points} points and particles in each; a coarser grid or mesh, or longer frames, allow more"
 
 
 def find_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout] | None:
@@ -91,8 +102,17 @@ def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[A
         "status": result.status,
         "diverged_time": result.diverged_time,
         "diverged_object": result.diverged_object,
+        "diverged_element": result.diverged_element,
     }
-    return document, {name: getattr(result.trajectory, name) for name in SERIES}
+    arrays = {name: getattr(result.trajectory, name) for name in SERIES}
+    for name, motion in result.trajectory.deformables.items():
+        # Single precision is a ten millionth of the scene; velocities of many particles need no more than half.
+        many = motion.points.shape[-2] > MANY_POINTS
+        arrays[f"points/{name}"] = motion.points.astype(np.float32)
+        arrays[f"velocities/{name}"] = motion.velocities.astype(np.float16 if many else np.float32)
+        for quantity, values in motion.quantities.items():
+            arrays[f"quantities/{name}/{quantity}"] = values.astype(np.float32)
+    return document, arrays
 
 
 def _from_content(content: Content) -> Rollout:
@@ -108,12 +128,25 @@ def _from_content(content: Content) -> Rollout:
             velocities=arrays["velocities"],
             angular_velocities=arrays["angular_velocities"],
             active=arrays["active"],
+            deformables=_motions(arrays),
         ),
         events=tuple(_event(item) for item in document["events"]),
         status=document["status"],
         diverged_time=document["diverged_time"],
         diverged_object=document["diverged_object"],
+        diverged_element=document.get("diverged_element"),
     )
+
+
+def _motions(arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, PointMotion]:
+    """Points of the deformable objects by name, as `_to_content` keeps them."""
+    found = {}
+    for name in [key.split("/")[1] for key in arrays if key.startswith("points/")]:
+        first = f"quantities/{name}/"
+        quantities = {k[len(first) :]: v.astype(np.float64) for k, v in arrays.items() if k.startswith(first)}
+        points, velocities = (arrays[f"{kind}/{name}"].astype(np.float64) for kind in ("points", "velocities"))
+        found[name] = PointMotion(points, velocities, quantities)
+    return found
 
 
 def _event(item: dict[str, Any]) -> Event:

@@ -30,7 +30,7 @@ def commit_world(
         app.store.cases.commit_world(found.id, chosen.id)
     except StoreError as error:  # another process was faster
         raise ToolError(f"{error}. Next: Rollout(case={found.id!r})") from error
-    names = tuple(item.name for item in chosen.objects)
+    names = chosen.moving_names
     return Answer(
         summary=f"committed {chosen.id}: World Probing begins",
         data={"world": chosen.id, "objects": list(names), "next": f"Rollout(case={found.id!r})"},

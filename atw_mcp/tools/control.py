@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.app import App
 from atw_mcp.names import case_hint
+from atw_mcp.parts import part_schema
 from atw_mcp.results import Answer, page, to_result
 from atw_mcp.schemas import argument_lines, inlined
 from atw_mcp.toolbox import ToolGroup
@@ -29,7 +30,11 @@ def describe_tool(
     app: App,
     tool: Annotated[str | None, Field(description="name of a tool; without it, every tool in one line")] = None,
     argument: Annotated[
-        str | None, Field(description="one argument, to get its full JSON schema (for BuildWorld.world: of a world)")
+        str | None,
+        Field(
+            description="one argument, to get its full JSON schema (BuildWorld: 'world', or a kind of part as "
+            "'parts.rope')"
+        ),
     ] = None,
 ) -> Answer:
     """What a tool does, its arguments with types, bounds and defaults, and in which stage it can be called."""
@@ -43,6 +48,14 @@ def describe_tool(
         hint = f" (did you mean {close[0]}?)" if close else ""
         raise ToolError(f"no tool {tool!r}{hint}; tools: {', '.join(names)}")
     properties: dict[str, Any] = found.parameters.get("properties", {})
+    if argument is not None and found.name == "BuildWorld" and argument.startswith("parts."):
+        kind = argument.removeprefix("parts.")
+        described = part_schema(kind)
+        lines = argument_lines(described)[1:]
+        return Answer(
+            summary=f"part {kind}: {described['description'].split('. ')[0]}",
+            data={"fields": lines, "about": described["description"]},
+        )
     if argument is not None:
         if argument not in properties:
             raise ToolError(f"{found.name} has no argument {argument!r}; arguments: {', '.join(properties)}")
@@ -153,7 +166,7 @@ def update_bindings(
     found = app.case(case)
     tracks = app.track_names(found)
     worlds = [app.world(found, world) for world, _ in app.store.cases.worlds(found.id)]
-    objects = sorted({o.name for world in worlds for o in world.objects} | {s.name for w in worlds for s in w.statics})
+    objects = sorted({name for w in worlds for name in (*w.moving_names, *(s.name for s in w.statics))})
     for correction in corrections:
         if correction.track is not None and correction.track not in tracks:
             raise ToolError(

@@ -9,15 +9,18 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
+from atw_mcp.material_facts import about_deformable, mass, nodes_of, size_of
 from atw_mcp.names import chosen_names
 from atw_mcp.provenance import knowledge, lineage
 from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
 from polyworld.effects import CATALOGUE
-from polyworld.parameter_tables import OBJECT_PARAMETERS, STATE_PARAMETERS
-from polyworld.parameters import read_parameter, specification
-from polyworld.world import World
+from polyworld.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS, STATE_PARAMETERS
+from polyworld.parameters import parameter_paths, read_parameter, specification
+from polyworld.representations.fluid import Fluid
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import Deformable, World
 
 GROUP = ToolGroup("world inspection")
 
@@ -26,9 +29,10 @@ WorldId = Annotated[str | None, Field(description="world id; default: the commit
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
 
 LOOKS = ("shape", "color", "material", "representation")
+SIZES = ("length", "area", "volume", "mass")  # of deformable objects, at rest
 VECTORS = ("position", "velocity", "angular_velocity")
 SCALARS = tuple(OBJECT_PARAMETERS)
-SHOWN_OTHERWISE = {"objects", "statics", "environment", "effects", "time", "camera"}
+SHOWN_OTHERWISE = {"objects", "deformables", "statics", "environment", "effects", "time", "camera"}
 
 
 @GROUP.tool("InspectWorld", title="Inspect a world")
@@ -38,15 +42,20 @@ def inspect_world(
     world: WorldId = None,
     objects: Objects = None,
     fields: Annotated[
-        list[Literal["appearance", "shape", "parameters", "initial_state", "visibility"]] | None,
-        Field(description="what to tell about each object; default: appearance, shape, visibility", max_length=5),
+        list[Literal["appearance", "shape", "parameters", "initial_state", "visibility", "nodes"]] | None,
+        Field(
+            description="what to tell about each object; default: appearance, shape, visibility. nodes: where some "
+            "nodes of deformable objects start, by index, for attachments",
+            max_length=6,
+        ),
     ] = None,
 ) -> Answer:
-    """What a world contains: objects with their looks, shape and visibility, statics, effects, gravity, time base, what
-    it descends from, and which edits and predicates it supports. ReadProperty tells how well a number is known."""
+    """What a world contains: objects of every kind with their looks, shape and visibility, statics, joints, fastenings,
+    pulleys, fluid grid, emitters and containers, effects, gravity, time base, what it descends from, and which edits,
+    predicates and parameters it has. ReadProperty tells how well a number is known."""
     found_case = app.case(case)
     found = app.world(found_case, world)
-    names = chosen_names(app, found_case, objects, [item.name for item in found.objects])
+    names = chosen_names(app, found_case, objects, found.moving_names)
     wanted = fields or ["appearance", "shape", "visibility"]
     frame = found.time.seconds_per_frame
     stage = (
@@ -54,8 +63,8 @@ def inspect_world(
     )
     effects = ", ".join(effect.name for effect in found.effects if effect.enabled)
     return Answer(
-        summary=f"{stage} world {found.id}: {len(found.objects)} {'planar' if found.planar else 'spatial'} objects "
-        f"({', '.join(item.name for item in found.objects)}), {len(found.statics)} statics"
+        summary=f"{stage} world {found.id}: {len(found.moving_names)} {'planar' if found.planar else 'spatial'} "
+        f"objects ({', '.join(_named(found))}), {len(found.statics)} statics"
         + (f", effects: {effects}" if effects else ""),
         data={
             "world": found.id,
@@ -74,17 +83,10 @@ def inspect_world(
             },
             "camera": None if found.camera is None else {"width": found.camera.width, "height": found.camera.height},
             "capabilities": {
-                "edits": [
-                    "remove",
-                    "add",
-                    "move",
-                    "set_velocity",
-                    "set_parameter",
-                    "toggle_effect",
-                    "environment",
-                ],
+                "edits": _edits(found),
                 "predicates": _predicates(found),
                 "effects_that_can_be_added": list(CATALOGUE),
+                "parameters": _parameters(found, names),
             },
         },
         case=found_case.id,
@@ -100,9 +102,10 @@ def read_property(
     property: Annotated[
         str,
         Field(
-            description=f"an object's {', '.join((*SCALARS, *VECTORS, *LOOKS))}, for the objects given; or a "
-            "parameter path such as objects.red.friction, environment.gravity.z, effects.air.coefficient, "
-            "time.seconds_per_frame",
+            description=f"an object's {', '.join((*SCALARS, *VECTORS, *LOOKS))}, for the objects given; of ropes, "
+            f"cloth, soft bodies and fluids: {', '.join(SIZES)} and their own parameters (stretch_stiffness, "
+            "youngs_modulus, viscosity, ...); or a parameter path such as objects.red.friction, joints.door.friction, "
+            "environment.gravity.z, time.seconds_per_frame",
             min_length=1,
             max_length=200,
         ),
@@ -122,7 +125,12 @@ def read_property(
         rows = [_parameter(app, found_case, found, property)]
         names = [property.split(".")[1]] if property.startswith("objects.") else []
     else:
-        names = chosen_names(app, found_case, objects, [item.name for item in found.objects])
+        names = chosen_names(app, found_case, objects, found.moving_names)
+        if objects is None:
+            names = [name for name in names if property in _properties(found, name)]
+            if not names:
+                known = sorted({p for name in found.moving_names for p in _properties(found, name)})
+                raise ToolError(f"no object has a {property!r}; properties: {', '.join(known)}, or a path")
         rows = [{"object": name, **_property(app, found_case, found, name, property)} for name in names]
     return Answer(
         summary=f"{property}: " + "; ".join(_told(row) for row in rows),
@@ -133,51 +141,85 @@ def read_property(
     )
 
 
+def _named(world: World) -> list[str]:
+    """Names of what moves, with the kind of what is not rigid."""
+    return [o.name for o in world.objects] + [f"{d.name}: {d.representation}" for d in world.deformables]
+
+
 def _about(app: App, case: Case, world: World, name: str, wanted: list[Any]) -> dict[str, Any]:
-    item = world.object(name)
+    item = world.item(name)
     about: dict[str, Any] = {"name": name, "representation": item.representation}
+    start_time = getattr(item, "start_time", 0.0)
     if "appearance" in wanted:
         about["color"], about["material"] = item.appearance.color, item.appearance.material
     if "shape" in wanted:
-        about["shape"] = item.shape.model_dump(mode="json")
+        if isinstance(item, RigidObject):
+            about["shape"] = item.shape.model_dump(mode="json")
+        else:
+            about["shape"] = {k: v for k, v in about_deformable(world, item).items() if k not in (*about, "color")}
     if "visibility" in wanted:
-        start = item.start_time / world.time.seconds_per_frame
-        about["joins_at_frame"] = round(start, 2)
-        if world.camera is not None:
+        about["joins_at_frame"] = round(start_time / world.time.seconds_per_frame, 2)
+        if world.camera is not None and isinstance(item, RigidObject):
             about["starts_in_view"] = bool(world.camera.sees(np.asarray(item.position)))
     if "parameters" in wanted:
-        about["parameters"] = {key: _property(app, case, world, name, key) for key in SCALARS}
+        scalars = SCALARS if isinstance(item, RigidObject) else tuple(DEFORMABLE_PARAMETERS[item.representation])
+        about["parameters"] = {key: _property(app, case, world, name, key) for key in scalars}
     if "initial_state" in wanted:
-        about["initial_state"] = {
-            "time": item.start_time,
-            "position": item.position,
-            "orientation": item.orientation,
-            "velocity": item.velocity,
-            "angular_velocity": item.angular_velocity,
-        }
+        state = ("position", "orientation", "velocity", "angular_velocity")
+        about["initial_state"] = {"time": start_time, **{k: getattr(item, k) for k in state if hasattr(item, k)}}
+    if "nodes" in wanted and not isinstance(item, RigidObject | Fluid):
+        about["nodes"] = nodes_of(world, item, most=40)
     return about
 
 
+def _properties(world: World, name: str) -> list[str]:
+    """What can be read of an object by a bare word."""
+    item = world.item(name)
+    if isinstance(item, RigidObject):
+        return [*SCALARS, *VECTORS, *LOOKS]
+    vectors = [v for v in VECTORS if hasattr(item, v)]
+    size = size_of(world, item)[0]
+    return [size, "mass", *DEFORMABLE_PARAMETERS[item.representation], *vectors, *LOOKS]
+
+
 def _property(app: App, case: Case, world: World, name: str, property: str) -> dict[str, Any]:
-    item = world.object(name)
-    if property in SCALARS:
-        return _parameter(app, case, world, f"objects.{name}.{property}")
+    item = world.item(name)
+    if property not in _properties(world, name):
+        raise ToolError(
+            f"{name!r} ({item.representation}) has no property {property!r}; its properties: "
+            f"{', '.join(_properties(world, name))}, or a path"
+        )
+    if not isinstance(item, RigidObject) and property in ("mass", *SIZES):
+        return _size(world, item, property)
     if property in VECTORS:
-        known = knowledge(app, case, world, f"objects.{name}.{property}.x")
-        errors = [
-            knowledge(app, case, world, f"objects.{name}.{property}.{axis}").detail.get("standard_error")
-            for axis in "xyz"
-        ]
-        detail = {"standard_error": errors} if any(error is not None for error in errors) else {}
-        unit = STATE_PARAMETERS[f"{property}.x"].unit
-        return {"value": getattr(item, property), "unit": unit, "at": item.start_time, "known": known.origin, **detail}
+        return _vector(app, case, world, item, property)
     if property in ("color", "material"):
         return {"value": getattr(item.appearance, property), "known": "observed or given"}
     if property == "shape":
-        return {"value": item.shape.model_dump(mode="json"), "unit": "m", "known": "observed or given"}
+        shape = item.shape.model_dump(mode="json") if isinstance(item, RigidObject) else about_deformable(world, item)
+        return {"value": shape, "unit": "m", "known": "observed or given"}
     if property == "representation":
         return {"value": item.representation, "known": "chosen"}
-    raise ToolError(f"no property {property!r}; properties: {', '.join((*SCALARS, *VECTORS, *LOOKS))}, or a path")
+    return _parameter(app, case, world, f"objects.{name}.{property}")
+
+
+def _size(world: World, item: Deformable, property: str) -> dict[str, Any]:
+    """Mass, or length, area or volume without forces, of a deformable object as it starts."""
+    if property == "mass":
+        unit = "kg/m" if item.representation == "fluid_planar" else "kg"
+        return {"value": mass(world, item), "unit": unit, "known": "density times size"}
+    word, value, unit = size_of(world, item)
+    return {"value": value, "unit": unit, "known": f"{word} at rest, from its shape as given or observed"}
+
+
+def _vector(app: App, case: Case, world: World, item: RigidObject | Deformable, property: str) -> dict[str, Any]:
+    path = f"objects.{item.name}.{property}"
+    known = knowledge(app, case, world, f"{path}.x")
+    errors = [knowledge(app, case, world, f"{path}.{axis}").detail.get("standard_error") for axis in "xyz"]
+    detail = {"standard_error": errors} if any(error is not None for error in errors) else {}
+    at = getattr(item, "start_time", 0.0)
+    unit = STATE_PARAMETERS[f"{property}.x"].unit
+    return {"value": getattr(item, property), "unit": unit, "at": at, "known": known.origin, **detail}
 
 
 def _parameter(app: App, case: Case, world: World, path: str) -> dict[str, Any]:
@@ -204,14 +246,49 @@ def _told(row: dict[str, Any]) -> str:
     elif isinstance(value, dict):
         text = str(value.get("kind"))
     else:
-        text = "left to the touching object" if value is None and "path" in row else str(value)
+        text = "left open" if value is None and "path" in row else str(value)
     error = row.get("standard_error")
     sigma = f" ± {error:.2g}" if isinstance(error, float) else ""
     doubt = ", not determined by the data" if row.get("undetermined") else ""
     return f"{row.get('object') or row.get('path')} {text}{sigma} ({row['known']}{doubt})"
 
 
+def _edits(world: World) -> list[str]:
+    """The edits that have something to act on in this world."""
+    always = ["remove", "add", "move", "set_velocity", "set_parameter", "environment"]
+    return [*always, *(["toggle_effect"] if world.effects else []), *(["release"] if world.attachments else [])]
+
+
+def _parameters(world: World, names: list[str]) -> dict[str, list[str]]:
+    """The last words of parameter paths that set_parameter and FitWorld take, by their first words, without states."""
+    found: dict[str, list[str]] = {}
+    for path in parameter_paths(world):
+        head, _, tail = path.rpartition(".") if path.count(".") == 2 else ("", "", "")
+        if head.startswith("objects.") and head.split(".")[1] not in names:
+            continue
+        if head and not head.startswith("environment."):
+            found.setdefault(head, []).append(tail)
+    same: dict[str, list[str]] = {}
+    for head, tails in found.items():  # objects of one kind have the same parameters: told once
+        same.setdefault(", ".join(tails), []).append(head)
+    return {", ".join(heads): tails.split(", ") for tails, heads in same.items()}
+
+
 def _predicates(world: World) -> list[str]:
-    always = ["in_contact", "collides", "moving", "at_rest", "inside_region", "above", "below", "nearer_than"]
-    view = ["in_view"] if world.camera is not None or world.region is not None else []
-    return [*always, "passes_before", *view]
+    """The predicates that something in this world can answer."""
+    found = ["in_contact", "collides", "moving", "at_rest", "inside_region", "above", "below", "nearer_than"]
+    found += ["passes_before", "reaches_before"]
+    if world.camera is not None or world.region is not None:
+        found.append("in_view")
+    kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
+    if kinds:
+        found.append("occupies")
+    if world.containers and "fluid" in kinds:
+        found.append("holds")
+    if "rope" in kinds:
+        found += ["taut", "slack"]
+    if "cloth" in kinds:
+        found.append("folded")
+    if kinds & {"rope", "cloth", "soft"}:
+        found.append("deformed")
+    return found

@@ -271,7 +271,7 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
         ),
         (
             lambda app, _: tools.roll_out(app, "discs", edits=[{"action": "remove"}]),
-            "edit 1: remove takes object; object is missing",
+            r"edit 1: remove takes object, \[part\]; object is missing",
         ),
     ],
 )
