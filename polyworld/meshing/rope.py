@@ -1,0 +1,182 @@
+"""A rope divided into segments, and how it runs over its pulleys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.meshing.mesh import DeformableMesh
+from polyworld.representations.rope import Pulley, Rope
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+TANGENT_PASSES = 60  # wheel-to-wheel tangents converge by a factor of a few a pass, at worst
+
+
+@dataclass(frozen=True)
+class Threading:
+    """A rope as the sequence of nodes and wheels that it passes, with one link between consecutive ones.
+
+    nodes (segments + 1, 3) [m]. pulleys (P,): the rope's pulleys in the order in which it passes them. order
+    (segments + 1 + P,): what the rope passes: k >= 0 is node k, -1 - p is pulley p. rest (segments + P,): length
+    without tension of each link [m]; one half of the arc that lies on a wheel belongs to each of its links.
+    segment_length: rest length of a segment that touches no wheel. wrap (P,): initial wrap angles [rad].
+    """
+
+    nodes: Array
+    pulleys: tuple[Pulley, ...]
+    order: NDArray[np.int32]
+    rest: Array
+    segment_length: float
+    wrap: Array
+
+
+def rope_mesh(world: World, rope: Rope) -> DeformableMesh:
+    """Nodes at equal distances along the rope, of which the arcs that lie on pulleys are left out.
+
+    A node stands for half of each neighbouring segment; the rope on a wheel is moved by the wheel's equation
+    (`polyworld.solver.rope`), and belongs to no node. Raises ValueError for pulleys that the rope cannot pass.
+    """
+    thread = threading(world, rope)
+    count = len(thread.nodes)
+    measure = np.full(count, thread.segment_length)
+    measure[[0, -1]] *= 0.5
+    ends = np.arange(count - 1, dtype=np.int32)
+    return DeformableMesh(
+        nodes=thread.nodes,
+        measure=measure,
+        radius=np.full(count, rope.radius),
+        segments=np.stack([ends, ends + 1], axis=1),
+    )
+
+
+def pulleys_of(world: World, rope: Rope) -> tuple[Pulley, ...]:
+    """Pulleys of a rope in the order in which it passes them."""
+    return tuple(sorted((p for p in world.pulleys if p.rope == rope.name), key=lambda p: p.after))
+
+
+def threading(world: World, rope: Rope) -> Threading:
+    """How the rope lies at the start: straight between its points and the wheels it passes, round the wheels."""
+    points = np.asarray(rope.points, dtype=float)
+    pulleys = pulleys_of(world, rope)
+    corners, arcs = _path(rope.name, points, pulleys)
+    steps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    steps[[k for k, _, _ in arcs]] = 0.0  # from the first tangent point of a wheel to the second
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    straight = float(along[-1])
+    wrap = np.array([angle for _, angle, _ in arcs])
+    hidden = np.array([angle * radius for _, angle, radius in arcs])
+    total = straight + float(hidden.sum())
+    length = total if rope.length is None else rope.length
+    # A stretched rope is stretched everywhere alike; a slack one lies full length on its wheels.
+    stretch = max(total / length, 1.0)
+    on_wheels = hidden / stretch
+    segment_length = (length - float(on_wheels.sum())) / rope.segments
+    nodes = _places(corners, along, np.linspace(0.0, straight, rope.segments + 1))
+    order, rest = _links(rope, segment_length, straight, [along[k] for k, _, _ in arcs], on_wheels)
+    return Threading(nodes, pulleys, order, rest, segment_length, wrap)
+
+
+def _path(name: str, points: Array, pulleys: tuple[Pulley, ...]) -> tuple[Array, list[tuple[int, float, float]]]:
+    """Corners of the straight parts, and for each wheel (index of its first tangent point, wrap angle, radius)."""
+    stops: list[Array | Pulley] = []
+    for k, point in enumerate(points):
+        stops.append(point)
+        stops.extend(p for p in pulleys if p.after == k)
+    arrives = [_place(s) for s in stops]
+    leaves = [_place(s) for s in stops]
+    for _ in range(TANGENT_PASSES if pulleys else 0):
+        for i, stop in enumerate(stops):
+            if isinstance(stop, Pulley):
+                arrives[i] = tangent_point(name, stop, leaves[i - 1], 1.0)
+                leaves[i] = tangent_point(name, stop, arrives[i + 1], -1.0)
+    corners: list[Array] = []
+    arcs: list[tuple[int, float, float]] = []
+    for i, stop in enumerate(stops):
+        corners.append(arrives[i])
+        if isinstance(stop, Pulley):
+            arcs.append((len(corners) - 1, _wrap_angle(stop, arrives[i], leaves[i]), stop.radius))
+            corners.append(leaves[i])
+    return np.asarray(corners), arcs
+
+
+def _place(stop: Array | Pulley) -> Array:
+    return np.asarray(stop.centre, dtype=float) if isinstance(stop, Pulley) else stop
+
+
+def unit_axis(pulley: Pulley) -> Array:
+    """The wheel's axis as a unit vector, turned so that the rope goes round it counter-clockwise."""
+    axis = np.asarray(pulley.axis, dtype=float)
+    axis = axis / np.linalg.norm(axis)
+    return axis if pulley.turns_positive else -axis
+
+
+def tangent_point(rope: str, pulley: Pulley, point: Array, side: float) -> Array:
+    """Where the straight line from a point meets the wheel: side 1 arrives at it, -1 leaves it.
+
+    Raises ValueError for a point inside the wheel.
+    """
+    axis, centre = unit_axis(pulley), np.asarray(pulley.centre, dtype=float)
+    out = point - centre
+    out = out - axis * (out @ axis)
+    distance = float(np.linalg.norm(out))
+    if pulley.radius == 0.0:
+        return centre
+    if distance <= pulley.radius:
+        raise ValueError(
+            f"rope {rope!r} passes {point.tolist()}, which is inside the wheel of pulley {pulley.name!r} (radius "
+            f"{pulley.radius:g} m about {centre.tolist()}): move the rope's points away from it"
+        )
+    radial = out / distance
+    cosine = pulley.radius / distance
+    sine = side * np.sqrt(1.0 - cosine**2)
+    offset: Array = pulley.radius * (cosine * radial + sine * np.cross(axis, radial))
+    return centre + offset
+
+
+def _wrap_angle(pulley: Pulley, arrives: Array, leaves: Array) -> float:
+    if pulley.radius == 0.0:
+        return 0.0
+    centre, axis = np.asarray(pulley.centre, dtype=float), unit_axis(pulley)
+    a, b = arrives - centre, leaves - centre
+    angle = float(np.arctan2(axis @ np.cross(a, b), a @ b)) % (2.0 * np.pi)
+    return 0.0 if angle > 2.0 * np.pi - 1e-9 else angle
+
+
+def _places(corners: Array, along: Array, wanted: Array) -> Array:
+    """Points at given distances along the straight parts; where an arc sits between two parts, before it."""
+    return np.stack([np.interp(wanted, along, corners[:, k]) for k in range(3)], axis=1)
+
+
+def _links(
+    rope: Rope, segment_length: float, straight: float, wheels: list[float], on_wheels: Array
+) -> tuple[NDArray[np.int32], Array]:
+    """Order of nodes and wheels, and rest lengths of the links, from the wheels' places along the straight parts."""
+    scale = segment_length * rope.segments / straight if straight > 0 else 0.0
+    places = [at * scale for at in wheels]
+    segments = [min(max(int(np.floor(at / segment_length + 1e-9)), 0), rope.segments - 1) for at in places]
+    if len(set(segments)) < len(segments):
+        shortest = min(b - a for a, b in zip(wheels[:-1], wheels[1:], strict=True))
+        raise ValueError(
+            f"rope {rope.name!r}: two of its pulleys lie on one segment; {rope.segments} segments are too few, give "
+            f"at least {int(np.ceil(straight / shortest)) + 1 if shortest > 0 else 'more points between them, and'} "
+            "segments"
+        )
+    order: list[int] = []
+    rest: list[float] = []
+    for k in range(rope.segments):
+        order.append(k)
+        begin = k * segment_length
+        if k in segments:
+            p = segments.index(k)
+            order.append(-1 - p)
+            before = min(max(places[p] - begin, 0.0), segment_length)
+            rest.append(before + 0.5 * on_wheels[p])
+            rest.append(segment_length - before + 0.5 * on_wheels[p])
+        else:
+            rest.append(segment_length)
+    order.append(rope.segments)
+    return np.asarray(order, dtype=np.int32), np.asarray(rest)

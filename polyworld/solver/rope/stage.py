@@ -1,0 +1,356 @@
+"""Ropes in the coupled solver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.meshing.rope import Threading, threading, unit_axis
+from polyworld.representations.attachment import Attachment
+from polyworld.representations.rope import Rope
+from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
+from polyworld.solver.rope import bending, stretch, wheels
+from polyworld.solver.rope.ends import hold_ends
+from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
+from polyworld.solver.spatial.layout import Body
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+ROPE_FIELDS = (
+    "linear_density",
+    "stretch_stiffness",
+    "bending_stiffness",
+    "twist_stiffness",
+    "stretch_damping",
+    "bending_damping",
+)
+WHEEL_FIELDS = {
+    "wheel_friction": "friction",
+    "bearing_friction": "bearing_friction",
+    "bearing_damping": "bearing_damping",
+    "wheel_inertia": "inertia",
+}
+SHARED_SWEEPS = 10  # over the ropes of a world, where a body is held by more than one of their links
+SAFETY = 0.6  # of the longest stable step
+SURGE = 3.0  # by how much a load's swing may raise the tension above its weight, when steps are chosen
+
+
+class RopeStage:
+    """See `polyworld.solver.coupled.stage.MaterialStage`."""
+
+    def __init__(self, world: World, items: Sequence[Rope], nodes_first: Mapping[str, int], n_worlds: int) -> None:
+        self.world = world
+        self.items = tuple(items)
+        self.n_worlds = n_worlds
+        self.threads = [threading(world, rope) for rope in self.items]
+        self._bodies: Any = wp.zeros((1, 1), dtype=Body, device="cpu")
+        self._ropes = self._describe(nodes_first)
+        self._state = self._allocate()
+        self._sweeps = SHARED_SWEEPS if self._shares_bodies() else 1
+        self._clamped = bool(self._ropes.clamped.numpy().any())
+        self._fields: Fields = {}
+
+    def bind(self, bodies: Any) -> None:
+        """Take the array (W, n + s) of rigid bodies, before the first launch."""
+        self._bodies = bodies
+
+    # --- set-up --------------------------------------------------------------------------------
+
+    def _describe(self, nodes_first: Mapping[str, int]) -> Any:
+        count = len(self.items)
+        pulleys = [p for thread in self.threads for p in thread.pulleys]
+        places = {o.name: i for i, o in enumerate(self.world.objects)}
+        ropes = Ropes()
+        ropes.first_node = _ints([nodes_first[r.name] for r in self.items])
+        ropes.nodes = _ints([len(t.nodes) for t in self.threads])
+        ropes.first_link = _ints(_starts([len(t.rest) for t in self.threads]))
+        ropes.first_wheel = _ints(_starts([len(t.pulleys) for t in self.threads]))
+        ropes.wheels = _ints([len(t.pulleys) for t in self.threads])
+        ropes.segment_length = _floats([t.segment_length for t in self.threads])
+        ends = [self._ends(rope, thread, places) for rope, thread in zip(self.items, self.threads, strict=True)]
+        ropes.end_body = wp.array([[e["body"] for e in pair] for pair in ends], dtype=wp.int32, device="cpu")
+        ropes.clamped = wp.array([[e["clamped"] for e in pair] for pair in ends], dtype=wp.int32, device="cpu")
+        for name in ("anchor", "direction", "director"):
+            rows = np.array([[e[name] for e in pair] for pair in ends]).reshape(count, 2, 3)
+            setattr(ropes, f"end_{name}", wp.array(rows, dtype=wp.vec3d, device="cpu"))
+        for name in ("release", "strength"):
+            rows = np.array([[e[name] for e in pair] for pair in ends])
+            setattr(ropes, f"end_{name}", wp.array(rows, dtype=wp.float64, device="cpu"))
+        carriers = [NO_BODY if p.object is None else places[p.object] for p in pulleys]
+        centres, axes = [], []
+        for pulley in pulleys:
+            centre, axis = np.asarray(pulley.centre, dtype=float), unit_axis(pulley)
+            if pulley.object is not None:
+                centre, axis = self._into_axes(pulley.object, centre), self._turn_into(pulley.object, axis)
+            centres.append(centre)
+            axes.append(axis)
+        ropes.wheel_body = _ints(carriers)
+        ropes.wheel_centre = wp.array(np.array(centres).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+        ropes.wheel_axis = wp.array(np.array(axes).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+        ropes.wheel_radius = _floats([p.radius for p in pulleys])
+        ropes.wheel_fixed = _ints([int(p.fixed_wheel) for p in pulleys])
+        met = [self._times_met(k, ends, carriers) for k in range(count)]
+        shares = [[met[k].get(e["body"], 1) for e in pair] for k, pair in enumerate(ends)]
+        ropes.end_share = wp.array(np.array(shares, dtype=float), dtype=wp.float64, device="cpu")
+        owners = [k for k, thread in enumerate(self.threads) for _ in thread.pulleys]
+        ropes.wheel_share = _floats([met[k].get(b, 1) for k, b in zip(owners, carriers, strict=True)])
+        return ropes
+
+    def _ends(self, rope: Rope, thread: Threading, places: Mapping[str, int]) -> list[dict[str, Any]]:
+        """What holds the start and the end of a rope, as far as this stage solves it."""
+        found: list[dict[str, Any]] = []
+        for name, node, towards in (("start", 0, 1), ("end", -1, -2)):
+            place = thread.nodes[node]
+            direction = thread.nodes[towards] - place
+            direction = direction / np.linalg.norm(direction) * (1.0 if name == "start" else -1.0)
+            row: dict[str, Any] = {
+                "body": NO_BODY,
+                "anchor": np.zeros(3),
+                "clamped": 0,
+                "direction": direction,
+                "director": _across(direction),
+                "release": np.inf,
+                "strength": np.inf,
+            }
+            for attachment in self.world.attachments:
+                if attachment.object != rope.name or attachment.end != name:
+                    continue
+                row["clamped"] = max(row["clamped"], int(attachment.clamped and self._clamps(attachment, places)))
+                if attachment.to in places:
+                    row["body"] = places[attachment.to]
+                    row["anchor"] = self._into_axes(attachment.to, place)
+                    for vector in ("direction", "director"):
+                        row[vector] = self._turn_into(attachment.to, row[vector])
+                    row["release"] = np.inf if attachment.release is None else attachment.release
+                    row["strength"] = np.inf if attachment.strength is None else attachment.strength
+            found.append(row)
+        return found
+
+    def _clamps(self, attachment: Attachment, places: Mapping[str, int]) -> bool:
+        if attachment.to is not None and attachment.to not in places:
+            raise ValueError(
+                f"attachment {attachment.name!r}: clamped holds a rope's direction to the world or to a rigid object, "
+                f"not to {attachment.to!r}; rigid objects: {sorted(places)}"
+            )
+        return True
+
+    def _into_axes(self, name: str, place: Array) -> Array:
+        return self._turn_into(name, place - np.asarray(self.world.object(name).position))
+
+    def _turn_into(self, name: str, vector: Array) -> Array:
+        turn = geometry.quaternion_matrix(np.asarray(self.world.object(name).orientation))
+        turned: Array = turn.T @ vector
+        return turned
+
+    def _times_met(self, k: int, ends: list[list[dict[str, Any]]], carriers: list[int]) -> dict[int, int]:
+        """How often a rope's links end at each body."""
+        first = sum(len(t.pulleys) for t in self.threads[:k])
+        bodies = [e["body"] for e in ends[k]] + carriers[first : first + len(self.threads[k].pulleys)]
+        return {b: bodies.count(b) for b in bodies if b != NO_BODY}
+
+    def _shares_bodies(self) -> bool:
+        bodies = [int(b) for b in self._ropes.end_body.numpy().ravel()] + [
+            int(b) for b in self._ropes.wheel_body.numpy()
+        ]
+        held = [b for b in bodies if b != NO_BODY]
+        return len(set(held)) < len(held)
+
+    def _allocate(self) -> Any:
+        w, n = self.n_worlds, len(self.items)
+        links = sum(len(t.rest) for t in self.threads)
+        pulleys = sum(len(t.pulleys) for t in self.threads)
+        state = RopeState()
+        state.order = _zeros((w, links + n), wp.int32)
+        state.elements = _zeros((w, n), wp.int32)
+        state.attached = _zeros((w, n, 2), wp.int32)
+        state.held = _zeros((w, links), wp.int32)
+        state.direction = _zeros((w, links), wp.vec3d)
+        state.before = _zeros((w, n), wp.float64)
+        state.twist = _zeros((w, n), wp.float64)
+        state.wheels = _zeros((w, pulleys), Wheel)
+        state.end_mobility = _zeros((w, n, 2), wp.mat33d)
+        state.end_kept = _zeros((w, n, 2), wp.vec3d)
+        state.end_lag = _zeros((w, n, 2), wp.vec3d)
+        state.end_split = _zeros((w, n, 2), wp.mat33d)
+        for name in (
+            "rest",
+            "tension",
+            "elongation",
+            "compliance",
+            "target",
+            "diagonal",
+            "coupled",
+            "right",
+            "forward",
+            "change",
+        ):
+            setattr(state, name, _zeros((w, links), wp.float64))
+        return state
+
+    # --- one run -------------------------------------------------------------------------------
+
+    def write(self, fields: Fields) -> bool:
+        """See `MaterialStage.write`."""
+        self._fields = fields
+        names = tuple(r.name for r in self.items)
+        pulleys = tuple(p.name for thread in self.threads for p in thread.pulleys)
+        rows = {name: parameter_row(fields, names, name) for name in ROPE_FIELDS}
+        rows.update({ours: parameter_row(fields, pulleys, theirs) for ours, theirs in WHEEL_FIELDS.items()})
+        anew = False
+        for name, values in rows.items():
+            kept = getattr(self._ropes, name)
+            if kept is not None and kept.shape == values.shape:
+                kept.numpy()[:] = values.numpy()
+            else:
+                setattr(self._ropes, name, values)
+                anew = True
+        return anew
+
+    def reset(self) -> None:
+        """See `MaterialStage.reset`."""
+        s = self._state
+        s.order.numpy()[:] = np.concatenate([t.order for t in self.threads])
+        s.elements.numpy()[:] = [len(t.order) for t in self.threads]
+        s.rest.numpy()[:] = np.concatenate([t.rest for t in self.threads])
+        s.attached.numpy()[:] = self._ropes.end_body.numpy() >= 0
+        s.elongation.numpy()[:] = np.nan
+        for name in ("tension", "held", "twist", "change"):
+            getattr(s, name).numpy()[:] = 0
+        s.before.numpy()[:] = 1.0
+        if s.wheels.shape[1] > 0:
+            rows = np.zeros(s.wheels.shape, dtype=Wheel.numpy_dtype())
+            at = 0
+            for thread in self.threads:
+                for p, pulley in enumerate(thread.pulleys):
+                    rows["place"][:, at] = int(np.flatnonzero(thread.order == -1 - p)[0])
+                    rows["wrap"][:, at] = thread.wrap[p]
+                    slides = pulley.fixed_wheel or pulley.radius == 0.0
+                    resists = self._fields[pulley.name]["friction" if slides else "bearing_friction"] > 0.0
+                    rows["mode"][:, at] = np.where(resists, 0, 1)
+                    at += 1
+            s.wheels.assign(rows)
+
+    def stable_step(self) -> Array:
+        """See `MaterialStage.stable_step`.
+
+        Waves across the rope and bending waves are explicit: of the shortest wave, omega^2 = 16 EI/(rho l^4) +
+        4 T/(rho l^2). T is what the loads on the rope, its stretch at the start, and a fall through its slack may make.
+        """
+        steps = [np.full(1, np.inf)]
+        for rope, thread in zip(self.items, self.threads, strict=True):
+            f = self._fields[rope.name]
+            density, cell = f["linear_density"], thread.segment_length
+            tension = self._highest_tension(rope, thread, f)
+            square = 16.0 * f["bending_stiffness"] / (density * cell**4) + 4.0 * tension / (density * cell**2)
+            omega = np.sqrt(np.maximum(square, 1e-12))
+            zeta = 0.5 * f["bending_damping"] * omega * (16.0 * f["bending_stiffness"] / (density * cell**4)) / square
+            steps.append(SAFETY * 2.0 / omega * (np.sqrt(1.0 + zeta**2) - zeta))
+        size = max(len(s) for s in steps)
+        shortest: Array = np.min([np.broadcast_to(s, (size,)) for s in steps], axis=0)
+        return shortest
+
+    def _highest_tension(self, rope: Rope, thread: Threading, f: Mapping[str, Array]) -> Array:
+        """Estimate of the highest tension that will come about [N]."""
+        gravity = float(np.linalg.norm(self.world.environment.gravity))
+        masses = [_mass(self.world, name) for name in self._loads(rope)]
+        length = float(thread.rest.sum())
+        weight = f["linear_density"] * length
+        load = sum(masses) + weight
+        chord = np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1)
+        slack = max(thread.segment_length * rope.segments - float(chord.sum()), 0.0)
+        strain = max(float(chord.mean()) / thread.segment_length - 1.0, 0.0)
+        speeds = [np.linalg.norm(rope.velocity)] + [
+            np.linalg.norm(self.world.object(name).velocity) for name in self._loads(rope)
+        ]
+        speed_square = float(max(speeds)) ** 2 + 2.0 * gravity * slack
+        snatch = np.sqrt(speed_square * load * f["stretch_stiffness"] / length)
+        tension: Array = np.atleast_1d(SURGE * load * gravity + f["stretch_stiffness"] * strain + snatch)
+        return tension
+
+    def _loads(self, rope: Rope) -> set[str]:
+        """Rigid objects that the rope holds."""
+        rigid = {o.name for o in self.world.objects}
+        held = {a.to for a in self.world.attachments if a.object == rope.name and a.to in rigid}
+        return {str(name) for name in held} | {
+            p.object for p in self.world.pulleys if p.rope == rope.name and p.object is not None
+        }
+
+    # --- the loop --------------------------------------------------------------------------------
+
+    def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
+        """See `MaterialStage.launch_forces`."""
+        state = [self._ropes, self._state, self._bodies, clock.dt]
+        self._launch(hold_ends, [*state, clock.time, nodes.active, nodes.x])
+        self._launch(bending.bend, [*state, nodes.active, nodes.x, nodes.v, nodes.f])
+        if self._clamped:
+            self._launch(bending.bend_clamped_ends, [*state, nodes.active, nodes.x, nodes.v, nodes.f])
+
+    def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
+        """See `MaterialStage.launch_velocities`."""
+        inputs = [self._ropes, self._state, self._bodies, clock.dt, clock.gravity, nodes.active, nodes.inverse_mass]
+        self._launch(stretch.prepare_links, [*inputs, nodes.x, nodes.v])
+        for _ in range(self._sweeps):
+            self._launch(stretch.solve_tensions, [*inputs, nodes.x, nodes.v])
+
+    def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
+        """See `MaterialStage.launch_positions`."""
+
+    def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
+        """Tension of each segment [N], positive in pull: {rope: {"tension": (W, segments)}}.
+
+        A segment that runs over wheels has the mean of its parts' tensions.
+        """
+        found: dict[str, dict[str, Array]] = {}
+        tension, order = self._state.tension.numpy(), self._state.order.numpy()
+        elements = self._state.elements.numpy()
+        first = self._ropes.first_link.numpy()
+        for r, (rope, thread) in enumerate(zip(self.items, self.threads, strict=True)):
+            values = np.zeros((self.n_worlds, rope.segments))
+            if not thread.pulleys:
+                values[:] = tension[:, first[r] : first[r] + rope.segments]
+            else:
+                for w in range(self.n_worlds):
+                    begin = order[w, first[r] + r : first[r] + r + elements[w, r]]
+                    segment = np.maximum.accumulate(begin)[:-1]
+                    links = tension[w, first[r] : first[r] + elements[w, r] - 1]
+                    total = np.bincount(segment, weights=links, minlength=rope.segments)
+                    values[w] = total / np.maximum(np.bincount(segment, minlength=rope.segments), 1)
+            found[rope.name] = {"tension": values}
+        return found
+
+    def _launch(self, kernel: Any, inputs: list[Any]) -> None:
+        wp.launch(kernel, dim=(self.n_worlds, len(self.items)), inputs=inputs, device="cpu")
+
+
+def _mass(world: World, name: str) -> float:
+    item = world.object(name)
+    return item.mass if item.mass is not None else item.density * geometry.mass_properties(item.shape).volume
+
+
+def _across(direction: Array) -> Array:
+    """A unit vector perpendicular to a direction."""
+    other = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    across: Array = np.cross(direction, other)
+    return across / np.linalg.norm(across)
+
+
+def _starts(counts: list[int]) -> list[int]:
+    return [0, *np.cumsum(counts)[:-1].tolist()] if counts else []
+
+
+def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def _ints(values: Sequence[int]) -> Any:
+    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
+
+
+def _floats(values: Sequence[float]) -> Any:
+    return wp.array(np.asarray(values, dtype=np.float64), dtype=wp.float64, device="cpu")

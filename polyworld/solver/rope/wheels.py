@@ -1,0 +1,254 @@
+"""Pulleys: where the rope touches a wheel, what the wheel's turning resists with, and nodes that run over it.
+
+The arc of rope that lies on a wheel has no nodes: its mass turns with the wheel (I/R^2 + linear density R wrap),
+its weight drives it, and half of its length belongs to each of the two links next to the wheel. In these the rope
+flows at the wheel's speed, so that their rest lengths change while their sum does not. A node that reaches the tangent
+point goes on at the other one and the links change places: rest lengths add up exactly as before, and energy changes by
+the square of the difference in strain between two neighbouring links.
+"""
+
+import warp as wp
+
+from polyworld.solver.rope.ends import point_mobility, point_velocity, push_body
+from polyworld.solver.rope.layout import Ropes, RopeState, Wheel
+from polyworld.solver.spatial.layout import OPTIONS, Body
+
+wp.set_module_options(OPTIONS)
+
+LEAST_INERTIA = wp.constant(wp.float64(1.0e-3))  # of a wheel, over a segment's mass
+
+
+@wp.func
+def mobility_along(
+    ropes: Ropes,
+    state: RopeState,
+    inverse_mass: wp.array2d[wp.float64],
+    w: int,
+    r: int,
+    element: int,
+    n: wp.vec3d,
+) -> wp.float64:
+    """Velocity per impulse of an element along n, of a wheel that of its centre [1/kg]."""
+    if element < 0:
+        return wp.dot(n, state.wheels[w, ropes.first_wheel[r] - 1 - element].mobility * n)
+    if element == 0:
+        return wp.dot(n, state.end_mobility[w, r, 0] * n)
+    if element == ropes.nodes[r] - 1:
+        return wp.dot(n, state.end_mobility[w, r, 1] * n)
+    return inverse_mass[w % inverse_mass.shape[0], ropes.first_node[r] + element]
+
+
+@wp.func
+def touch(centre: wp.vec3d, axis: wp.vec3d, radius: wp.float64, point: wp.vec3d, side: wp.float64) -> wp.vec3d:
+    """Unit vector from the axis to where the straight line from a point touches the wheel: side 1 arrives, -1 leaves."""
+    out = point - centre
+    out = out - axis * wp.dot(axis, out)
+    distance = wp.max(wp.length(out), wp.float64(1.0e-12))
+    radial = out / distance
+    cosine = wp.min(radius / distance, wp.float64(1.0))
+    sine = side * wp.sqrt(wp.float64(1.0) - cosine * cosine)
+    return radial * cosine + wp.cross(axis, radial) * sine
+
+
+@wp.func
+def turned_by(axis: wp.vec3d, a: wp.vec3d, b: wp.vec3d) -> wp.float64:
+    """Angle about the axis from a to b, 0 where a is zero."""
+    if wp.length_sq(a) == wp.float64(0.0):
+        return wp.float64(0.0)
+    return wp.atan2(wp.dot(axis, wp.cross(a, b)), wp.dot(a, b))
+
+
+@wp.func
+def place_wheels(
+    ropes: Ropes,
+    state: RopeState,
+    bodies: wp.array2d[Body],
+    gravity: wp.array[wp.vec3d],
+    x: wp.array2d[wp.vec3d],
+    w: int,
+    r: int,
+    h: wp.float64,
+) -> None:
+    """Bring the wheels to where their carriers are, and their tangent points to where the rope now meets them."""
+    first = ropes.first_link[r]
+    order = first + r
+    for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
+        if state.wheels[w, p].place < 0:
+            continue
+        b = ropes.wheel_body[p]
+        state.wheels[w, p].centre = ropes.wheel_centre[p]
+        state.wheels[w, p].axis = ropes.wheel_axis[p]
+        state.wheels[w, p].mobility = wp.mat33d()
+        if b >= 0:
+            arm = bodies[w, b].rotation * ropes.wheel_centre[p]
+            state.wheels[w, p].lag = (bodies[w, b].v - state.wheels[w, p].kept) * wp.float64(0.5)
+            state.wheels[w, p].centre = bodies[w, b].x + arm
+            state.wheels[w, p].axis = bodies[w, b].rotation * ropes.wheel_axis[p]
+            state.wheels[w, p].mobility = point_mobility(bodies, w, b, arm) * ropes.wheel_share[p]
+    for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
+        place = state.wheels[w, p].place
+        if place < 0:
+            continue
+        wheel = state.wheels[w, p]
+        k = first + place - 1  # the link before it
+        previous = state.order[w, order + place - 1]
+        following = state.order[w, order + place + 1]
+        begin = wp.vec3d()
+        end = wp.vec3d()
+        if previous >= 0:
+            begin = x[w, ropes.first_node[r] + previous]
+        else:
+            begin = state.wheels[w, ropes.first_wheel[r] - 1 - previous].leaves
+        if following >= 0:
+            end = x[w, ropes.first_node[r] + following]
+        else:
+            end = state.wheels[w, ropes.first_wheel[r] - 1 - following].arrives
+        radius = ropes.wheel_radius[p]
+        if radius > wp.float64(0.0):
+            radial_in = touch(wheel.centre, wheel.axis, radius, begin, wp.float64(1.0))
+            radial_out = touch(wheel.centre, wheel.axis, radius, end, wp.float64(-1.0))
+            advance_in = turned_by(wheel.axis, wheel.radial_in, radial_in)
+            advance_out = turned_by(wheel.axis, wheel.radial_out, radial_out)
+            wheel.wrap = wheel.wrap + advance_out - advance_in
+            # The middle of the arc divides it between two links: where it moves on, so does the division.
+            passed = wp.float64(0.5) * (advance_in + advance_out) * radius
+            state.rest[w, k] = state.rest[w, k] + passed
+            state.rest[w, k + 1] = state.rest[w, k + 1] - passed
+            wheel.radial_in = radial_in
+            wheel.radial_out = radial_out
+            wheel.arrives = wheel.centre + radial_in * radius
+            wheel.leaves = wheel.centre + radial_out * radius
+        else:
+            wheel.arrives = wheel.centre
+            wheel.leaves = wheel.centre
+            arriving = wp.normalize(wheel.centre - begin)
+            leaving = wp.normalize(end - wheel.centre)
+            wheel.wrap = wp.atan2(wp.length(wp.cross(arriving, leaving)), wp.dot(arriving, leaving))
+        wheel.begin = wheel.speed
+        state.wheels[w, p] = wheel
+        turn_wheel(ropes, state, gravity, w, r, p, h)
+
+
+@wp.func
+def turn_wheel(
+    ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w: int, r: int, p: int, h: wp.float64
+) -> None:
+    """How the wheel turns in its present mode: inverse inertia, speed without tensions, weights of the tensions."""
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    radius = ropes.wheel_radius[p]
+    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
+    mode = state.wheels[w, p].mode
+    state.wheels[w, p].weight_in = one
+    state.wheels[w, p].weight_out = one
+    if mode == 0:
+        state.wheels[w, p].inverse_mass = zero
+        state.wheels[w, p].drive = zero
+        return
+    mass = density * wp.max(radius * state.wheels[w, p].wrap, LEAST_INERTIA * ropes.segment_length[r])
+    drop = state.wheels[w, p].leaves - state.wheels[w, p].arrives
+    force = density * wp.dot(gravity[w % gravity.shape[0]], drop)
+    damping = zero
+    if slides(ropes, p):
+        ratio = belt_ratio(ropes, state, w, p)
+        if mode > 0:
+            state.wheels[w, p].weight_in = ratio
+        else:
+            state.wheels[w, p].weight_out = ratio
+    else:
+        mass += ropes.wheel_inertia[w % ropes.wheel_inertia.shape[0], p] / (radius * radius)
+        damping = ropes.bearing_damping[w % ropes.bearing_damping.shape[0], p] / (radius * radius)
+        force -= wp.float64(mode) * dry_force(ropes, w, p)
+    state.wheels[w, p].inverse_mass = one / (mass + h * damping)
+    state.wheels[w, p].drive = (mass * state.wheels[w, p].begin + h * force) / (mass + h * damping)
+
+
+@wp.func
+def slides(ropes: Ropes, p: int) -> bool:
+    """Whether the rope slides over the wheel; an eye (radius 0) never turns."""
+    return ropes.wheel_fixed[p] == 1 or ropes.wheel_radius[p] <= wp.float64(0.0)
+
+
+@wp.func
+def belt_ratio(ropes: Ropes, state: RopeState, w: int, p: int) -> wp.float64:
+    """Largest ratio of the tensions on both sides: Euler-Eytelwein."""
+    friction = ropes.wheel_friction[w % ropes.wheel_friction.shape[0], p]
+    return wp.exp(friction * wp.max(state.wheels[w, p].wrap, wp.float64(0.0)))
+
+
+@wp.func
+def dry_force(ropes: Ropes, w: int, p: int) -> wp.float64:
+    """Dry resistance of the bearing, as a force at the rope [N]."""
+    return ropes.bearing_friction[w % ropes.bearing_friction.shape[0], p] / ropes.wheel_radius[p]
+
+
+@wp.func
+def judge_wheel(
+    ropes: Ropes,
+    state: RopeState,
+    gravity: wp.array[wp.vec3d],
+    w: int,
+    r: int,
+    p: int,
+    before: wp.float64,
+    after: wp.float64,
+    h: wp.float64,
+) -> int:
+    """Whether the wheel must stick or turn otherwise than was assumed, given the tensions on both sides of it."""
+    mode = state.wheels[w, p].mode
+    zero = wp.float64(0.0)
+    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
+    wheel = state.wheels[w, p]
+    is_belt = slides(ropes, p)
+    if mode != 0:
+        resists = False
+        if is_belt:
+            resists = ropes.wheel_friction[w % ropes.wheel_friction.shape[0], p] > zero
+        else:
+            resists = dry_force(ropes, w, p) > zero
+        speed = wheel.drive + h * wheel.inverse_mass * (wheel.weight_out * after - wheel.weight_in * before)
+        if resists and wp.float64(mode) * speed < zero:
+            state.wheels[w, p].mode = 0
+            turn_wheel(ropes, state, gravity, w, r, p, h)
+            return 1
+        return 0
+    mass = density * wp.max(ropes.wheel_radius[p] * wheel.wrap, LEAST_INERTIA * ropes.segment_length[r])
+    force = density * wp.dot(gravity[w % gravity.shape[0]], wheel.leaves - wheel.arrives)
+    least = zero  # excess of the pull over the resistance, one way and the other
+    if is_belt:
+        force += mass * wheel.begin / h
+        ratio = belt_ratio(ropes, state, w, p)
+        if after + force > ratio * before:
+            least = wp.float64(1.0)
+        elif before - force > ratio * after:
+            least = wp.float64(-1.0)
+    else:
+        mass += ropes.wheel_inertia[w % ropes.wheel_inertia.shape[0], p] / (
+            ropes.wheel_radius[p] * ropes.wheel_radius[p]
+        )
+        pull = after - before + force + mass * wheel.begin / h
+        if wp.abs(pull) > dry_force(ropes, w, p):
+            least = wp.sign(pull)
+    if least == zero:
+        return 0
+    state.wheels[w, p].mode = wp.int32(least)
+    turn_wheel(ropes, state, gravity, w, r, p, h)
+    return 1
+
+
+@wp.func
+def move_carrier(ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], w: int, p: int) -> None:
+    """Velocity at which the wheel's centre moves in this inner step."""
+    b = ropes.wheel_body[p]
+    state.wheels[w, p].velocity = wp.vec3d()
+    if b >= 0:
+        arm = state.wheels[w, p].centre - bodies[w, b].x
+        state.wheels[w, p].velocity = point_velocity(bodies, w, b, arm) - state.wheels[w, p].lag
+
+
+@wp.func
+def push_wheel(ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], w: int, p: int, impulse: wp.vec3d) -> None:
+    """Apply an impulse to the carrier at the wheel's centre."""
+    b = ropes.wheel_body[p]
+    if b >= 0:
+        push_body(bodies, w, b, state.wheels[w, p].centre - bodies[w, b].x, impulse)
