@@ -8,7 +8,7 @@ stress S follows from U S + S U = 2 T, solved in closed form for 2 x 2 matrices.
 
 import warp as wp
 
-from polyworld.solver.cloth.layout import OPTIONS, Bending, Material, Surface
+from polyworld.solver.cloth.layout import BLOCK, OPTIONS, Bending, Material, Surface
 
 wp.set_module_options(OPTIONS)
 
@@ -16,37 +16,38 @@ FLATTEST = wp.constant(wp.float64(1.0e-9))  # area ratio below which a triangle 
 
 
 @wp.func
-def air_drag(m: Material, n: wp.vec3d, area: wp.float64, mass: wp.float64, u: wp.vec3d, h: wp.float64) -> wp.vec3d:
-    """Force of air that passes a triangle at u, across and along it, each quadratic in its speed.
+def air_drag(m: Material, n: wp.vec3d, ratio: wp.float64, u: wp.vec3d, h: wp.float64) -> wp.vec3d:
+    """Force per rest area of air that passes a triangle at u, across and along it, each quadratic in its speed.
 
-    Averaged over the step as dv/dt = -k v^2 goes, v(h) = v / (1 + k v h), so that no step overshoots.
+    Averaged over the step as dv/dt = -k v^2 goes, v(h) = v / (1 + k v h), so that no step overshoots. ratio: area
+    over rest area.
     """
     one = wp.float64(1.0)
     u_n = wp.dot(n, u)
     along = u - n * u_n
-    speed = wp.length(along)
-    k_n = m.drag_normal * area * wp.abs(u_n)
-    k_t = m.drag_tangential * area * speed
-    return n * (u_n * k_n / (one + k_n * h / mass)) + along * (k_t / (one + k_t * h / mass))
+    k_n = m.drag_normal * ratio * wp.abs(u_n)
+    k_t = m.drag_tangential * ratio * wp.length(along)
+    slow_n = one + k_n * h * m.inverse_density
+    slow_t = one + k_t * h * m.inverse_density
+    inverse = one / (slow_n * slow_t)
+    return n * (u_n * k_n * slow_t * inverse) + along * (k_t * slow_n * inverse)
 
 
-@wp.kernel
-def add_forces(
+@wp.func
+def add_force(
+    w: int,
+    t: int,
     surface: Surface,
     materials: wp.array2d[Material],
     wind: wp.vec3d,
-    dt: wp.array[wp.float64],
+    h: wp.float64,
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
     bending: Bending,
     f: wp.array2d[wp.vec3d],
 ) -> None:
-    w, t = wp.tid()
-    h = dt[w]
-    if h <= wp.float64(0.0):
-        return
     one = wp.float64(1.0)
-    m = materials[w % materials.shape[0], surface.cloth[t]]
+    m = materials[w, surface.cloth[t]]
     c = surface.corners[t]
     area = surface.area[t]
     x0 = x[w, c[0]]
@@ -61,11 +62,11 @@ def add_forces(
     c22 = wp.dot(f2, f2)
     j = wp.max(wp.sqrt(wp.max(c11 * c22 - c12 * c12, wp.float64(0.0))), FLATTEST)
     trace = wp.sqrt(c11 + c22 + wp.float64(2.0) * j)
-    inverse = one / trace
+    scale = one / (trace * j)
+    inverse = scale * j
     u11 = (c11 + j) * inverse
     u22 = (c22 + j) * inverse
     u12 = c12 * inverse
-    scale = inverse / j
     e11 = u11 - one
     e22 = u22 - one
     e12 = u12
@@ -101,11 +102,10 @@ def add_forces(
     n = bending.normal[w, t]
     spread = wp.abs(bending.spread[w, t])
     edges = surface.edges[t]
-    e0 = d2 - d1
     axis = (
-        e0 * (bending.torque[w, edges[0] >> 1] / wp.length(e0))
-        - d2 * (bending.torque[w, edges[1] >> 1] / wp.length(d2))
-        + d1 * (bending.torque[w, edges[2] >> 1] / wp.length(d1))
+        (d2 - d1) * bending.torque[w, edges[0] >> 1]
+        - d2 * bending.torque[w, edges[1] >> 1]
+        + d1 * bending.torque[w, edges[2] >> 1]
     )
     k1 = k1 - n * (spread * wp.dot(d2, axis))
     k2 = k2 + n * (spread * wp.dot(d1, axis))
@@ -114,10 +114,29 @@ def add_forces(
     if m.drag_normal + m.drag_tangential > wp.float64(0.0):
         third = wp.float64(1.0 / 3.0)
         u = wind - (v0 + v1 + v2) * third
-        drag = air_drag(m, n, wp.float64(0.5) / spread, m.density * area, u, h) * third
+        drag = air_drag(m, n, j, u, h) * (third * area)
         k0 = k0 + drag
         k1 = k1 + drag
         k2 = k2 + drag
     wp.atomic_add(f, w, c[0], k0)
     wp.atomic_add(f, w, c[1], k1)
     wp.atomic_add(f, w, c[2], k2)
+
+
+@wp.kernel
+def add_forces(
+    surface: Surface,
+    materials: wp.array2d[Material],
+    wind: wp.vec3d,
+    dt: wp.array[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    bending: Bending,
+    f: wp.array2d[wp.vec3d],
+) -> None:
+    w, k = wp.tid()
+    h = dt[w]
+    if h <= wp.float64(0.0):
+        return
+    for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
+        add_force(w, t, surface, materials, wind, h, x, v, bending, f)

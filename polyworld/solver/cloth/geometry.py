@@ -20,8 +20,9 @@ class ClothGeometry:
 
     nodes (k, 3), node_area (k,). corners (T, 3). edges (T, 3): 2 e + s, s = 0 in the first triangle at edge e.
     area (T,). inverse_rest (T, 2, 2): of the matrix with the rest edges 0-1 and 0-2 in material axes as columns.
-    curvature (T, 3, 3): bend angles to (k_11, k_22, k_12). rest_curvature (T, 3). ends (E, 2), sides (E, 2): -1 for
-    none. softness (E,): inverse stiffness of a director for D = 1. normal (T, 3).
+    curvature (T, 3, 3): bend angles to (k_11, k_22, k_12). rest_curvature (T, 3). normal (T, 3). ends (E, 2).
+    slots (E, 2): 4 t + k, its place in the first and in the second triangle, -1 for none. softness (E,): inverse
+    stiffness of a director for D = 1.
     """
 
     nodes: Array
@@ -33,7 +34,7 @@ class ClothGeometry:
     curvature: Array
     rest_curvature: Array
     ends: Ints
-    sides: Ints
+    slots: Ints
     softness: Array
     normal: Array
 
@@ -47,7 +48,7 @@ def cloth_geometry(item: Cloth, mesh: DeformableMesh) -> ClothGeometry:
     normal, area = cross / doubled[:, None], 0.5 * doubled
     first, second = _material_axes(item, x, normal)
     rest = np.stack([np.stack([(d * a).sum(1) for d in (side[2], -side[1])], 1) for a in (first, second)], 1)
-    ends, sides, edges = _edges(corners)
+    ends, slots, edges = _edges(corners)
     length = np.stack([np.linalg.norm(s, axis=1) for s in side], axis=1)
     curvature = np.empty((len(corners), 3, 3))
     for k in range(3):
@@ -58,7 +59,7 @@ def cloth_geometry(item: Cloth, mesh: DeformableMesh) -> ClothGeometry:
     np.add.at(stiffness, edges >> 1, length**2 / area[:, None])
     rest_curvature = np.zeros((len(corners), 3))
     if not item.flat_at_rest:
-        half = 0.5 * hinge_angles(x, normal, ends, sides)
+        half = 0.5 * hinge_angles(x, normal, ends, slots)
         rest_curvature = np.einsum("tij,tj->ti", curvature, half[edges >> 1])
     return ClothGeometry(
         nodes=x,
@@ -70,19 +71,19 @@ def cloth_geometry(item: Cloth, mesh: DeformableMesh) -> ClothGeometry:
         curvature=curvature,
         rest_curvature=rest_curvature,
         ends=ends,
-        sides=sides,
+        slots=slots,
         softness=1.0 / stiffness,
         normal=normal,
     )
 
 
-def hinge_angles(x: Array, normal: Array, ends: Ints, sides: Ints) -> Array:
+def hinge_angles(x: Array, normal: Array, ends: Ints, slots: Ints) -> Array:
     """Angle (..., E) from the first triangle's normal to the second's about each edge, 0 at borders [rad]."""
     along = x[..., ends[:, 1], :] - x[..., ends[:, 0], :]
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    n_a, n_b = normal[..., sides[:, 0], :], normal[..., sides[:, 1], :]
+    n_a, n_b = normal[..., slots[:, 0] >> 2, :], normal[..., slots[:, 1] >> 2, :]
     angle = np.arctan2((np.cross(n_a, n_b) * along).sum(-1), (n_a * n_b).sum(-1))
-    return np.where(sides[:, 1] >= 0, angle, 0.0)
+    return np.where(slots[:, 1] >= 0, angle, 0.0)
 
 
 def _material_axes(item: Cloth, x: Array, normal: Array) -> tuple[Array, Array]:
@@ -100,7 +101,7 @@ def _material_axes(item: Cloth, x: Array, normal: Array) -> tuple[Array, Array]:
 
 
 def _edges(corners: Ints) -> tuple[Ints, Ints, Ints]:
-    """Ends (E, 2) and sides (E, 2) of all edges, and the edges (T, 3) of each triangle, by first appearance."""
+    """Ends (E, 2) and slots (E, 2) of all edges, and the edges (T, 3) of each triangle, by first appearance."""
     start, stop = corners[:, [1, 2, 0]].ravel(), corners[:, [2, 0, 1]].ravel()
     key = np.stack([np.minimum(start, stop), np.maximum(start, stop)], axis=1)
     _, appears, which = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -108,10 +109,11 @@ def _edges(corners: Ints) -> tuple[Ints, Ints, Ints]:
     number = order[which.ravel()]
     first = np.sort(appears)
     ends = np.stack([start[first], stop[first]], axis=1).astype(np.int32)
-    sides = np.full((len(first), 2), -1, dtype=np.int32)
-    sides[:, 0] = first // 3
+    slots = np.full((len(first), 2), -1, dtype=np.int32)
+    slots[:, 0] = 4 * (first // 3) + first % 3
     later = np.ones(len(number), dtype=bool)
     later[first] = False
-    sides[number[later], 1] = np.flatnonzero(later) // 3
+    second = np.flatnonzero(later)
+    slots[number[later], 1] = 4 * (second // 3) + second % 3
     edges = (2 * number + later).reshape(-1, 3)
-    return ends, sides, edges.astype(np.int32)
+    return ends, slots, edges.astype(np.int32)

@@ -2,11 +2,15 @@
 
 Triangle corners are counter-clockwise; its edge k lies opposite its corner k. Bend angles: an edge carries a director,
 a normal of its own, and each triangle at the edge has the angle between its normal and that director as bend angle.
+A slot 4 t + k is edge k of triangle t.
 """
 
 import warp as wp
 
 OPTIONS: dict[str, object] = {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": "-march=native"}
+
+# Triangles or edges that one thread goes through: on a CPU a loop costs half of what as many threads do.
+BLOCK = wp.constant(256)
 
 
 @wp.struct
@@ -17,8 +21,8 @@ class Surface:
     index of its object. area (T,): rest area [m^2]. inverse_rest (T,): inverse of the matrix of its rest edges 0-1
     and 0-2 in material axes [1/m]. curvature (T,): of the bend angles, to (k_11, k_22, k_12) in material axes [1/m].
     rest_curvature (T,): that without moment [1/m].
-    ends (E,): nodes, in the order of the first triangle. sides (E,): triangles, -1 for none. softness (E,): inverse
-    stiffness of its director for D = 1 [1].
+    ends (E,): nodes, in the order of the first triangle. slots (E,): in its two triangles, -1 for none. softness
+    (E,): inverse stiffness of its director for D = 1 [1].
     """
 
     corners: wp.array[wp.vec3i]
@@ -29,7 +33,7 @@ class Surface:
     curvature: wp.array[wp.mat33d]
     rest_curvature: wp.array[wp.vec3d]
     ends: wp.array[wp.vec2i]
-    sides: wp.array[wp.vec2i]
+    slots: wp.array[wp.vec2i]
     softness: wp.array[wp.float64]
 
 
@@ -39,7 +43,7 @@ class Material:
 
     stretch, cross: Q_11 = Q_22 and Q_12 of the membrane [N/m]. shear: 2 G t [N/m]. stretch_delay, bend_delay: damping
     times [s]. plate: D [N m]. poisson [1]. director: of an edge's director, 1 / (inertia * softness) [1/(N m s^2)].
-    density: mass per area [kg/m^2]. drag_normal, drag_tangential: half the air's density times the coefficient
+    inverse_density: area per mass [m^2/kg]. drag_normal, drag_tangential: half the air's density times the coefficient
     [kg/m^3].
     """
 
@@ -51,7 +55,7 @@ class Material:
     plate: wp.float64
     poisson: wp.float64
     director: wp.float64
-    density: wp.float64
+    inverse_density: wp.float64
     drag_normal: wp.float64
     drag_tangential: wp.float64
 
@@ -60,20 +64,22 @@ class Material:
 class Bending:
     """State and scratch of bending, W worlds.
 
-    angle, rate (W, E): of the director against the mean of the two normals [rad], [rad/s]: state. normal (W, T):
-    unit normal. spread (W, T): 1 / (2 current area) [1/m^2]; negative for a triangle that is held at all corners.
+    angle, rate (W, E): of the director against the mean of the two normals [rad], [rad/s]: state. moment (W, T):
+    energy per bend angle of each edge [N m]: state too, the directors' next step needs it. normal (W, T): unit
+    normal. spread (W, T): 1 / (2 current area) [1/m^2]; negative for a triangle that is held at all corners.
     turning (W, T): rate at which the normal turns, as a vector along edges [rad/s]. bend, bend_rate (W, E): bend angle
     of the first and of the second triangle, and its rate. share (W, E): of the first triangle in the hinge angle.
-    moment (W, T): energy per bend angle of each edge [N m]. torque (W, E): energy per hinge angle [N m].
+    inverse_length (W, E) [1/m]. torque (W, E): energy per hinge angle, over the edge's length [N].
     """
 
     angle: wp.array2d[wp.float64]
     rate: wp.array2d[wp.float64]
+    moment: wp.array2d[wp.vec3d]
     normal: wp.array2d[wp.vec3d]
     spread: wp.array2d[wp.float64]
     turning: wp.array2d[wp.vec3d]
     bend: wp.array2d[wp.vec2d]
     bend_rate: wp.array2d[wp.vec2d]
     share: wp.array2d[wp.float64]
-    moment: wp.array2d[wp.vec3d]
+    inverse_length: wp.array2d[wp.float64]
     torque: wp.array2d[wp.float64]

@@ -23,7 +23,7 @@ def cloth_quantities(g: ClothGeometry, x: Array, angle: Array) -> dict[str, Arra
     low, high = _principal(*_symmetric(np.swapaxes(f, -1, -2) @ f))
     cross = np.cross(d[..., 0], d[..., 1])
     normal = cross / np.maximum(np.linalg.norm(cross, axis=-1, keepdims=True), 1e-30)
-    half = 0.5 * hinge_angles(x, normal, g.ends, g.sides)
+    half = 0.5 * hinge_angles(x, normal, g.ends, g.slots)
     bend = np.stack([half + angle, half - angle], axis=-1).reshape(len(x), -1)[:, g.edges]
     k = np.einsum("tij,wtj->wti", g.curvature, bend)
     least, most = _principal(k[..., 0], k[..., 1], k[..., 2])

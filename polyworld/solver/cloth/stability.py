@@ -94,7 +94,7 @@ def _curvature_operator(g: ClothGeometry) -> sparse.csr_matrix:
     rows = np.broadcast_to((g.edges >> 1)[:, :, None, None], (t, 3, 3, 3)).reshape(-1)
     columns = np.broadcast_to((3 * g.corners[:, :, None] + np.arange(3))[:, None], (t, 3, 3, 3)).reshape(-1)
     hinge = sparse.csr_matrix((values, (rows, columns)), shape=(len(g.ends), 3 * k))
-    inner = sparse.diags(0.5 * (g.sides[:, 1] >= 0))
+    inner = sparse.diags(0.5 * (g.slots[:, 1] >= 0))
     rows = np.repeat(np.arange(3 * t), 3)
     columns = np.broadcast_to((g.edges >> 1)[:, None, :], (t, 3, 3)).reshape(-1)
     shape = sparse.csr_matrix((g.curvature.reshape(-1), (rows, columns)), shape=(3 * t, len(g.ends)))

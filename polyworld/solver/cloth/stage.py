@@ -13,7 +13,7 @@ from polyworld.meshing import mesh_of
 from polyworld.representations.cloth import Cloth
 from polyworld.solver.cloth import bending, forces
 from polyworld.solver.cloth.geometry import ClothGeometry, cloth_geometry
-from polyworld.solver.cloth.layout import Bending, Material, Surface
+from polyworld.solver.cloth.layout import BLOCK, Bending, Material, Surface
 from polyworld.solver.cloth.readout import cloth_quantities
 from polyworld.solver.cloth.stability import EDGES, ClothFrequencies, director_square, stable_step
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
@@ -50,7 +50,8 @@ class ClothStage:
         self._surface = _surface(parts, list(self._first.values()))
         self._bending = _bending(n_worlds, self._triangles, self._edges)
         self._n_worlds = n_worlds
-        self._materials: Any = None
+        # One row a world even where all are equal: the kernels need not ask.
+        self._materials: Any = wp.zeros((n_worlds, len(items)), dtype=Material, device="cpu")
         self._rows: list[dict[str, Array]] = []
         self._step: Array = np.full(1, np.inf)
         self.write({item.name: {p: np.array([_given(getattr(item, p))]) for p in PARAMETERS} for item in items})
@@ -63,16 +64,13 @@ class ClothStage:
         given = [{p: np.atleast_1d(fields[name][p]).astype(float) for p in PARAMETERS} for name in self._names]
         count = max(len(v) for row in given for v in row.values())
         self._rows = [{p: np.broadcast_to(v, (count,)) for p, v in row.items()} for row in given]
-        values = np.zeros((count, len(self._names)), dtype=Material.numpy_dtype())
+        values = np.zeros((self._n_worlds, len(self._names)), dtype=Material.numpy_dtype())
         steps = np.full((count, len(self._names)), np.inf)
         for o, (name, row) in enumerate(zip(self._names, self._rows, strict=True)):
             steps[:, o] = self._material(values[:, o], self._frequencies[name], row)
         self._step = steps.min(axis=1)
-        if self._materials is not None and self._materials.shape == values.shape:
-            self._materials.numpy()[:] = values
-            return False
-        self._materials = wp.array(values, dtype=Material, device="cpu")
-        return True
+        self._materials.numpy()[:] = values
+        return False
 
     def _material(self, out: Any, frequencies: ClothFrequencies, row: dict[str, Array]) -> Array:
         """Fill the record of one cloth in all worlds; returns its stable step."""
@@ -91,7 +89,7 @@ class ClothStage:
         out["plate"] = plate
         out["poisson"] = nu
         out["director"] = directors / (EDGES * np.where(plate > 0, plate, 1.0))
-        out["density"] = density
+        out["inverse_density"] = 1.0 / density
         out["drag_normal"] = 0.5 * self._air_density * row["drag_normal"]
         out["drag_tangential"] = 0.5 * self._air_density * row["drag_tangential"]
         return stable_step(membrane, bends, directors, row["stretch_damping"], row["bending_damping"])
@@ -108,7 +106,7 @@ class ClothStage:
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """Forces of all triangles; the directors take their step here as well."""
         s, m, b, dt = self._surface, self._materials, self._bending, clock.dt
-        triangles, edges = (self._n_worlds, self._triangles), (self._n_worlds, self._edges)
+        triangles, edges = (self._n_worlds, -(-self._triangles // BLOCK)), (self._n_worlds, -(-self._edges // BLOCK))
         _launch(bending.find_normals, triangles, [s, m, dt, nodes.x, nodes.v, nodes.inverse_mass, b])
         _launch(bending.find_bends, edges, [s, m, dt, nodes.x, b])
         _launch(bending.find_moments, triangles, [s, m, dt, b])
@@ -158,8 +156,8 @@ def _surface(parts: list[ClothGeometry], first: list[int]) -> Any:
     surface.curvature = joined([g.curvature for g in parts], wp.mat33d)
     surface.rest_curvature = joined([g.rest_curvature for g in parts], wp.vec3d)
     surface.ends = joined([g.ends + n for g, n in zip(parts, first, strict=True)], wp.vec2i)
-    sides = [np.where(g.sides >= 0, g.sides + int(t), -1) for g, t in zip(parts, triangle, strict=False)]
-    surface.sides = joined([s.astype(np.int32) for s in sides], wp.vec2i)
+    slots = [np.where(g.slots >= 0, g.slots + 4 * int(t), -1) for g, t in zip(parts, triangle, strict=False)]
+    surface.slots = joined([s.astype(np.int32) for s in slots], wp.vec2i)
     surface.softness = joined([g.softness for g in parts], wp.float64)
     return surface
 
@@ -173,6 +171,6 @@ def _bending(w: int, triangles: int, edges: int) -> Any:
     b.normal, b.spread = zeros(triangles, wp.vec3d), zeros(triangles, wp.float64)
     b.turning = zeros(triangles, wp.vec3d)
     b.bend, b.bend_rate = zeros(edges, wp.vec2d), zeros(edges, wp.vec2d)
-    b.share = zeros(edges, wp.float64)
+    b.share, b.inverse_length = zeros(edges, wp.float64), zeros(edges, wp.float64)
     b.moment, b.torque = zeros(triangles, wp.vec3d), zeros(edges, wp.float64)
     return b
