@@ -26,6 +26,7 @@ class RigidArrays:
     position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_friction,
     static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object;
     gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own.
+    joint_friction, joint_damping, joint_stiffness (R, joints): 0 where a joint has none.
     effect_kind (e,), effect_acts (e, n): not varied.
     """
 
@@ -46,6 +47,9 @@ class RigidArrays:
     gravity: Array
     effect_parameters: Array
     time_scale: Array
+    joint_friction: Array
+    joint_damping: Array
+    joint_stiffness: Array
     effect_kind: NDArray[np.int32]
     effect_acts: NDArray[np.int32]
 
@@ -81,6 +85,9 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         gravity=_row(list(world.environment.gravity)),
         effect_parameters=_effect_parameters(world),
         time_scale=np.ones((1, 1)),
+        joint_friction=_row([getattr(j, "friction", 0.0) for j in world.joints]),
+        joint_damping=_row([getattr(j, "damping", 0.0) for j in world.joints]),
+        joint_stiffness=_row([getattr(j, "stiffness", 0.0) for j in world.joints]),
         effect_kind=np.array([KIND_INDEX[e.kind] for e in effects], dtype=np.int32),
         effect_acts=np.array(
             [[e.objects is None or o.name in e.objects for o in objects] for e in effects], dtype=np.int32
@@ -104,6 +111,7 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
     columns = {o.name: i for i, o in enumerate(world.objects)}
     static_columns = {s.name: i for i, s in enumerate(world.statics)}
     effect_columns = {e.name: i for i, e in enumerate(e for e in world.effects if e.enabled)}
+    joint_columns = {j.name: i for i, j in enumerate(world.joints)}
     effect_kinds = {e.name: e.kind for e in world.effects}
     known = parameter_paths(world)
     turns: dict[str, Array] = {}
@@ -125,6 +133,8 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
             _widen(arrays, "gravity", rows)[:, "xyz".index(parts[2])] = values
         elif parts[0] == "environment":
             _widen(arrays, "plane_friction", rows)[:, 0] = values
+        elif parts[0] == "joints":
+            _widen(arrays, f"joint_{parts[2]}", rows)[:, joint_columns[parts[1]]] = values
         elif parts[0] == "effects":
             if parts[1] in effect_columns:  # a disabled effect has no column: its parameters act on nothing
                 slot = list(CATALOGUE[effect_kinds[parts[1]]].parameters).index(parts[2])

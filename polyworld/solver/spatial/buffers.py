@@ -12,6 +12,8 @@ from polyworld import geometry
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_scene import build_joints, joint_rows
 from polyworld.trajectory import Event
 from polyworld.world import World
 
@@ -57,10 +59,10 @@ def allocate_state(world: World, rows: int) -> layout.State:
     manifolds = max(1, min(pieces * (pieces - 1) // 2, 12 * pieces) + with_statics)
     contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
     state = layout.State()
-    state.bodies = zeros((rows, n + s), layout.Body)
+    state.bodies = zeros((rows, n + s + 1), layout.Body)
     state.manifolds = zeros((rows, 2 * manifolds), layout.Manifold)
     state.contacts = zeros((rows, 2 * contacts), layout.Contact)
-    state.rows = zeros((rows, ROWS * contacts), layout.Row)
+    state.rows = zeros((rows, ROWS * contacts + joint_rows(world)), layout.Row)
     state.scratch = zeros((rows, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
@@ -68,6 +70,12 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.objects, state.statics = n, s
     state.max_manifolds, state.max_contacts = manifolds, contacts
     return state
+
+
+def allocate_joints(world: World, state: layout.State) -> Joints:
+    """The world's joints, whose rows follow those of the contacts."""
+    rows, length = state.rows.shape
+    return build_joints(world, length - joint_rows(world), rows)
 
 
 def allocate_log(world: World, n_worlds: int, record: bool) -> layout.Log:

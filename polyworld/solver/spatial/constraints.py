@@ -7,7 +7,11 @@ fixed point opposes the sliding velocity exactly.
 
 import warp as wp
 
-from polyworld.solver.spatial.layout import Body, Row, State
+from polyworld.solver.spatial.joint_axes import move_axes
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_rows import hold_joints
+from polyworld.solver.spatial.layout import State
+from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
 
 ITERATIONS = 200
 CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts as none [m/s]
@@ -15,57 +19,7 @@ OVERLAP_SWEEPS = 3
 OVERLAP_SHARE = wp.float64(0.05)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
 NO_TARGET = wp.float64(-1.0e30)  # a normal velocity that is always reached
-IMMOBILE = wp.float64(1.0e-9)  # least velocity per impulse of a row, in those of a free point
 ROWS = 6  # normal, two tangents, spin, two of rolling
-
-
-@wp.func
-def world_inverse_inertia(b: Body) -> wp.mat33d:
-    """Inverse inertia about the centre of mass, world axes [1/(kg m^2)]."""
-    if b.isotropic == 1:
-        return b.inverse_inertia * b.inverse_mass
-    return b.rotation * b.inverse_inertia * wp.transpose(b.rotation) * b.inverse_mass
-
-
-@wp.func
-def make_row(
-    d: wp.vec3d, ja: wp.vec3d, jb: wp.vec3d, ia: wp.mat33d, ib: wp.mat33d, masses: wp.float64, lock: wp.vec3d
-) -> Row:
-    """A row; where bodies move in a plane only (unit normal `lock`), what would lead out of it is left out."""
-    row = Row()
-    row.d = d
-    row.ja = ja
-    row.jb = jb
-    locked = wp.dot(lock, lock) > wp.float64(0.5)
-    if locked:  # the bodies' inverse inertia sees to the rotation
-        row.d = d - lock * wp.dot(lock, d)
-    row.wa = ia * ja
-    row.wb = ib * jb
-    row.k = masses * wp.dot(row.d, row.d) + wp.dot(ja, row.wa) + wp.dot(jb, row.wb)
-    if locked:  # a row without freedom moves nothing, whatever its impulse: keep it divisible
-        row.k = wp.max(row.k, IMMOBILE * masses)
-    return row
-
-
-@wp.func
-def velocity_along(state: State, w: int, a: int, b: int, r: int) -> wp.float64:
-    """Relative velocity along row r, positive where a moves away from b."""
-    return (
-        wp.dot(state.rows[w, r].d, state.bodies[w, a].v - state.bodies[w, b].v)
-        + wp.dot(state.rows[w, r].ja, state.bodies[w, a].w)
-        - wp.dot(state.rows[w, r].jb, state.bodies[w, b].w)
-    )
-
-
-@wp.func
-def push(state: State, w: int, a: int, b: int, r: int, impulse: wp.float64) -> None:
-    """Apply an impulse along row r and add it to the row's sum."""
-    d = state.rows[w, r].d
-    state.bodies[w, a].v += d * (impulse * state.bodies[w, a].inverse_mass)
-    state.bodies[w, a].w += state.rows[w, r].wa * impulse
-    state.bodies[w, b].v -= d * (impulse * state.bodies[w, b].inverse_mass)
-    state.bodies[w, b].w -= state.rows[w, r].wb * impulse
-    state.rows[w, r].impulse += impulse
 
 
 @wp.func
@@ -149,9 +103,20 @@ def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float6
 
 @wp.func(inline=False)
 def solve_manifolds(
-    state: State, w: int, first: int, last: int, offset: int, iterations: int, converged: wp.float64
+    joints: Joints,
+    state: State,
+    w: int,
+    first: int,
+    last: int,
+    offset: int,
+    iterations: int,
+    converged: wp.float64,
+    h: wp.float64,
 ) -> None:
-    """Sweep over the manifolds [first, last) until no velocity changes any more. Normal velocities aim at targets."""
+    """Sweep over the manifolds [first, last) and all joints until no velocity changes any more.
+
+    Normal velocities aim at targets. h is the length of the step, 0 for an impact, in which finite forces do nothing.
+    """
     for _iteration in range(iterations):
         worst = wp.float64(0.0)
         for i in range(first, last):
@@ -184,6 +149,9 @@ def solve_manifolds(
                     coupling = state.contacts[w, c].coupling_rolling
                     changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
                     worst = wp.max(worst, changed * rolling)
+        if joints.count > 0:
+            worst = wp.max(worst, hold_joints(joints, state, w))
+            worst = wp.max(worst, move_axes(joints, state, w, h))
         if worst < converged:
             break
 
@@ -195,8 +163,8 @@ def clear_impulses(state: State, w: int, r: int) -> None:
 
 
 @wp.func
-def solve_velocities(state: State, w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
-    """Change the bodies' free velocities at the end of a step of length h into admissible ones.
+def aim_contacts(state: State, w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
+    """What velocities the contacts aim at, at the end of a step of length h; the last step's forces to begin with.
 
     Open contacts that close faster than the threshold are left to the impact that follows.
     """
@@ -225,7 +193,23 @@ def solve_velocities(state: State, w: int, half: int, h: wp.float64, threshold: 
                     g = state.contacts[w, c].force_roll * h
                     push(state, w, m.a, m.b, r + 4, wp.dot(g, m.t1))
                     push(state, w, m.a, m.b, r + 5, wp.dot(g, m.t2))
-    solve_manifolds(state, w, base, last, offset, ITERATIONS, CONVERGED)
+
+
+@wp.func
+def solve_contacts(joints: Joints, state: State, w: int, half: int, h: wp.float64) -> None:
+    """Change the bodies' velocities at the end of a step of length h into admissible ones."""
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    last = base + state.manifold_count[w, half]
+    solve_manifolds(joints, state, w, base, last, offset, ITERATIONS, CONVERGED, h)
+
+
+@wp.func
+def note_forces(state: State, w: int, half: int, h: wp.float64) -> None:
+    """Keep what the contacts did in a step of length h for the next."""
+    base = half * state.max_manifolds
+    offset = half * state.max_contacts
+    last = base + state.manifold_count[w, half]
     rate = wp.float64(1.0) / h
     for i in range(base, last):
         m = state.manifolds[w, i]

@@ -2,15 +2,12 @@
 
 import warp as wp
 
-from polyworld.solver.spatial.constraints import (
-    NO_TARGET,
-    ROWS,
-    clear_impulses,
-    push,
-    solve_manifolds,
-    velocity_along,
-)
+from polyworld.solver.spatial.constraints import NO_TARGET, ROWS, clear_impulses, solve_manifolds
+from polyworld.solver.spatial.joint_axes import let_go
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_rows import hold_joints
 from polyworld.solver.spatial.layout import Body, State
+from polyworld.solver.spatial.rows import push, velocity_along
 
 ITERATIONS = 200
 CONVERGED = wp.float64(1.0e-11)  # [m/s]
@@ -27,8 +24,19 @@ def kinetic_energy(b: Body) -> wp.float64:
     return wp.float64(0.5) * b.mass * (wp.dot(b.v, b.v) + wp.dot(w, b.inertia * w))
 
 
+@wp.func
+def energy_of(joints: Joints, state: State, w: int, a: int, b: int) -> wp.float64:
+    """Kinetic energy of all that an impact of a and b can change [J]."""
+    if joints.count == 0:
+        return kinetic_energy(state.bodies[w, a]) + kinetic_energy(state.bodies[w, b])
+    total = wp.float64(0.0)
+    for i in range(state.objects):
+        total += kinetic_energy(state.bodies[w, i])
+    return total
+
+
 @wp.func(inline=False)
-def rebound(state: State, w: int, i: int, offset: int) -> wp.float64:
+def rebound(joints: Joints, state: State, w: int, i: int, offset: int) -> wp.float64:
     """Resolve the impact of one pair; returns its normal impulse [N s].
 
     All points rebound with the restitution times their own approach speed (Moreau's form of Newton's law, which
@@ -41,7 +49,7 @@ def rebound(state: State, w: int, i: int, offset: int) -> wp.float64:
     start = state.manifolds[w, i].first
     end = start + state.manifolds[w, i].count
     restitution = state.manifolds[w, i].restitution
-    allowed = (kinetic_energy(state.bodies[w, a]) + kinetic_energy(state.bodies[w, b])) * ENERGY_ROUNDING
+    allowed = energy_of(joints, state, w, a, b) * ENERGY_ROUNDING
     for trial in range(TRIALS):
         for c in range(start, end):
             r = ROWS * (c - offset)
@@ -49,13 +57,16 @@ def rebound(state: State, w: int, i: int, offset: int) -> wp.float64:
             state.contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
             if state.contacts[w, c].gap > state.manifolds[w, i].close:
                 state.contacts[w, c].target = NO_TARGET
-        solve_manifolds(state, w, i, i + 1, offset, ITERATIONS, CONVERGED)
-        if kinetic_energy(state.bodies[w, a]) + kinetic_energy(state.bodies[w, b]) <= allowed or trial == TRIALS - 1:
+        solve_manifolds(joints, state, w, i, i + 1, offset, ITERATIONS, CONVERGED, wp.float64(0.0))
+        if energy_of(joints, state, w, a, b) <= allowed or trial == TRIALS - 1:
             break
         restitution = restitution * LESS
         for r in range(ROWS * (start - offset), ROWS * (end - offset)):
             if state.rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
                 push(state, w, a, b, r, -state.rows[w, r].impulse)
+        if joints.count > 0:
+            let_go(joints, state, w)
+            hold_joints(joints, state, w)
     impulse = wp.float64(0.0)
     for c in range(start, end):
         impulse += state.rows[w, ROWS * (c - offset)].impulse
@@ -63,7 +74,7 @@ def rebound(state: State, w: int, i: int, offset: int) -> wp.float64:
 
 
 @wp.func
-def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> int:
+def resolve_impacts(joints: Joints, state: State, w: int, half: int, threshold: wp.float64) -> int:
     """Newton's impact law for all touching pairs that approach faster than the threshold; returns how many there were.
 
     Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
@@ -100,7 +111,7 @@ def resolve_impacts(state: State, w: int, half: int, threshold: wp.float64) -> i
             state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
             active = wp.int32(1)
             resolved += 1
-            state.manifolds[w, i].impact += rebound(state, w, i, offset)
+            state.manifolds[w, i].impact += rebound(joints, state, w, i, offset)
     return resolved
 
 

@@ -176,10 +176,10 @@ class State:
     Contacts and manifolds are kept twice, in two halves of their arrays: those of this step and of the one before.
     """
 
-    bodies: wp.array2d[Body]  # (K, n + s)
+    bodies: wp.array2d[Body]  # (K, n + s + 1), the last is the world, which joints may hold on to
     manifolds: wp.array2d[Manifold]  # (K, 2 M)
     contacts: wp.array2d[Contact]  # (K, 2 C)
-    rows: wp.array2d[Row]  # (K, 6 C)
+    rows: wp.array2d[Row]  # (K, 6 C + rows of joints)
     scratch: wp.array2d[wp.vec3d]  # (K, corners of the two faces being clipped)
     manifold_count: wp.array2d[wp.int32]  # (K, 2)
     contact_count: wp.array2d[wp.int32]  # (K, 2)

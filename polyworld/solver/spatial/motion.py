@@ -104,19 +104,29 @@ def move_freely(b: Body, force: wp.vec3d, torque: wp.vec3d, gravity: wp.vec3d, h
 
 
 @wp.func
-def place(b: Body, h: wp.float64) -> Body:
-    """Position and orientation at the end of the step. Contact forces count as constant over it, so the velocity
-    they add acts half the time; the angular impulse is kept exactly as the body turns.
-    """
-    half = wp.float64(0.5)
-    dw = b.w - b.w_free
-    b.x += b.dx + (b.v - b.v_free) * (half * h) + b.shift
-    if b.isotropic == 0:
-        b.angular_momentum += b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
-    q = b.q_free
-    rotation = dw * (half * h) + b.turn
+def end_position(b: Body, h: wp.float64) -> wp.vec3d:
+    """Where the step ends. Contact forces count as constant over it, so the velocity they add acts half the time."""
+    return b.x + b.dx + (b.v - b.v_free) * (wp.float64(0.5) * h)
+
+
+@wp.func
+def end_orientation(b: Body, h: wp.float64) -> wp.quatd:
+    """Orientation in which the step ends, by the same rule."""
+    rotation = (b.w - b.w_free) * (wp.float64(0.5) * h)
     if wp.dot(rotation, rotation) > wp.float64(0.0):
-        q = turned(q, rotation)
+        return turned(b.q_free, rotation)
+    return b.q_free
+
+
+@wp.func
+def place(b: Body, x: wp.vec3d, q: wp.quatd) -> Body:
+    """The body at the end of the step; the angular impulse is kept exactly as the body turns."""
+    if b.isotropic == 0:
+        dw = b.w - b.w_free
+        b.angular_momentum += b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
+    b.x = x + b.shift
+    if wp.dot(b.turn, b.turn) > wp.float64(0.0):
+        q = turned(q, b.turn)
     b.q = q
     b.rotation = wp.quat_to_matrix(q)
     if b.isotropic == 0:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
+    allocate_joints,
     allocate_log,
     allocate_state,
     check_room,
@@ -22,6 +23,8 @@ from polyworld.solver.spatial.buffers import (
     write_parameters,
     zeros,
 )
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.step import roll_out
 from polyworld.solver.time_table import time_table
@@ -59,6 +62,7 @@ class SpatialSimulator:
         self._pieces = min(n_worlds, 1 if self.threads == 1 else 4 * self.threads)
         self._parameters: Any = None
         self._state: Any
+        self._joints: Joints
         self._samples: Any
         self._log: Any
         self._allocate()
@@ -89,10 +93,12 @@ class SpatialSimulator:
         samples.crowded = zeros((w,), wp.int32)
         self._samples = samples
         self._state = allocate_state(self.world, self._pieces)
+        self._joints = allocate_joints(self.world, self._state)
         self._log = allocate_log(self.world, w, self.record_events)
 
     def _write(self, arrays: RigidArrays) -> None:
         self._parameters = write_parameters(self._parameters, arrays)
+        write_joints(self._joints, arrays)
         for field in ("position", "orientation", "velocity", "angular_velocity"):
             getattr(self._samples, field).numpy()[:] = np.nan
         self._samples.diverged_object.numpy()[:] = -1
@@ -114,6 +120,7 @@ class SpatialSimulator:
                     self._geometry,
                     self._parameters,
                     self._schedule,
+                    self._joints,
                     self._state,
                     self._samples,
                     self._log,

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_step import load_joints
 from polyworld.solver.spatial.layout import OPTIONS, Geometry, Log, Parameters, State
 from polyworld.solver.spatial.step import advance, first_diverged, load_bodies
 
@@ -20,10 +22,13 @@ def let_in(parameters: Parameters, state: State, start: wp.array[wp.float64], w:
 
 
 @wp.kernel
-def load_worlds(geometry: Geometry, parameters: Parameters, state: State, start: wp.array[wp.float64]) -> None:
+def load_worlds(
+    geometry: Geometry, parameters: Parameters, joints: Joints, state: State, start: wp.array[wp.float64]
+) -> None:
     """Put the bodies of world w in row w of the state, where they start."""
     w = wp.tid()
     load_bodies(geometry, parameters, state, w, w)
+    load_joints(joints, state, w, w)
     let_in(parameters, state, start, w, wp.float64(0.0))
 
 
@@ -31,6 +36,7 @@ def load_worlds(geometry: Geometry, parameters: Parameters, state: State, start:
 def step_worlds(
     geometry: Geometry,
     parameters: Parameters,
+    joints: Joints,
     state: State,
     log: Log,
     start: wp.array[wp.float64],
@@ -44,6 +50,6 @@ def step_worlds(
     if h[w] <= wp.float64(0.0) or lost[w] >= 0 or state.crowded[w] == 1:
         return
     gravity = parameters.gravity[w % parameters.gravity.shape[0]]
-    half[w] = advance(geometry, parameters, state, log, w, w, half[w], gravity, time[w], h[w])
+    half[w] = advance(geometry, parameters, joints, state, log, w, w, half[w], gravity, time[w], h[w])
     lost[w] = first_diverged(state, w)
     let_in(parameters, state, start, w, time[w] + h[w])

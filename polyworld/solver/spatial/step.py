@@ -4,13 +4,18 @@ import warp as wp
 
 from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.spatial.constraints import (
+    aim_contacts,
     build_rows,
+    note_forces,
     separate_overlaps,
-    solve_velocities,
+    solve_contacts,
 )
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
 from polyworld.solver.spatial.impacts import resolve_impacts, time_to_impact
+from polyworld.solver.spatial.joint_axes import time_to_stop
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_step import begin_joints, finish_joints, load_joints, settle_joints, solve_joints
 from polyworld.solver.spatial.layout import (
     OPTIONS,
     Body,
@@ -21,7 +26,15 @@ from polyworld.solver.spatial.layout import (
     Schedule,
     State,
 )
-from polyworld.solver.spatial.motion import FASTEST, locked, move_freely, out_of_bounds, place
+from polyworld.solver.spatial.motion import (
+    FASTEST,
+    end_orientation,
+    end_position,
+    locked,
+    move_freely,
+    out_of_bounds,
+    place,
+)
 
 wp.set_module_options(OPTIONS)
 
@@ -71,6 +84,12 @@ def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int
         b.isotropic = 1
         b.active = 1
         state.bodies[k, state.objects + s] = b
+    world = Body()
+    world.q = wp.quatd(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), one)
+    world.rotation = wp.quat_to_matrix(world.q)
+    world.isotropic = 1
+    world.active = 1
+    state.bodies[k, state.objects + state.statics] = world
     state.manifold_count[k, 0] = 0
     state.manifold_count[k, 1] = 0
     state.contact_count[k, 0] = 0
@@ -142,6 +161,7 @@ def predict(
 def advance(
     geometry: Geometry,
     parameters: Parameters,
+    joints: Joints,
     state: State,
     log: Log,
     w: int,
@@ -164,27 +184,41 @@ def advance(
     while left > wp.float64(0.0):
         sweep_bodies(geometry, state, k, fall, left)
         half = 1 - half
+        if joints.count > 0:
+            settle_joints(joints, state, k, geometry.lock)
         find_contacts(geometry, state, k, half)
         build_rows(state, k, half, geometry.lock)
         part = left
         slowest = threshold
         if impacts < MAX_IMPACTS:
-            if resolve_impacts(state, k, half, threshold) > 0:
+            if resolve_impacts(joints, state, k, half, threshold) > 0:
                 impacts += 1
                 continue  # the bodies now move elsewhere: look again what they may hit
             part = time_to_impact(state, k, half, left, threshold, gravity)
+            if joints.count > 0:
+                part = time_to_stop(joints, state, k, part)
             if part < left:
                 impacts += 1
         else:
             slowest = FASTEST
+        if joints.count > 0:
+            begin_joints(joints, state, k, time, part)
         predict(geometry, parameters, state, w, k, gravity, time, part)
-        solve_velocities(state, k, half, part, slowest)
+        aim_contacts(state, k, half, part, slowest)
+        if joints.count > 0:
+            solve_joints(joints, state, k, half, part)
+        else:
+            solve_contacts(joints, state, k, half, part)
+        note_forces(state, k, half, part)
         separate_overlaps(state, k, half, part)
+        for i in range(state.objects):
+            if state.bodies[k, i].active == 1 and (joints.count == 0 or joints.jointed[i] == 0):
+                b = state.bodies[k, i]
+                state.bodies[k, i] = place(b, end_position(b, part), end_orientation(b, part))
+        if joints.count > 0:
+            finish_joints(joints, state, k, half, part, geometry.lock)
         if log.record == 1:
             record_contacts(log, state, w, k, half, time, part)
-        for i in range(state.objects):
-            if state.bodies[k, i].active == 1:
-                state.bodies[k, i] = place(state.bodies[k, i], part)
         left -= part
         time += part
     return half
@@ -204,6 +238,7 @@ def roll_out(
     geometry: Geometry,
     parameters: Parameters,
     schedule: Schedule,
+    joints: Joints,
     state: State,
     samples: Samples,
     log: Log,
@@ -220,6 +255,7 @@ def roll_out(
     scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
     gravity = parameters.gravity[w % parameters.gravity.shape[0]]
     load_bodies(geometry, parameters, state, w, k)
+    load_joints(joints, state, w, k)
     time = wp.float64(0.0)
     half = wp.int32(0)
     for segment in range(segments):
@@ -230,7 +266,7 @@ def roll_out(
         steps = schedule.steps[segment]
         for step in range(steps):
             h = (end - time) / wp.float64(steps - step)
-            half = advance(geometry, parameters, state, log, w, k, half, gravity, time, h)
+            half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, time, h)
             time += h
             lost = first_diverged(state, k)
             if lost >= 0:

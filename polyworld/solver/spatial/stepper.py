@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.spatial.buffers import (
     SHARED,
+    allocate_joints,
     allocate_log,
     allocate_state,
     check_room,
@@ -20,6 +21,7 @@ from polyworld.solver.spatial.buffers import (
     write_parameters,
     zeros,
 )
+from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.single_step import load_worlds, step_worlds
 from polyworld.trajectory import Event
@@ -29,7 +31,8 @@ from polyworld.world import World
 class RigidStepper:
     """Bodies of W variants of one world, of which others may read and change the state between steps.
 
-    bodies: Warp array (W, n + s) of `layout.Body`, objects first; x, q, v, w may be written between steps, with
+    bodies: Warp array (W, n + s + 1) of `layout.Body`, objects first, then statics, then the world itself; x, q, v,
+    w may be written between steps, with
     `rotation` the matrix of q. geometry: their shapes. parameters: arrays of W rows, written in place, so that a
     captured graph of `launch_step` stays valid.
     """
@@ -42,6 +45,7 @@ class RigidStepper:
         self._all_names = self.names + tuple(s.name for s in world.statics)
         self.geometry, self._trees = build_geometry(world)
         self.state = allocate_state(world, n_worlds)
+        self.joints = allocate_joints(world, self.state)
         self.bodies = self.state.bodies
         self.log = allocate_log(world, n_worlds, record_events)
         self._start: Any = wp.array([o.start_time for o in world.objects], dtype=wp.float64, device="cpu")
@@ -57,6 +61,7 @@ class RigidStepper:
             for name, values in vars(arrays).items()
         }
         self.parameters = write_parameters(self.parameters, replace(arrays, **wide))
+        write_joints(self.joints, replace(arrays, **wide))
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
@@ -66,7 +71,7 @@ class RigidStepper:
         wp.launch(
             load_worlds,
             dim=self.n_worlds,
-            inputs=[self.geometry, self.parameters, self.state, self._start],
+            inputs=[self.geometry, self.parameters, self.joints, self.state, self._start],
             device="cpu",
         )
 
@@ -84,6 +89,7 @@ class RigidStepper:
             inputs=[
                 self.geometry,
                 self.parameters,
+                self.joints,
                 self.state,
                 self.log,
                 self._start,

@@ -1,0 +1,212 @@
+"""What acts along a joint's axis: dry friction, damping, motors, stops and springs.
+
+Each is an impulse within its bounds, found in turn by Gauss-Seidel while all joints hold: the velocity that an
+impulse adds is that of the whole chain (`Joints.compliance`), not that of the two bodies alone.
+"""
+
+import warp as wp
+
+from polyworld.solver.spatial.joint_layout import BALL, NEVER, SPRING, Joint, JointKind, Joints
+from polyworld.solver.spatial.joint_rows import hold_joints
+from polyworld.solver.spatial.layout import State
+from polyworld.solver.spatial.rows import push, velocity_along
+
+STOPPED = wp.float64(1.0e-7)  # a stop is reached within this [m or rad]
+UNREACHED = wp.float64(-1.0e30)  # a velocity that is always reached
+STOP_SWEEPS = 50
+
+
+@wp.func
+def damped_share(z: wp.float64) -> wp.float64:
+    """Weight of the velocity at a step's end in its mean, where it decays by exp(-z) over the step."""
+    if z < wp.float64(1.0e-3):
+        return wp.float64(0.5) + z / wp.float64(12.0)
+    return wp.float64(1.0) / (wp.float64(1.0) - wp.exp(-z)) - wp.float64(1.0) / z
+
+
+@wp.func
+def pull_spring(joint: Joint, c: wp.float64, v: wp.float64, h: wp.float64) -> wp.float64:
+    """Change of the impulse of a spring and damper: the mean of its forces at both ends of the step."""
+    half = wp.float64(0.5) * h
+    end = joint.end_place + half * (v - joint.seen_speed)
+    extension = wp.float64(0.5) * (joint.place + end) - joint.rest_length
+    wanted = -h * joint.stiffness * extension - half * joint.damping * (joint.speed[0] + v)
+    return (wanted - joint.pulled) / (
+        wp.float64(1.0) + wp.float64(0.5) * half * h * joint.stiffness * c + half * joint.damping * c
+    )
+
+
+@wp.func
+def rub_ball(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp.float64:
+    """Friction and damping of a ball joint: a torque against the turning, of a bounded length and of its rate."""
+    d = joints.kinds[j]
+    row = joints.base + joints.equalities + d.axis
+    joint = joints.joint[k, j]
+    c = wp.max(joints.compliance[k, d.axis], wp.max(joints.compliance[k, d.axis + 1], joints.compliance[k, d.axis + 2]))
+    if c <= wp.float64(0.0):
+        return c
+    v = wp.vec3d()
+    for i in range(3):
+        v[i] = velocity_along(state, k, d.a, d.b, row + i)
+    z = joint.damping * h * c
+    share = damped_share(z)
+    wanted = (v * share + joint.speed * (wp.float64(1.0) - share)) * (-joint.damping * h)
+    change = (wanted - joint.damped) / (wp.float64(1.0) + z * share)
+    joints.joint[k, j].damped = joint.damped + change
+    trial = joint.rubbing - (v + change * c) / c
+    size = wp.length(trial)
+    bound = joint.friction * h
+    if size > bound:
+        trial = trial * (bound / size)
+    change += trial - joint.rubbing
+    joints.joint[k, j].rubbing = trial
+    for i in range(3):
+        push(state, k, d.a, d.b, row + i, change[i])
+    return wp.length(change) * c
+
+
+@wp.func
+def move_axis(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp.float64:
+    """One visit of the axis of a hinge, slider or spring. Returns the velocity changed."""
+    zero = wp.float64(0.0)
+    d = joints.kinds[j]
+    row = joints.base + joints.equalities + d.axis
+    c = joints.compliance[k, d.axis]
+    if c <= zero:
+        return zero
+    joint = joints.joint[k, j]
+    before = velocity_along(state, k, d.a, d.b, row)
+    v = before
+    total = zero
+    if d.kind == SPRING:
+        if joint.settled == 1:
+            return zero
+        total = pull_spring(joint, c, v, h)
+        joint.pulled += total
+    else:
+        if joint.damping > zero:
+            z = joint.damping * h * c
+            share = damped_share(z)
+            wanted = -joint.damping * h * (share * v + (wp.float64(1.0) - share) * joint.speed[0])
+            change = (wanted - joint.damped[0]) / (wp.float64(1.0) + z * share)
+            joint.damped[0] = joint.damped[0] + change
+            total += change
+            v += change * c
+        if d.driven > 0:
+            most = wp.abs(d.effort) * joint.drive
+            wanted = d.effort * joint.drive
+            if d.driven == 2:
+                wanted = wp.clamp(joint.driving + (d.speed - v) / c, -most, most)
+            total += wanted - joint.driving
+            v += (wanted - joint.driving) * c
+            joint.driving = wanted
+        if joint.friction > zero:
+            bound = joint.friction * h
+            wanted = wp.clamp(joint.rubbing[0] - v / c, -bound, bound)
+            total += wanted - joint.rubbing[0]
+            v += (wanted - joint.rubbing[0]) * c
+            joint.rubbing[0] = wanted
+        for s in range(2):  # lower, upper
+            side = wp.float64(1 - 2 * s)
+            if joint.stop_aim[s] > UNREACHED or joint.stopped[s] != zero:
+                wanted = wp.max(joint.stopped[s] + (joint.stop_aim[s] - side * v) / c, zero)
+                change = side * (wanted - joint.stopped[s])
+                total += change
+                v += change * c
+                joint.stopped[s] = wanted
+    joints.joint[k, j] = joint
+    if total != zero:
+        push(state, k, d.a, d.b, row, total)
+    return wp.abs(v - before) + wp.abs(total) * c
+
+
+@wp.func(inline=False)
+def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+    """Visit all axes in turn, holding the joints after each. Returns the largest velocity changed."""
+    worst = wp.float64(0.0)
+    for j in range(joints.count):
+        if joints.kinds[j].axes > 0 and joints.joint[k, j].active == 1:
+            changed = wp.float64(0.0)
+            if joints.kinds[j].kind == BALL:
+                changed = rub_ball(joints, state, k, j, h)
+            else:
+                changed = move_axis(joints, state, k, j, h)
+            if changed > wp.float64(0.0):
+                worst = wp.max(worst, changed)
+                hold_joints(joints, state, k)
+    return worst
+
+
+@wp.func
+def forget(joints: Joints, k: int, j: int) -> None:
+    """Set the impulses of a joint's axes to zero."""
+    joints.joint[k, j].rubbing = wp.vec3d()
+    joints.joint[k, j].damped = wp.vec3d()
+    joints.joint[k, j].driving = wp.float64(0.0)
+    joints.joint[k, j].stopped = wp.vec2d()
+    joints.joint[k, j].pulled = wp.float64(0.0)
+
+
+@wp.func
+def let_go(joints: Joints, state: State, k: int) -> None:
+    """Take back the impulses along all axes."""
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        for i in range(d.axes):
+            r = joints.base + joints.equalities + d.axis + i
+            if state.rows[k, r].impulse != wp.float64(0.0):
+                push(state, k, d.a, d.b, r, -state.rows[k, r].impulse)
+        forget(joints, k, j)
+
+
+@wp.func
+def gap_to_stop(d: JointKind, place: wp.float64, s: int) -> wp.float64:
+    """How far a joint is from its lower (0) or upper (1) stop; negative beyond it."""
+    if s == 0:
+        return place - d.lower
+    return d.upper - place
+
+
+@wp.func
+def aim_at_stops(joints: Joints, k: int, h: wp.float64) -> None:
+    """Velocities away from the stops that end the step of length h where it may end; for h = 0, now."""
+    zero = wp.float64(0.0)
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        joints.joint[k, j].stop_aim = wp.vec2d(UNREACHED, UNREACHED)
+        if d.axes == 1 and d.kind != SPRING:
+            for s in range(2):
+                gap = gap_to_stop(d, joints.joint[k, j].place, s)
+                side = wp.float64(1 - 2 * s)
+                if gap <= STOPPED:
+                    joints.joint[k, j].stop_aim[s] = zero
+                elif h > zero and gap < wp.float64(0.5 * NEVER):
+                    speed = side * joints.joint[k, j].speed[0]
+                    joints.joint[k, j].stop_aim[s] = wp.min(zero, -wp.float64(2.0) * gap / h - speed)
+
+
+@wp.func
+def stop_joints(joints: Joints, state: State, k: int) -> None:
+    """Joints at a stop lose the speed with which they run into it, at once and for good."""
+    aim_at_stops(joints, k, wp.float64(0.0))
+    for _sweep in range(STOP_SWEEPS):
+        if move_axes(joints, state, k, wp.float64(0.0)) < wp.float64(1.0e-12):
+            break
+    for j in range(joints.count):
+        forget(joints, k, j)
+
+
+@wp.func
+def time_to_stop(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+    """Time until the first joint reaches a stop at its present speed, at most h."""
+    earliest = h
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        if d.axes == 1 and d.kind != SPRING and joints.joint[k, j].active == 1:
+            v = velocity_along(state, k, d.a, d.b, joints.base + joints.equalities + d.axis)
+            for s in range(2):
+                gap = gap_to_stop(d, joints.joint[k, j].place, s)
+                speed = -v * wp.float64(1 - 2 * s)
+                if gap > STOPPED and speed * h > gap:
+                    earliest = wp.min(earliest, (gap - wp.float64(0.5) * STOPPED) / speed)
+    return earliest

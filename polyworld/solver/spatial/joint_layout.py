@@ -1,0 +1,114 @@
+"""The records of joints: what they are in all worlds, and what they are up to in one."""
+
+import warp as wp
+
+HINGE = 0
+SLIDER = 1
+BALL = 2
+FIXED = 3
+SPRING = 4
+
+NEVER = 1.0e30  # a time or a stop that is never reached
+
+
+@wp.struct
+class JointKind:
+    """What a joint is, the same in all worlds.
+
+    a, b: the bodies it joins; the world is the body after the last static. column: its place among the world's
+    joints. anchor, other_anchor: its points at the bodies' start, world axes [m]; they differ for springs only.
+    frame: columns axis and two tangents, world axes. point, points: its rows hold the coordinates
+    [point, point + points) of the anchor in the frame, and then of the rotation [turn, turn + turns). first: its
+    first row. axis, axes: its rows along which it moves with friction, motors and stops, or along which a spring
+    pulls. effort: of the motor without a target, with its sign.
+    """
+
+    kind: int
+    a: int
+    b: int
+    column: int
+    point: int
+    points: int
+    turn: int
+    turns: int
+    first: int
+    axis: int
+    axes: int
+    anchor: wp.vec3d
+    other_anchor: wp.vec3d
+    frame: wp.mat33d
+    lower: wp.float64
+    upper: wp.float64
+    rest_length: wp.float64  # negative: as long as it starts
+    driven: int  # 0: no motor; 1: with a constant effort; 2: towards a speed
+    speed: wp.float64
+    effort: wp.float64
+    switched_on: wp.float64
+    switched_off: wp.float64
+
+
+@wp.struct
+class Joint:
+    """A joint in one world: where it holds its bodies, in their axes, and how it moves.
+
+    place: angle or displacement from the start, counted beyond full turns; for a spring its length. speed: rate of
+    `place` at the start of the step. The impulses are those of the step so far: of dry friction (along three axes
+    for a ball), damping, motor, lower and upper stop, and spring.
+    """
+
+    arm_a: wp.vec3d
+    arm_b: wp.vec3d
+    frame_a: wp.mat33d
+    frame_b: wp.mat33d
+    active: int
+    friction: wp.float64
+    damping: wp.float64
+    stiffness: wp.float64
+    rest_length: wp.float64
+    place: wp.float64
+    end_place: wp.float64  # at the end of the step, as it looks now
+    seen_speed: wp.float64  # rate of the spring's length at which end_place was found
+    speed: wp.vec3d
+    drive: wp.float64  # seconds of the step for which the motor is on
+    rubbing: wp.vec3d
+    damped: wp.vec3d
+    driving: wp.float64
+    stopped: wp.vec2d
+    pulled: wp.float64
+    stop_aim: wp.vec2d  # least velocity away from the lower and upper stop
+    settled: int  # 1 where a spring's impulse is final
+
+
+@wp.struct
+class Joints:
+    """All joints of K worlds, their rows in State.rows from `base` on, and room to solve for their impulses.
+
+    Rows are ordered so that the matrix (J M^-1 J^T) of a chain or tree is narrow. Its row r is kept from column
+    column[r] to the diagonal, at start[r] of `matrix`, which holds its Cholesky factor L. inverse: 1 / L[r, r],
+    0 for rows that depend on those before. aim: the velocity that each row is brought to.
+    """
+
+    count: int
+    equalities: int
+    axes: int
+    base: int
+    kinds: wp.array[JointKind]
+    column: wp.array[wp.int32]
+    start: wp.array[wp.int32]
+    row_joint: wp.array[wp.int32]  # (equalities + axes,)
+    jointed: wp.array[wp.int32]  # (n,) 1 where a body is held by a joint
+    joint: wp.array2d[Joint]
+    matrix: wp.array2d[wp.float64]
+    inverse: wp.array2d[wp.float64]
+    aim: wp.array2d[wp.float64]
+    work: wp.array2d[wp.float64]
+    compliance: wp.array2d[wp.float64]  # (K, axes) velocity per impulse of an axis while the joints hold
+    ready: wp.array[wp.int32]  # (K,) 1 where the rows are those of the bodies' pose
+    start_w: wp.array2d[wp.vec3d]
+    end_x: wp.array2d[wp.vec3d]
+    end_q: wp.array2d[wp.quatd]
+    end_rotation: wp.array2d[wp.mat33d]
+    half_impulse: wp.array2d[wp.float64]
+    friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.solver.arrays.RigidArrays`
+    damping: wp.array2d[wp.float64]
+    stiffness: wp.array2d[wp.float64]

@@ -1,0 +1,253 @@
+"""Joints over a step: the scheme RATTLE.
+
+The impulses that hold the joints act half at the start of the step, such that its end pose satisfies them, and
+half at its end, such that the velocities there do (Andersen 1983, J. Comput. Phys. 52, 24; for rigid bodies
+Dullweber, Leimkuhler & McLachlan 1997, J. Chem. Phys. 107, 5840). Both act at the joint's point as it then is. The
+scheme is symmetric and second order, keeps momentum and angular momentum, and energy without a drift. What acts
+along the axes is halved in the same way.
+"""
+
+import warp as wp
+
+from polyworld.solver.spatial.constraints import solve_contacts
+from polyworld.solver.spatial.joint_axes import aim_at_stops, forget, stop_joints
+from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints
+from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forward, hold_joints, joint_error
+from polyworld.solver.spatial.layout import Body, Row, State
+from polyworld.solver.spatial.motion import place, remaining, spun, turned
+from polyworld.solver.spatial.rows import push, velocity_along
+
+NEWTON_STEPS = 20
+CLOSED = wp.float64(1.0e-13)  # opening of a joint that counts as none [m or rad]
+OPEN = wp.float64(1.0e-10)  # what is left open after a step, by overlaps parted, and then mended
+MENDING = 4
+
+
+@wp.func
+def load_joints(joints: Joints, state: State, w: int, k: int) -> None:
+    """Row k of the joints: those of world w, where its bodies start; none is active."""
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        a = state.bodies[k, d.a]
+        b = state.bodies[k, d.b]
+        joint = Joint()
+        joint.arm_a = wp.transpose(a.rotation) * (d.anchor - a.x)
+        joint.arm_b = wp.transpose(b.rotation) * (d.other_anchor - b.x)
+        joint.frame_a = wp.transpose(a.rotation) * d.frame
+        joint.frame_b = wp.transpose(b.rotation) * d.frame
+        joint.friction = joints.friction[w % joints.friction.shape[0], d.column]
+        joint.damping = joints.damping[w % joints.damping.shape[0], d.column]
+        joint.stiffness = joints.stiffness[w % joints.stiffness.shape[0], d.column]
+        joint.rest_length = d.rest_length
+        if d.rest_length < wp.float64(0.0):
+            joint.rest_length = wp.length(d.anchor - d.other_anchor)
+        joints.joint[k, j] = joint
+    for r in range(joints.equalities + joints.axes):
+        state.rows[k, joints.base + r] = Row()
+    joints.ready[k] = 0
+
+
+@wp.func
+def no_aims(joints: Joints, k: int) -> None:
+    for r in range(joints.equalities):
+        joints.aim[k, r] = wp.float64(0.0)
+
+
+@wp.func(inline=False)
+def settle_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
+    """Rows at this pose; velocities that would pull a joint apart, or run it into a stop, are taken up at once."""
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        if joints.joint[k, j].active == 0 and state.bodies[k, d.a].active + state.bodies[k, d.b].active == 2:
+            joints.joint[k, j].active = 1
+            joints.ready[k] = 0
+        forget(joints, k, j)
+    if joints.ready[k] == 0:
+        build_joint_rows(joints, state, k, lock)
+    no_aims(joints, k)
+    hold_joints(joints, state, k)
+    stop_joints(joints, state, k)
+
+
+@wp.func(inline=False)
+def begin_joints(joints: Joints, state: State, k: int, time: wp.float64, h: wp.float64) -> None:
+    """Note what the bodies do before a step of length h, and clear the impulses."""
+    zero = wp.float64(0.0)
+    for i in range(state.objects):
+        joints.start_w[k, i] = state.bodies[k, i].w
+    for r in range(joints.equalities + joints.axes):
+        state.rows[k, joints.base + r].impulse = zero
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        speed = wp.vec3d()
+        for i in range(d.axes):
+            speed[i] = velocity_along(state, k, d.a, d.b, joints.base + joints.equalities + d.axis + i)
+        joints.joint[k, j].settled = 0
+        joints.joint[k, j].speed = speed
+        joints.joint[k, j].seen_speed = speed[0]
+        joints.joint[k, j].end_place = joints.joint[k, j].place + h * speed[0]
+        on = wp.min(time + h, d.switched_off) - wp.max(time, d.switched_on)
+        joints.joint[k, j].drive = wp.max(on, zero)
+    aim_at_stops(joints, k, h)
+
+
+@wp.func
+def held_orientation(b: Body, start_w: wp.vec3d, h: wp.float64) -> wp.quatd:
+    """Orientation at the step's end: half of all angular impulses at its start, then free rotation."""
+    half = wp.float64(0.5)
+    damped = remaining(b.angular_damping, h)
+    dw = b.w - b.w_free
+    if b.isotropic == 1:
+        turning = b.w_free - start_w * damped[0]
+        return turned(b.q, (start_w * damped[1] + (turning + dw) * half) * h)
+    start = b.rotation * (b.inertia * (wp.transpose(b.rotation) * start_w)) * b.mass
+    impulse = b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
+    return spun(b, start * damped[1] + (b.angular_momentum - start * damped[0] + impulse) * half, h)
+
+
+@wp.func
+def look_ahead(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+    """Where the step ends with the velocities so far, and the velocities to aim at so that all joints are closed there.
+
+    Returns by how much the worst is open.
+    """
+    half = wp.float64(0.5) * h
+    for i in range(state.objects):
+        if joints.jointed[i] == 1 and state.bodies[k, i].active == 1:
+            b = state.bodies[k, i]
+            joints.end_x[k, i] = b.x + b.dx + (b.v - b.v_free) * half
+            q = held_orientation(b, joints.start_w[k, i], h)
+            joints.end_q[k, i] = q
+            joints.end_rotation[k, i] = wp.quat_to_matrix(q)
+    worst = wp.float64(0.0)
+    for j in range(joints.count):
+        if joints.joint[k, j].active == 0:
+            continue
+        d = joints.kinds[j]
+        joint = joints.joint[k, j]
+        xa = joints.end_x[k, d.a]
+        ra = joints.end_rotation[k, d.a]
+        xb = state.bodies[k, d.b].x
+        rb = state.bodies[k, d.b].rotation
+        if d.b < state.objects:
+            xb = joints.end_x[k, d.b]
+            rb = joints.end_rotation[k, d.b]
+        if d.kind == SPRING:
+            v = velocity_along(state, k, d.a, d.b, joints.base + joints.equalities + d.axis)
+            length = wp.length(xa + ra * joint.arm_a - xb - rb * joint.arm_b)
+            guess = joint.end_place + half * (v - joint.seen_speed)
+            worst = wp.max(worst, wp.abs(length - guess))
+            joints.joint[k, j].end_place = length
+            joints.joint[k, j].seen_speed = v
+            continue
+        apart, askew = joint_error(d, joint, xa, ra, xb, rb)
+        r = d.first
+        for i in range(d.point, d.point + d.points):
+            joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - apart[i] / half
+            if joints.inverse[k, r] > wp.float64(0.0):
+                worst = wp.max(worst, wp.abs(apart[i]))
+            r += 1
+        for i in range(d.turn, d.turn + d.turns):
+            joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - askew[i] / half
+            if joints.inverse[k, r] > wp.float64(0.0):
+                worst = wp.max(worst, wp.abs(askew[i]))
+            r += 1
+    return worst
+
+
+@wp.func(inline=False)
+def solve_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64) -> None:
+    """Impulses of joints and contacts over the step, such that its end pose satisfies the joints: Newton's method."""
+    last = wp.float64(1.0e30)
+    for iteration in range(NEWTON_STEPS):
+        opening = look_ahead(joints, state, k, h)
+        if iteration > 0 and (opening <= CLOSED or opening > wp.float64(0.5) * last):
+            return
+        last = opening
+        solve_contacts(joints, state, k, half, h)
+    look_ahead(joints, state, k, h)
+
+
+@wp.func
+def push_halves(joints: Joints, state: State, k: int, first: int, end: int, sign: wp.float64) -> None:
+    """Add half (sign 1), or take back half (sign -1), of the impulses of the rows [first, end)."""
+    for r in range(first, end):
+        j = joints.row_joint[r]
+        d = joints.kinds[j]
+        row = joints.base + r
+        impulse = joints.half_impulse[k, r]
+        if sign < wp.float64(0.0):
+            impulse = wp.float64(0.5) * state.rows[k, row].impulse
+            joints.half_impulse[k, r] = impulse
+        if impulse != wp.float64(0.0):
+            push(state, k, d.a, d.b, row, sign * impulse)
+
+
+@wp.func
+def move_bodies(joints: Joints, state: State, k: int) -> None:
+    """Move bodies by as much as closes the openings in `work`, each according to its mass."""
+    forward(joints, k)
+    backward(joints, k)
+    for r in range(joints.equalities):
+        d = joints.kinds[joints.row_joint[r]]
+        row = state.rows[k, joints.base + r]
+        p = joints.work[k, r]
+        state.bodies[k, d.a].shift += row.d * (p * state.bodies[k, d.a].inverse_mass)
+        state.bodies[k, d.a].turn += row.wa * p
+        state.bodies[k, d.b].shift -= row.d * (p * state.bodies[k, d.b].inverse_mass)
+        state.bodies[k, d.b].turn -= row.wb * p
+    for i in range(state.objects):
+        if joints.jointed[i] == 1:
+            q = turned(state.bodies[k, i].q, state.bodies[k, i].turn)
+            state.bodies[k, i].x += state.bodies[k, i].shift
+            state.bodies[k, i].q = q
+            state.bodies[k, i].rotation = wp.quat_to_matrix(q)
+            state.bodies[k, i].shift = wp.vec3d()
+            state.bodies[k, i].turn = wp.vec3d()
+
+
+@wp.func(inline=False)
+def mend_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
+    """Close what overlaps that were parted have opened, without giving anything speed."""
+    for _pass in range(MENDING):
+        worst = wp.float64(0.0)
+        for j in range(joints.count):
+            d = joints.kinds[j]
+            if d.kind == SPRING or joints.joint[k, j].active == 0:
+                continue
+            a = state.bodies[k, d.a]
+            b = state.bodies[k, d.b]
+            apart, askew = joint_error(d, joints.joint[k, j], a.x, a.rotation, b.x, b.rotation)
+            r = d.first
+            for i in range(d.point, d.point + d.points):
+                joints.work[k, r] = -apart[i]
+                if joints.inverse[k, r] > wp.float64(0.0):
+                    worst = wp.max(worst, wp.abs(apart[i]))
+                r += 1
+            for i in range(d.turn, d.turn + d.turns):
+                joints.work[k, r] = -askew[i]
+                if joints.inverse[k, r] > wp.float64(0.0):
+                    worst = wp.max(worst, wp.abs(askew[i]))
+                r += 1
+        if worst < OPEN:
+            return
+        move_bodies(joints, state, k)
+        build_joint_rows(joints, state, k, lock)
+
+
+@wp.func(inline=False)
+def finish_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64, lock: wp.vec3d) -> None:
+    """Put jointed bodies where the step ends, and let the second half of all impulses act there."""
+    rows = joints.equalities + joints.axes
+    push_halves(joints, state, k, 0, rows, wp.float64(-1.0))
+    for i in range(state.objects):
+        if joints.jointed[i] == 1 and state.bodies[k, i].active == 1:
+            state.bodies[k, i] = place(state.bodies[k, i], joints.end_x[k, i], joints.end_q[k, i])
+    build_joint_rows(joints, state, k, lock)
+    push_halves(joints, state, k, joints.equalities, rows, wp.float64(1.0))
+    no_aims(joints, k)
+    aim_at_stops(joints, k, wp.float64(0.0))
+    for j in range(joints.count):
+        joints.joint[k, j].settled = 1
+    solve_contacts(joints, state, k, half, h)
+    mend_joints(joints, state, k, lock)

@@ -1,0 +1,56 @@
+"""One direction in which an impulse acts between two bodies."""
+
+import warp as wp
+
+from polyworld.solver.spatial.layout import Body, Row, State
+
+IMMOBILE = wp.float64(1.0e-9)  # least velocity per impulse of a row, in those of a free point
+
+
+@wp.func
+def world_inverse_inertia(b: Body) -> wp.mat33d:
+    """Inverse inertia about the centre of mass, world axes [1/(kg m^2)]."""
+    if b.isotropic == 1:
+        return b.inverse_inertia * b.inverse_mass
+    return b.rotation * b.inverse_inertia * wp.transpose(b.rotation) * b.inverse_mass
+
+
+@wp.func
+def make_row(
+    d: wp.vec3d, ja: wp.vec3d, jb: wp.vec3d, ia: wp.mat33d, ib: wp.mat33d, masses: wp.float64, lock: wp.vec3d
+) -> Row:
+    """A row; where bodies move in a plane only (unit normal `lock`), what would lead out of it is left out."""
+    row = Row()
+    row.d = d
+    row.ja = ja
+    row.jb = jb
+    locked = wp.dot(lock, lock) > wp.float64(0.5)
+    if locked:  # the bodies' inverse inertia sees to the rotation
+        row.d = d - lock * wp.dot(lock, d)
+    row.wa = ia * ja
+    row.wb = ib * jb
+    row.k = masses * wp.dot(row.d, row.d) + wp.dot(ja, row.wa) + wp.dot(jb, row.wb)
+    if locked:  # a row without freedom moves nothing, whatever its impulse: keep it divisible
+        row.k = wp.max(row.k, IMMOBILE * masses)
+    return row
+
+
+@wp.func
+def velocity_along(state: State, w: int, a: int, b: int, r: int) -> wp.float64:
+    """Relative velocity along row r, positive where a moves away from b."""
+    return (
+        wp.dot(state.rows[w, r].d, state.bodies[w, a].v - state.bodies[w, b].v)
+        + wp.dot(state.rows[w, r].ja, state.bodies[w, a].w)
+        - wp.dot(state.rows[w, r].jb, state.bodies[w, b].w)
+    )
+
+
+@wp.func
+def push(state: State, w: int, a: int, b: int, r: int, impulse: wp.float64) -> None:
+    """Apply an impulse along row r and add it to the row's sum."""
+    d = state.rows[w, r].d
+    state.bodies[w, a].v += d * (impulse * state.bodies[w, a].inverse_mass)
+    state.bodies[w, a].w += state.rows[w, r].wa * impulse
+    state.bodies[w, b].v -= d * (impulse * state.bodies[w, b].inverse_mass)
+    state.bodies[w, b].w -= state.rows[w, r].wb * impulse
+    state.rows[w, r].impulse += impulse
