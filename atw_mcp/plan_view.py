@@ -13,9 +13,13 @@ from atw_mcp.overlay import DARK, FINE_BITS, OBSERVED, SIMULATED, Canvas, Image,
 from polyworld import geometry
 from polyworld.camera import Camera
 from polyworld.colors import display_color
+from polyworld.deformable_pictures import mesh_for
+from polyworld.representations.cloth import Cloth
+from polyworld.representations.fluid import Fluid
+from polyworld.representations.rope import Rope
 from polyworld.shapes import Plane, TriangleMesh, Wall
 from polyworld.trajectory import Trajectory
-from polyworld.world import World
+from polyworld.world import Deformable, World
 
 Array = NDArray[np.float64]
 
@@ -61,6 +65,8 @@ class PlanView:
         self._draw_statics(canvas)
         shown: dict[str, NDArray[np.bool_]] = {}
         others = np.zeros((self.height, self.width), np.uint8)
+        for soft in self.world.deformables:
+            self._draw_deformable(canvas, soft, sample, shown, others)
         for column, item in enumerate(self.world.objects):
             if not self.trajectory.active[sample, column]:
                 continue
@@ -91,6 +97,46 @@ class PlanView:
         self._draw_scale(canvas)
         return canvas.image
 
+    def _draw_deformable(
+        self,
+        canvas: Canvas,
+        item: Deformable,
+        sample: int,
+        shown: dict[str, NDArray[np.bool_]],
+        others: NDArray[np.uint8],
+    ) -> None:
+        """A rope as a line, cloth and soft bodies as their filled triangles, a fluid as the dots of its particles."""
+        column = self.trajectory.index(item.name)
+        if not self.trajectory.active[sample, column]:
+            return
+        color = display_color(item.appearance.color or ("#408cd2" if isinstance(item, Fluid) else None), column)
+        flat = self._flat(self.trajectory.deformables[item.name].points[sample])
+        mask = np.zeros_like(others)
+        wide = 1
+        if isinstance(item, Fluid):
+            pixels = np.rint(self._pixel_points(flat[np.all(np.isfinite(flat), axis=1)])).astype(int)
+            inside = np.all((pixels >= 0) & (pixels < [self.width, self.height]), axis=1)
+            mask[pixels[inside, 1], pixels[inside, 0]] = 1
+            cell = 0.0 if self.world.fluid_grid is None else self.world.fluid_grid.cell
+            wide = max(1, round(0.5 * cell * self.pixels_per_metre))
+            mask[:] = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
+        elif isinstance(item, Rope):
+            wide = max(2, round(2 * item.radius * self.pixels_per_metre))
+            cv2.polylines(mask, [self._pixels(flat)], False, 1, wide, cv2.LINE_8, FINE_BITS)
+        else:
+            corners = self._pixels(flat)[mesh_for(self.world, item).triangles]
+            for triangle in corners:
+                cv2.fillConvexPoly(mask, triangle, 1, cv2.LINE_8, FINE_BITS)
+        covered = mask > 0
+        weight = 0.75 if isinstance(item, Cloth | Fluid) else 1.0
+        canvas.image[covered] = (weight * np.array(color[::-1]) + (1.0 - weight) * canvas.image[covered]).astype(
+            np.uint8
+        )
+        if item.name in self.names:
+            shown[item.name] = covered
+        else:
+            others |= mask
+
     def _draw_observed(self, canvas: Canvas, observed: Array, simulated: Array) -> None:
         """A cross where an object was observed, and a line from there to where it is simulated."""
         if not np.all(np.isfinite([observed, simulated])):
@@ -117,6 +163,10 @@ class PlanView:
         return fine(np.clip(self._pixel_points(flat), -1e4, 1e4))
 
     def _outline(self, column: int, sample: int) -> Array:
+        if column >= len(self.world.objects):
+            points = self._flat(self.trajectory.deformables[self.trajectory.names[column]].points[sample])
+            points = points[np.all(np.isfinite(points), axis=1)]
+            return np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((1, 2), np.nan)
         rotation = geometry.quaternion_matrix(self.trajectory.orientations[sample, column])
         place = self._flat(self.trajectory.positions[sample, column])
         if not (np.all(np.isfinite(rotation)) and np.all(np.isfinite(place))):

@@ -17,14 +17,18 @@ from atw_mcp.perception.video import read_frames
 from atw_mcp.plan_view import PlanView, round_length
 from atw_mcp.results import explained
 from atw_mcp.track_records import TrackRecord, at_rate
+from atw_mcp.world_marks import LEGEND, WorldMarks
 from evidence_store import Case
 from polyworld import geometry
 from polyworld.contact_shadow import with_contact_shadows
 from polyworld.identification.accuracy import accuracy
 from polyworld.render import Picture, default_camera, render
+from polyworld.representations.fluid import Fluid
 from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World
+
+SOME = 12  # samples of a trajectory that the default camera looks at
 
 
 class RolloutView:
@@ -32,6 +36,7 @@ class RolloutView:
 
     def __init__(self, app: App, case: Case, world: World, result: Rollout, background: str) -> None:
         self.world, self.result = world, result
+        self.world_fluids = {d.name for d in world.deformables if isinstance(d, Fluid)}
         self.frame_time = world.time.seconds_per_frame
         times = result.trajectory.times
         if not len(times):
@@ -48,7 +53,8 @@ class RolloutView:
         self.record = case_tracks(app, case, world) if self.follows else None
         self.video: Path | None = None
         self.video_frames = 0
-        self.camera = world.camera or default_camera(world, result.trajectory.positions)
+        self.camera = world.camera or default_camera(world, _everywhere(world, result.trajectory))
+        self.marks_of_world = WorldMarks(world, result.trajectory, self.camera)
         wanted = background == "video" or (background == "auto" and self.follows)
         if wanted and case.kind == "video" and world.camera is not None:
             with explained():
@@ -70,15 +76,19 @@ class RolloutView:
         for frame, sample in zip(frames, samples, strict=True):
             visible = trajectory.active[sample].tolist()
             place, turn = trajectory.positions[sample], trajectory.orientations[sample]
-            picture = render(self.world, place, turn, self.camera, visible=visible)
+            points = {name: motion.points[sample] for name, motion in trajectory.deformables.items()}
+            picture = render(self.world, place, turn, self.camera, points=points, visible=visible)
             real = frame in filmed
             if real:
                 base = filmed[frame]
             else:
-                color = with_contact_shadows(self.world, place, turn, self.camera, picture, visible=visible)
+                color = with_contact_shadows(
+                    self.world, place, turn, self.camera, picture, points=points, visible=visible
+                )
                 base = np.ascontiguousarray(color[..., ::-1])
             canvas = Canvas.of(np.asarray(base, dtype=np.uint8))
             observed = self.observation if self.observation and frame in self.observation.frames else None
+            self.marks_of_world.draw(canvas, sample)
             about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
             if observed is not None and real:
                 draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
@@ -131,7 +141,8 @@ class RolloutView:
         began = int(np.argmax(trajectory.active[:, column]))
         points = self.camera.project(trajectory.positions[began : sample + 1, column])
         dashed = None if self.dashed_from is None else max(self.dashed_from - began, 0)
-        canvas.path(points, SIMULATED, [m - began for m in self.marks if began <= m <= sample], dashed)
+        if name not in self.world_fluids:  # the centre of a fluid follows nothing that can be seen
+            canvas.path(points, SIMULATED, [m - began for m in self.marks if began <= m <= sample], dashed)
         if real:  # in a picture of the simulated world itself an outline would say nothing
             canvas.outline(mask, SIMULATED)
         about["visible_pixels"] = int(mask.sum())
@@ -155,6 +166,8 @@ class RolloutView:
             told += "white dashes: observed outline; white crosses in the plan: observed positions, "
             told += "with a line to where the object is simulated; "
         told += f"dots on paths every {self.mark_every:g} s"
+        if self.marks_of_world.any:
+            told += f"; {LEGEND}"
         if self.dashed_from is None:
             return told
         return told + f"; paths dashed after frame {self.world.time.frame_count - 1}, the last observed"
@@ -194,6 +207,15 @@ class RolloutView:
             return None
         tracks = at_rate(self.record.tracks, self.frame_time).window(0, self.last_frame)
         return tracks if len(tracks.frames) and set(tracks.names) & set(self.result.trajectory.names) else None
+
+
+def _everywhere(world: World, trajectory: Trajectory) -> NDArray[np.float64]:
+    """Places (k, 3) [m] that a picture of a rollout should show: centres of bodies, some of all points."""
+    places = [trajectory.positions[:, : len(world.objects)].reshape(-1, 3)]
+    for motion in trajectory.deformables.values():
+        rows = np.unique(np.linspace(0, len(motion.points) - 1, SOME).astype(int))
+        places.append(motion.points[rows][:, :: max(1, motion.points.shape[1] // 2000)].reshape(-1, 3))
+    return np.concatenate(places)
 
 
 def draw_observed(
