@@ -10,6 +10,7 @@ from polyworld.solver.spatial.layout import Body
 wp.set_module_options(OPTIONS)
 
 REACH = wp.float64(1.5)  # a solid farther than this many edges from a cell's centre touches none of its faces
+DEPTH = wp.float64(2.5)  # a cell deeper inside a body than this, and its neighbours, have no free face
 QUARTER = wp.float64(0.25)
 
 
@@ -152,7 +153,7 @@ def cover_by_bodies(
                     d = _closest(solids, first, last, x, r, p)
                     if d > REACH * grid.cell:
                         continue
-                    if d < -REACH * grid.cell:
+                    if d < -DEPTH * grid.cell:
                         fields.room[w, c] = ZERO
                         for a in range(3):
                             fields.open[w, a, c] = ZERO
@@ -168,6 +169,8 @@ def cover_by_bodies(
                         if part <= wp.float64(1.0e-9):
                             continue
                         fields.open[w, a, c] = free - part
+                        if wp.vec3i(i, j, k)[a] == lo[a]:
+                            continue  # the window's border: no liquid beside it
                         if count < wetted.capacity:
                             axis = wp.vec3d()
                             axis[a] = ONE

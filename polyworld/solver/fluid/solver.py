@@ -132,6 +132,7 @@ class FluidSolver:
         s.coupling = _zeros((w, 3, rows + 1), wp.float64)
         for name in ("diagonal", "precondition", "x", "residual", "z", "search", "product"):
             setattr(s, name, _zeros((w, rows + 1), wp.float64))
+        f.unknown.fill_(-1)
         self._particles, self._fields, self._system = p, f, s
         self._wetted = self._allocate_wetted()
         pace = layout.Pace()

@@ -7,7 +7,8 @@ from polyworld.solver.fluid.stencil import HALF, ONE, ZERO
 
 wp.set_module_options(OPTIONS)
 
-ROOMY = wp.float64(0.75)  # cells with less room than this share their neighbours' content
+ROOMY = wp.float64(0.75)  # cells with less room than this share their neighbours' content,
+TIGHT = wp.float64(0.5)  # and those with less than this have too little to tell: they continue their neighbours' level
 
 
 @wp.func
@@ -29,7 +30,6 @@ def find_surface(grid: Grid, fields: Fields, pace: Pace) -> None:
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
-    # The outermost cells of the window are empty: the particles keep farther from them.
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
@@ -51,3 +51,23 @@ def find_surface(grid: Grid, fields: Fields, pace: Pace) -> None:
                     filled = volume / room
                 fields.filled[w, c] = filled
                 fields.level[w, c] = distance_of(filled, grid.cell)
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                if fields.room[w, c] >= TIGHT or fields.room[w, c] <= ZERO:
+                    continue
+                index = wp.vec3i(i, j, k)
+                total = wp.float64(0.0)
+                weight = wp.float64(0.0)
+                for a in range(3):
+                    for side in range(2):
+                        if grid.wide[a] == 0 or index[a] + 2 * side - 1 < lo[a] or index[a] + 2 * side - 1 >= hi[a]:
+                            continue
+                        n = c + (2 * side - 1) * grid.stride[a]
+                        room = fields.room[w, n]
+                        if room >= TIGHT:
+                            total += room * fields.level[w, n]
+                            weight += room
+                if weight > ZERO:
+                    fields.level[w, c] = total / weight
