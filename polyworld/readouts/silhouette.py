@@ -1,7 +1,9 @@
-"""The image of a deformable object: which pixels it covers, by points spread over its surface and projected.
+"""The image of a deformable object: how much of each cell of the image it covers, by points spread over its surface.
 
-Sampled rather than drawn: a batch of worlds is projected in one operation. Points lie closer together than the pixels
-they fill (in the first frame; strongly stretched parts may show holes, which coarse cells hardly notice).
+Sampled rather than drawn: a batch of worlds is projected in one operation, and coverage changes continuously with every
+parameter, so that it has derivatives a fit can use. Samples are discs with soft edges, grown by one cell so that
+neighbours close up, and their union is shrunk again. Samples lie closer together than cells in the first frame;
+strongly stretched parts may show holes.
 """
 
 from __future__ import annotations
@@ -17,9 +19,10 @@ from polyworld.meshing import DeformableMesh
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FINE = 4  # cells of the sampled image along one of the cells that are reported
+FINE = 2  # cells of the sampled image along one of the cells that are reported
 MOST_PARTS = 24  # samples along an edge of a triangle or a segment
-MOST_POINTS = 3_000_000  # projected at a time
+MOST_POINTS = 1_000_000  # projected at a time
+SPACING = 0.9  # of samples, in fine cells: the gaps between soft discs of radius 1 then close
 
 
 @dataclass(frozen=True)
@@ -70,33 +73,23 @@ def image_occupancy(
     flat = points.reshape(-1, *points.shape[-2:])
     cell = np.array([camera.width / (columns * fine), camera.height / (rows * fine)])  # [px]
     focal, depth = _scale(camera, flat)
-    samples = surface_samples(mesh, 0.7 * float(cell.min()) * depth / focal, points.shape[-2])
-    most = float(samples.radius.max(initial=0.0)) * focal / depth
-    disc = _disc(most, cell)
-    covered = np.zeros((len(flat), rows * fine * columns * fine), dtype=bool)
-    step = max(1, MOST_POINTS // max(len(samples.nodes) * len(disc), 1))
+    samples = surface_samples(mesh, SPACING * float(cell.min()) * depth / focal, points.shape[-2])
+    covered = np.empty((len(flat), rows * fine, columns * fine))
+    step = max(1, MOST_POINTS // max(len(samples.nodes), 1))
     for begin in range(0, len(flat), step):
-        part = flat[begin : begin + step]
-        places = samples.places(part)
-        pixels = camera.project(places)
+        places = samples.places(flat[begin : begin + step])
         away = np.maximum(camera.to_camera(places)[..., 2], 1e-9)
-        spread = samples.radius * focal / away  # [px]
-        for offset in disc:
-            at = (pixels + offset * spread[..., None]) / cell
-            known = np.isfinite(at).all(axis=-1)
-            index = np.floor(np.where(known[..., None], at, -1.0)).astype(np.int64)
-            inside = np.all((index >= 0) & (index < [columns * fine, rows * fine]), axis=-1)
-            frame, _ = np.nonzero(inside)
-            chosen = index[inside]
-            covered[begin + frame, chosen[:, 1] * (columns * fine) + chosen[:, 0]] = True
-    blocks = _half_at_border(covered.reshape(-1, rows * fine, columns * fine)).reshape(-1, rows, fine, columns, fine)
+        at = camera.project(places) / cell
+        radius = samples.radius * focal / away / np.sqrt(cell.prod())
+        covered[begin : begin + step] = _shrunk(_soft_discs(at, radius + 1.0, rows * fine, columns * fine))
+    blocks = covered.reshape(-1, rows, fine, columns, fine)
     share: Array = blocks.mean(axis=(2, 4))
     return share.reshape(*leading, rows, columns)
 
 
 def silhouette(points: Array, mesh: DeformableMesh, camera: Camera) -> Bools:
-    """The mask (height, width) of an object at places (k, 3): pixels that it covers at all."""
-    covered: Bools = image_occupancy(points, mesh, camera, camera.width, camera.height, fine=1) > 0.0
+    """The mask (height, width) of an object at places (k, 3): pixels of which it covers half or more."""
+    covered: Bools = image_occupancy(points, mesh, camera, camera.width, camera.height, fine=1) >= 0.5
     return covered
 
 
@@ -110,12 +103,48 @@ def intersection_over_union(a: Array, b: Array) -> Array:
     return overlap
 
 
-def _half_at_border(covered: Bools) -> Array:
-    """Coverage (f, h, w) of cells that hold samples: a half where a neighbour holds none, since there the outline runs
-    through the cell. Beyond the image it goes on."""
-    padded = np.pad(covered, ((0, 0), (1, 1), (1, 1)), mode="edge")
-    inner = covered & padded[:, 2:, 1:-1] & padded[:, :-2, 1:-1] & padded[:, 1:-1, 2:] & padded[:, 1:-1, :-2]
-    return 0.5 * covered + 0.5 * inner
+def _soft_discs(at: Array, radius: Array, height: int, width: int) -> Array:
+    """Union (f, height, width) of discs about points at (f, s, 2), in cells, of radius (f, s).
+
+    1 inside, 0 outside, linear between over one cell.
+    """
+    frames = len(at)
+    image = np.zeros(frames * height * width)
+    known = np.isfinite(at).all(axis=-1) & np.all(
+        (at > -radius[..., None]) & (at < [width, height] + radius[..., None]), axis=-1
+    )
+    frame, _ = np.nonzero(known)
+    centres, radii = at[known], radius[known]
+    base = np.floor(centres).astype(np.int64)
+    reach = int(np.ceil(radii.max(initial=0.0) + 0.5))
+    for dy in range(-reach, reach + 1):
+        for dx in range(-reach, reach + 1):
+            x, y = base[:, 0] + dx, base[:, 1] + dy
+            distance = np.hypot(x + 0.5 - centres[:, 0], y + 0.5 - centres[:, 1])
+            cover = np.minimum(radii + 0.5 - distance, 1.0)
+            chosen = (cover > 0.0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            index = (frame[chosen] * height + y[chosen]) * width + x[chosen]
+            np.maximum.at(image, index, cover[chosen])
+    return image.reshape(frames, height, width)
+
+
+def _shrunk(image: Array) -> Array:
+    """The image (f, h, w) with everything in it one cell smaller, as a continuous function of it.
+
+    Between the least over the four nearest neighbours, which cuts slanting edges less, and that over all eight, which
+    cuts them more. What leaves through the border goes on beyond it.
+    """
+    padded = np.pad(image, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    rows, columns = image.shape[1:]
+
+    def moved(dy: int, dx: int) -> Array:
+        return padded[:, 1 + dy : 1 + dy + rows, 1 + dx : 1 + dx + columns]
+
+    cross = np.minimum(np.minimum(moved(1, 0), moved(-1, 0)), np.minimum(moved(0, 1), moved(0, -1)))
+    cross = np.minimum(cross, image)
+    corners = np.minimum(np.minimum(moved(1, 1), moved(-1, 1)), np.minimum(moved(1, -1), moved(-1, -1)))
+    shrunk: Array = 0.5 * (cross + np.minimum(cross, corners))
+    return shrunk
 
 
 def _parts(longest: float, spacing: float) -> int:
@@ -128,17 +157,6 @@ def _barycentric(parts: int) -> Array:
     keep = i + j <= parts
     a, b = i[keep] / parts, j[keep] / parts
     return np.stack([a, b, 1.0 - a - b], axis=1)
-
-
-def _disc(radius: float, cell: Array) -> Array:
-    """Offsets (d, 2) in a unit disc, close enough to fill one of `radius` px on cells of `cell` px."""
-    across = int(np.clip(np.ceil(2.0 * radius / float(cell.min())), 1, 9))
-    if across == 1:
-        return np.zeros((1, 2))
-    line = np.linspace(-1.0, 1.0, across + 1)
-    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    offsets: Array = grid[(grid**2).sum(axis=1) <= 1.0 + 1e-9]
-    return offsets
 
 
 def _scale(camera: Camera, points: Array) -> tuple[float, float]:

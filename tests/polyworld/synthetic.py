@@ -54,7 +54,9 @@ def rollout_of(
     return Rollout(world.id, float(times[-1]), trajectory, all_events(world, trajectory, contacts))
 
 
-def camera_above(height: float = 10.0, focal: float = 600.0, width: int = 320, image_height: int = 240) -> dict[str, Any]:
+def camera_above(
+    height: float = 10.0, focal: float = 600.0, width: int = 320, image_height: int = 240
+) -> dict[str, Any]:
     """Fields of a camera that looks straight down from `height` [m]: u along x, v against y."""
     return {
         "width": width,

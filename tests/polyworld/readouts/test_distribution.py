@@ -59,7 +59,10 @@ def test_points_without_size_count_whole() -> None:
 
 def test_what_a_container_holds_does_not_change_when_both_are_carried_away_and_tipped() -> None:
     bucket = RigidObject(
-        name="bucket", shape=Box(half_extents=(0.5, 0.5, 0.5)), position=(0.5, 0.25, 0.25), representation="rigid_spatial"
+        name="bucket",
+        shape=Box(half_extents=(0.5, 0.5, 0.5)),
+        position=(0.5, 0.25, 0.25),
+        representation="rigid_spatial",
     )
     inside = Container(name="inside", lower=(0.2, 0.0, 0.0), upper=(0.7, 0.5, 0.4), object="bucket")
     world = World(objects=(bucket,), containers=(inside,))
@@ -83,7 +86,7 @@ def test_what_a_container_holds_does_not_change_when_both_are_carried_away_and_t
 
 def test_cells_inside_the_fluid_are_full_and_those_outside_empty() -> None:
     filled = grid_filling(
-        np.stack([BLOCK, BLOCK + [0.5, 0.0, 0.0]]),
+        np.stack([BLOCK, BLOCK + np.array([0.5, 0.0, 0.0])]),
         VOLUMES,
         np.zeros(3),
         np.array([2.0, 0.5, 0.5]),
@@ -99,7 +102,7 @@ def test_cells_inside_the_fluid_are_full_and_those_outside_empty() -> None:
 def test_filling_changes_smoothly_and_keeps_the_amount_as_the_fluid_moves() -> None:
     drop = block((0.4, 0.4, 0.4), (0.6, 0.6, 0.6))
     sizes = np.full(len(drop), H**3)
-    moved = np.stack([drop + [d, 0.0, 0.0] for d in np.linspace(0.0, 0.1, 21)])
+    moved = np.stack([drop + np.array([d, 0.0, 0.0]) for d in np.linspace(0.0, 0.1, 21)])
     filled = grid_filling(moved, sizes, np.zeros(3), np.ones(3), (5, 5, 5), None)
     assert filled.sum(axis=1) * 0.2**3 == pytest.approx(np.full(21, 0.2**3), rel=1e-9)
     assert np.abs(np.diff(filled, axis=0)).max() < 0.05
