@@ -26,7 +26,8 @@ def flat_schema(union: Any, tag: str) -> dict[str, Any]:
         required = [key for key in form.get("required", []) if key != tag]
         optional = [key for key in form["properties"] if key != tag and key not in required]
         takes = ", ".join([*required, *(f"[{key}]" for key in optional)])
-        says.append(f"{name}({takes}): {form['description'].split('. ')[0].rstrip('.')}")
+        first = " ".join(form["description"].split("\n\n")[0].split()).split(". ")[0].rstrip(".")
+        says.append(f"{name}({takes}): {first}")
         for key, schema in form["properties"].items():
             if key == tag:
                 continue
@@ -55,7 +56,7 @@ def _simple(schema: dict[str, Any]) -> dict[str, Any]:
     """A field's schema without null, default and the inside of nested objects."""
     options = [option for option in schema.get("anyOf", []) if option.get("type") != "null"]
     chosen = {**options[0], **{k: v for k, v in schema.items() if k == "description"}} if len(options) == 1 else schema
-    if chosen.get("type") == "object":
+    if chosen.get("type") == "object" or "oneOf" in chosen or "properties" in chosen:
         return {"type": "object", "description": f"{schema.get('description', '')}; {NESTED}".lstrip("; ")}
     return {
         key: value for key, value in chosen.items() if key in ("type", "items", "minItems", "maxItems", "description")

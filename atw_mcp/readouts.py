@@ -18,6 +18,12 @@ Array = NDArray[np.float64]
 
 SAME_BLOW_FRAMES = 2.0  # touches of one pair no further apart are one collision of the timeline
 STILL = 0.01  # [m/s]
+HAPPENS = {
+    "entry": "enters the view",
+    "exit": "leaves the view",
+    "rest": "comes to rest",
+    "release": "is let go",
+}
 
 COLUMNS = ("time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v")
 
@@ -43,7 +49,7 @@ def event_row(event: Event, span: Span) -> dict[str, Any]:
 
 
 def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]:
-    """Collisions, entries, exits and rests in order of time; the touches of one blow are one collision."""
+    """Collisions, entries, exits, rests and releases in order of time; the touches of one blow are one collision."""
     skipped = floors(world)
     rows: list[dict[str, Any]] = []
     open_blows: dict[tuple[str, ...], dict[str, Any]] = {}
@@ -77,7 +83,7 @@ def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]
                 blow["until"] = event.time
                 blow["impulse_Ns"] += event.impulse or 0.0
         else:
-            what = {"entry": "enters the view", "exit": "leaves the view", "rest": "comes to rest"}[event.kind]
+            what = HAPPENS[event.kind]
             rows.append(
                 {"what": what, "objects": list(event.participants), "time": event.time, "frame": span.frame(event.time)}
             )

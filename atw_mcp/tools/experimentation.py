@@ -17,6 +17,8 @@ from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name, with_own_names
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
+from atw_mcp.shape_reading import EXAMPLE as READOUT_EXAMPLE
+from atw_mcp.shape_reading import readout_schema, shape_rows
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
 from polyworld.compare import compare
@@ -33,6 +35,8 @@ RolloutId = Annotated[str, Field(description="rollout id, as Rollout returned it
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
 # Checked after names have been replaced, so that a name of a binding may be any text.
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
+READOUTS = readout_schema()
+Readout = Annotated[Any, WithJsonSchema(READOUTS)]
 STATEMENTS = flat_schema(Predicate, "predicate")
 Statement = Annotated[Any, WithJsonSchema(STATEMENTS)]
 EDIT_EXAMPLE = {"action": "remove", "object": "red"}
@@ -84,7 +88,7 @@ def roll_out(
         return _rollout_answer(found, base, branched, edited, *known)
 
     def work(progress: Progress) -> Answer:
-        progress.report(0, 1, f"running {len(branched.objects)} objects for {horizon:g} s")
+        progress.report(0, 1, f"running {len(branched.moving_names)} objects for {horizon:g} s")
         with explained():
             return _rollout_answer(found, base, branched, edited, *compute_rollout(app, branched, horizon))
 
@@ -93,7 +97,7 @@ def roll_out(
         data={},
         case=found.id,
         world=branched.id,
-        objects=tuple(o.name for o in branched.objects),
+        objects=branched.moving_names,
         interval=(0.0, horizon),
     )
     return LongWork(f"rollout {branched.id} {horizon!r}", work, draft, PATIENCE)
@@ -108,7 +112,8 @@ def _edits(app: App, case: Case, base: World, given: list[Any]) -> list[Interven
         edit = tagged(item, Intervention, "action", what=what, example=EDIT_EXAMPLE)
         read = read_form(with_own_names(app, case, base, edit, added), Intervention, "action", what=what)
         if isinstance(read, Add):
-            added |= {part.name for part in (read.object, read.static) if part is not None}
+            parts = (read.object, read.static, read.deformable)
+            added |= {part.name for part in parts if part is not None}
         wanted.append(read)
     return wanted
 
@@ -135,8 +140,7 @@ def _rollout_answer(
     summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {_told(rows, observed, span)}"
     if result.status == "diverged":
         summary = (
-            f"{identifier} DIVERGED at {result.diverged_time:.4g} s ({result.diverged_object}): valid only before. "
-            + summary
+            f"{identifier} DIVERGED at {result.diverged_time:.4g} s ({_where(result)}): valid only before. " + summary
         )
     return Answer(
         summary=summary,
@@ -149,7 +153,11 @@ def _rollout_answer(
             "observed_until": {"seconds": observed, "frame": world.time.frame_count - 1} if observed > 0 else None,
             "diverged": None
             if result.status == "completed"
-            else {"time": result.diverged_time, "object": result.diverged_object},
+            else {
+                "time": result.diverged_time,
+                "object": result.diverged_object,
+                "element": result.diverged_element,
+            },
             "timeline": rows,
             "objects": [readouts.motion(result, name, span) for name in result.trajectory.names],
         },
@@ -160,6 +168,13 @@ def _rollout_answer(
         interval=span.seconds,
         status=result.status,
     )
+
+
+def _where(result: Rollout) -> str:
+    """The object, and the node of it, that a rollout diverged at."""
+    if result.diverged_object not in result.trajectory.deformables or result.diverged_element is None:
+        return str(result.diverged_object)
+    return f"{result.diverged_object}, node {result.diverged_element}"
 
 
 @GROUP.tool("ReadEvents", title="Read a rollout's events")
@@ -173,8 +188,8 @@ def read_events(
         bool, Field(description="only events that all the given objects take part in, such as their collisions")
     ] = False,
     kinds: Annotated[
-        list[Literal["contact_begin", "contact_end", "entry", "exit", "rest"]] | None,
-        Field(description="kinds of events; default: all", max_length=5),
+        list[Literal["contact_begin", "contact_end", "entry", "exit", "rest", "release"]] | None,
+        Field(description="kinds of events; release: a fastening let go or broke. Default: all", max_length=6),
     ] = None,
     interval: Seconds = None,
     frames: FrameRange = None,
@@ -182,8 +197,8 @@ def read_events(
     limit: Annotated[int, Field(ge=1, le=500, description="how many events to return")] = 100,
     cursor: Annotated[int, Field(ge=0, description="first event to return")] = 0,
 ) -> Answer:
-    """Every contact beginning and ending (with impulse and approach speed), entry into and exit from the view, and
-    coming to rest, one by one, with times. ReadTimeline is the short form."""
+    """Every contact beginning and ending (with impulse and approach speed), entry into and exit from the view,
+    coming to rest, and release of a fastening, one by one, with times. ReadTimeline is the short form."""
     case, world, result, span = _read(app, rollout, interval, frames)
     statics = [s.name for s in world.statics]
     chosen = chosen_names(app, case, objects, [*result.trajectory.names, *statics])
@@ -232,11 +247,33 @@ def read_trajectory(
             max_length=12,
         ),
     ] = None,
+    readout: Annotated[
+        Readout | None,
+        Field(
+            description="of a rope, cloth, soft body or fluid: what to read instead of its centre, e.g. "
+            f"{json.dumps(READOUT_EXAMPLE)}. {READOUTS['description']}"
+        ),
+    ] = None,
+    nodes: Annotated[
+        list[Annotated[int, Field(ge=0)]] | None,
+        Field(
+            description="of a rope, cloth or soft body: nodes whose places to read; InspectWorld(fields=['nodes']) "
+            "tells where they start",
+            min_length=1,
+            max_length=64,
+        ),
+    ] = None,
 ) -> Answer:
-    """Where one object is over time in a rollout, and how fast. Rows are thinned out to `limit`; the resource link
-    leads to all of them."""
+    """Where one object is over time in a rollout, and how fast: its centre of mass; of ropes, cloth, soft bodies and
+    fluids also their centreline, extent, tension, stretch, amount in a container, single nodes. Rows are thinned out
+    to `limit`; the resource link leads to all of them."""
     case, world, result, span = _read(app, rollout, interval, frames)
     name = object_name(app, case, object, list(result.trajectory.names))
+    if readout is not None or nodes is not None:
+        if readout is not None and nodes is not None:
+            raise ToolError("give readout or nodes, not both")
+        read = shape_rows(world, result, span, name, readout, nodes, limit)
+        return _shape_answer(case, world, rollout, result, span, name, read, limit)
     columns = list(fields or ("time", "frame", "x", "y", "z", "speed"))
     if world.camera is None and {"u", "v"} & set(columns):
         raise ToolError(f"this world has no camera, so no pixels u, v; fields: {[*readouts.COLUMNS[:-2]]}")
@@ -250,6 +287,32 @@ def read_trajectory(
         )
     else:
         summary = f"{name} is not in the simulation between {span.start:.4g} and {span.end:.4g} s"
+    return Answer(
+        summary=summary,
+        data=data,
+        shown={**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None,
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=(name,),
+        interval=span.seconds,
+        status=result.status,
+    )
+
+
+def _shape_answer(
+    case: Case, world: World, rollout: str, result: Rollout, span: Span, name: str, read: dict[str, Any], limit: int
+) -> Answer:
+    rows = read["rows"]
+    what = f"nodes {read['nodes']}" if "nodes" in read else read["readout"]["kind"]
+    data = {"object": name, **read, "covers": span.shown(), "of": len(rows)}
+    summary = f"{what} of {name}, {len(rows)} samples between {span.start:.4g} and {span.end:.4g} s{_diverged(result)}"
+    numbers = [row[2] for row in rows]
+    if numbers and all(isinstance(value, float) for value in numbers):
+        summary = (
+            f"{what} of {name} [{read['unit']}]: {numbers[0]:.4g} at {rows[0][0]:.4g} s, {numbers[-1]:.4g} at "
+            f"{rows[-1][0]:.4g} s, between {min(numbers):.4g} and {max(numbers):.4g}{_diverged(result)}"
+        )
     return Answer(
         summary=summary,
         data=data,
@@ -356,11 +419,11 @@ def query_world(
 
 def _joining(world: World, predicate: Predicate, asked: list[float] | None) -> str:
     """Why a default stretch does not begin at 0."""
-    late = [o for o in world.objects if o.name in names_in(predicate) and o.start_time > 0.0]
+    starts = {o.name: getattr(o, "start_time", 0.0) for o in (*world.objects, *world.deformables)}
+    late = {name: time for name, time in starts.items() if name in names_in(predicate) and time > 0.0}
     if asked is not None or not late:
         return ""
-    last = max(late, key=lambda o: o.start_time)
-    return f", from when {last.name} joins"
+    return f", from when {max(late, key=lambda name: late[name])} joins"
 
 
 def _how_near(answer: QueryResult) -> str:
@@ -380,8 +443,9 @@ def compare_worlds(
         float, Field(gt=0, description="distance from which an object counts as moving differently [m]")
     ] = 0.01,
 ) -> Answer:
-    """What a change altered: how far each object ends up from where it would have been and from when on, and which
-    events are new, gone or shifted. Both rollouts are compared over the time that both cover."""
+    """What a change altered: how far each object ends up from where it would have been and from when on (of ropes,
+    cloth and soft bodies also the rms distance of their points), and which events are new, gone or shifted. Both
+    rollouts are compared over the time that both cover."""
     base_case, base_world, first = stored_rollout(app, base)
     case, world, second = stored_rollout(app, edited)
     if base_case.content != case.content:
@@ -402,6 +466,10 @@ def compare_worlds(
     striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
     told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in striking.items() if found)
     changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved)
+    bent = [d for d in result.objects if d.apart_from is None and (d.shape_largest or 0.0) > tolerance]
+    if bent:
+        reshaped = ", ".join(f"{d.name} (points up to {d.shape_largest:.3g} m rms apart)" for d in bent)
+        changed = "; ".join(text for text in (changed, f"in shape alone: {reshaped}") if text)
     data = {
         "events": {
             "gone": rows["gone"],
@@ -420,6 +488,11 @@ def compare_worlds(
                 "final_distance": d.final,
                 "apart_from": d.apart_from,
                 "moves_differently": d.apart_from is not None,
+                **(
+                    {}
+                    if d.shape_largest is None
+                    else {"largest_shape_distance": d.shape_largest, "shape_at": d.shape_largest_time}
+                ),
             }
             for d in result.objects
         ],
