@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -21,6 +21,9 @@ from polyworld.solver.coupled.stage import MaterialStage
 from polyworld.solver.time_table import TimeTable
 from polyworld.trajectory import Event
 from polyworld.world import World
+
+if TYPE_CHECKING:
+    from polyworld.solver.fluid.solver import FluidSolver
 
 Array = NDArray[np.float64]
 
@@ -59,9 +62,11 @@ class Shard:
         )
         self.diverged_node = wp.full((n_worlds,), -1, dtype=wp.int32, device="cpu")
         self.diverged_time = wp.full((n_worlds,), np.nan, dtype=wp.float64, device="cpu")
-        self.fluid: Any = None
         self._build_rigid()
         bodies = None if self.rigid is None else self.rigid.bodies
+        self.fluid = _fluid(world, n_worlds, float(table.end[-1]))
+        if self.fluid is not None:
+            self.fluid.bind(bodies, self.nodes)
         self.attachments = Attachments(world, meshes, self.nodes, bodies)
         self.contacts = Contacts(world, meshes, self.nodes, self.carried, self.rigid, record_events=record_events)
 
@@ -114,6 +119,9 @@ class Shard:
         """Take parameters and go back to the initial state."""
         anew = self._write_nodes(fields)
         anew |= self.effects.write(arrays)
+        if self.fluid is not None:
+            self.fluid.write(fields)
+            anew = True  # its parameter arrays are made anew
         for stage in self.stages:
             anew |= stage.write(fields)
         gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
@@ -173,6 +181,8 @@ class Shard:
         if self.rigid is not None and self.carried is not None:
             self.rigid.reset()
             self.carried.reset()
+        if self.fluid is not None:
+            self.fluid.reset()
         self.attachments.reset(self.nodes)
         self.contacts.reset()
         longest = self.world.time.substep * np.broadcast_to(arrays.time_scale[:, 0], (self.n_worlds,))
@@ -219,7 +229,7 @@ class Shard:
         """Number of points of each deformable object."""
         counts = {d.name: self.nodes.count[d.name] for d in self.solids}
         if self.fluid is not None:
-            counts.update(self.fluid.particle_counts())
+            counts.update(dict.fromkeys(self.fluid.names, self.fluid.particles()[0].shape[1]))
         return counts
 
     def points(self) -> dict[str, tuple[Array, Array]]:
@@ -230,7 +240,10 @@ class Shard:
             keep = slice(first, first + self.nodes.count[name])
             found[name] = (x[:, keep], v[:, keep])
         if self.fluid is not None:
-            found.update(self.fluid.particles())
+            x, v, fluid = self.fluid.particles()
+            for number, name in enumerate(self.fluid.names):
+                own = (fluid == number)[..., None]
+                found[name] = (np.where(own, x, np.nan), np.where(own, v, np.nan))
         return found
 
     def quantities(self) -> dict[str, dict[str, Array]]:
@@ -323,6 +336,8 @@ class Shard:
         if self.rigid is not None and self.carried is not None:
             self.carried.launch_end(c)
             self.rigid.launch_step(c.time, c.h)
+        if self.fluid is not None:
+            self.fluid.step(c)
         self.contacts.launch_tally()
         self._launch(motion.advance_time, self.n_worlds, [c.h, c.time])
         self._launch(
@@ -366,6 +381,15 @@ def _stages(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
         ropes = [d for d in world.deformables if d.representation in ("rope", "rope_planar")]
         stages.append(RopeStage(world, ropes, nodes.first, n_worlds))
     return stages
+
+
+def _fluid(world: World, n_worlds: int, horizon: float) -> FluidSolver | None:
+    """The solver of the world's fluids, None where it has none."""
+    if not any(d.representation in ("fluid", "fluid_planar") for d in world.deformables):
+        return None
+    from polyworld.solver.fluid.solver import FluidSolver
+
+    return FluidSolver(world, n_worlds, horizon)
 
 
 def _put(holder: Any, name: str, values: Any) -> bool:

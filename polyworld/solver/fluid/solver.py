@@ -42,8 +42,10 @@ class FluidSolver:
         self.reset()
 
     def bind(self, bodies: Any, nodes: Nodes | None = None) -> None:
-        """Take part with the bodies (W, n + s) `layout.Body` and the nodes of another solver's state."""
-        self._bodies, self._nodes = bodies, nodes
+        """Take part with the bodies (W, n + s) `layout.Body`, or None, and the nodes of another solver's state."""
+        if bodies is not None:
+            self._bodies = bodies
+        self._nodes = nodes
 
     def write(self, fields: Fields) -> None:
         """Parameter values: fluid or emitter -> parameter -> (1,) or (W,)."""
