@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +46,11 @@ def _sheet(sheet: Sheet) -> tuple[Array, Ints]:
     u, v = np.asarray(sheet.edge_u, dtype=float), np.asarray(sheet.edge_v, dtype=float)
     i, j = np.meshgrid(np.arange(nu + 1), np.arange(nv + 1), indexing="ij")
     nodes = np.asarray(sheet.corner) + (i / nu)[..., None] * u + (j / nv)[..., None] * v
-    i, j = i[:-1, :-1].ravel(), j[:-1, :-1].ravel()
-    a = i * (nv + 1) + j
+    row, column = i[:-1, :-1].ravel(), j[:-1, :-1].ravel()
+    a = row * (nv + 1) + column
     b, c, d = a + nv + 1, a + nv + 2, a + 1
     slant = float(u @ v / (np.linalg.norm(u) * np.linalg.norm(v)))
-    rising = (i + j) % 2 == 0 if abs(slant) <= NEARLY_SQUARE else np.full(len(a), slant < 0)  # cut from a to c
+    rising = (row + column) % 2 == 0 if abs(slant) <= NEARLY_SQUARE else np.full(len(a), slant < 0)  # cut from a to c
     first = np.where(rising[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
     second = np.where(rising[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
     triangles = np.stack([first, second], axis=1).reshape(-1, 3)
@@ -120,8 +121,8 @@ def _one_sided(name: str, faces: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.where(turned[:, None] == 1, faces[:, [0, 2, 1]], faces)
 
 
-def _some(items: object) -> str:
+def _some(items: Sequence[tuple[int, int]] | NDArray[np.int64]) -> str:
     """The first of a list of places, and how many more there are."""
-    values = [tuple(int(x) for x in v) if np.ndim(v) else int(v) for v in items]  # type: ignore[attr-defined]
+    values = np.asarray(items).tolist()
     more = f" and {len(values) - 8} more" if len(values) > 8 else ""
     return f"{values[:8]}{more}"

@@ -44,7 +44,8 @@ def find_normal(
         )
         bending.turning[w, t] = turning * spread
     r = w % inverse_mass.shape[0]
-    if inverse_mass[r, c[0]] + inverse_mass[r, c[1]] + inverse_mass[r, c[2]] == wp.float64(0.0):
+    loose = inverse_mass[r, c[0]] + inverse_mass[r, c[1]] + inverse_mass[r, c[2]]
+    if loose == wp.float64(0.0) or surface.fixed[t] == 1:
         spread = -spread
     bending.spread[w, t] = spread
 

@@ -20,7 +20,7 @@ class Surface:
     corners (T,): nodes. edges (T,): 2 e + s of each of its edges, s = 0 for the first triangle at edge e. cloth (T,):
     index of its object. area (T,): rest area [m^2]. inverse_rest (T,): inverse of the matrix of its rest edges 0-1
     and 0-2 in material axes [1/m]. curvature (T,): of the bend angles, to (k_11, k_22, k_12) in material axes [1/m].
-    rest_curvature (T,): that without moment [1/m].
+    rest_curvature (T,): that without moment [1/m]. fixed (T,): 1 where all corners are held to one rigid body for good.
     ends (E,): nodes, in the order of the first triangle. slots (E,): in its two triangles, -1 for none. softness
     (E,): inverse stiffness of its director for D = 1 [1].
     """
@@ -32,6 +32,7 @@ class Surface:
     inverse_rest: wp.array[wp.mat22d]
     curvature: wp.array[wp.mat33d]
     rest_curvature: wp.array[wp.vec3d]
+    fixed: wp.array[wp.int32]
     ends: wp.array[wp.vec2i]
     slots: wp.array[wp.vec2i]
     softness: wp.array[wp.float64]

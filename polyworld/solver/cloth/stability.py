@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -42,13 +44,13 @@ class ClothFrequencies:
             self._membrane[key] = self._largest(self._strain, stress)
         return self._membrane[key]
 
-    def _largest(self, operator: sparse.csr_matrix, law: object) -> float:
+    def _largest(self, operator: sparse.csr_matrix, law: Callable[[Array], Array]) -> float:
         """Largest eigenvalue of M^-1/2 B^T C B M^-1/2."""
         scaled = (operator @ sparse.diags(self._scale)).tocsr()
         back = scaled.T.tocsr()
         n = scaled.shape[1]
         start = np.random.default_rng(0).standard_normal(n)
-        whole = LinearOperator((n, n), matvec=lambda u: back @ law(scaled @ u.ravel()), dtype=np.float64)  # type: ignore[operator]
+        whole = LinearOperator((n, n), matvec=lambda u: back @ law(scaled @ u.ravel()), dtype=np.float64)
         return 1.02 * float(eigsh(whole, k=1, which="LM", v0=start, tol=1e-2, return_eigenvectors=False)[0])
 
 

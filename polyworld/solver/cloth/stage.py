@@ -10,12 +10,14 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import mesh_of
+from polyworld.meshing.mesh import DeformableMesh
 from polyworld.representations.cloth import Cloth
 from polyworld.solver.cloth import bending, forces
 from polyworld.solver.cloth.geometry import ClothGeometry, cloth_geometry
 from polyworld.solver.cloth.layout import BLOCK, Bending, Material, Surface
 from polyworld.solver.cloth.readout import cloth_quantities
 from polyworld.solver.cloth.stability import EDGES, ClothFrequencies, director_square, stable_step
+from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.world import World
 
@@ -48,6 +50,8 @@ class ClothStage:
         self._triangles = sum(len(g.corners) for g in parts)
         self._edges = sum(len(g.ends) for g in parts)
         self._surface = _surface(parts, list(self._first.values()))
+        fixed = np.concatenate([_fixed(world, item.name, g) for item, g in zip(items, parts, strict=True)])
+        self._surface.fixed = wp.array(fixed, dtype=wp.int32, device="cpu")
         self._bending = _bending(n_worlds, self._triangles, self._edges)
         self._n_worlds = n_worlds
         # One row a world even where all are equal: the kernels need not ask.
@@ -122,17 +126,32 @@ class ClothStage:
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """See `readout.cloth_quantities`."""
         x, angle = nodes.x.numpy(), self._bending.angle.numpy()
-        found = {}
+        found: dict[str, dict[str, Array]] = {}
         edge = 0
         for name, g in self._geometry.items():
             own = x[:, self._first[name] : self._first[name] + len(g.nodes)]
-            found[name] = cloth_quantities(g, own, angle[:, edge : edge + len(g.ends)])
+            material = self._materials.numpy()[:, len(found)]
+            found[name] = cloth_quantities(g, material, own, angle[:, edge : edge + len(g.ends)])
             edge += len(g.ends)
         return found
 
 
 def _given(value: float | None) -> float:
     return float("nan") if value is None else value
+
+
+def _fixed(world: World, name: str, geometry: ClothGeometry) -> NDArray[np.int32]:
+    """1 for the triangles (T,) that one attachment holds to a rigid body, all three corners and for good.
+
+    Those held to the world are found while it runs, by the inverse mass of their nodes, so that they may be let go.
+    """
+    fixed = np.zeros(len(geometry.corners), dtype=np.int32)
+    mesh = DeformableMesh(geometry.nodes, geometry.node_area, geometry.node_area, triangles=geometry.corners)
+    for attachment in world.attachments:
+        lasting = attachment.release is None and attachment.strength is None
+        if attachment.object == name and lasting and any(o.name == attachment.to for o in world.objects):
+            fixed |= np.isin(geometry.corners, held_nodes({name: mesh}, attachment)).all(axis=1)
+    return fixed
 
 
 def _launch(kernel: Any, dim: tuple[int, int], inputs: list[Any]) -> None:
