@@ -14,6 +14,7 @@ from polyworld.solver.spatial.rows import push, velocity_along
 STOPPED = wp.float64(1.0e-7)  # a stop is reached within this [m or rad]
 UNREACHED = wp.float64(-1.0e30)  # a velocity that is always reached
 STOP_SWEEPS = 50
+RUBBING_HALVINGS = 60
 
 
 @wp.func
@@ -37,32 +38,54 @@ def pull_spring(joint: Joint, c: wp.float64, v: wp.float64, h: wp.float64) -> wp
 
 
 @wp.func
+def rubbing_torque(c: wp.mat33d, free: wp.vec3d, bound: wp.float64) -> wp.vec3d:
+    """The impulse p of length `bound` that opposes the velocity free + c p: (c + m) p = -free for some m > 0.
+
+    Its length falls as m grows; m is found by bisection of its logarithm.
+    """
+    low = wp.float64(-100.0)
+    scale = wp.trace(c)
+    high = wp.log(wp.length(free) / (bound * scale) + wp.float64(1.0))
+    for _halving in range(RUBBING_HALVINGS):
+        middle = wp.float64(0.5) * (low + high)
+        p = wp.inverse(c + wp.identity(n=3, dtype=wp.float64) * (scale * wp.exp(middle))) * free
+        if wp.length(p) > bound:
+            low = middle
+        else:
+            high = middle
+    p = wp.inverse(c + wp.identity(n=3, dtype=wp.float64) * (scale * wp.exp(high))) * free
+    return p * (-bound / wp.length(p))
+
+
+@wp.func(inline=False)
 def rub_ball(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp.float64:
     """Friction and damping of a ball joint: a torque against the turning, of a bounded length and of its rate."""
     d = joints.kinds[j]
     row = joints.base + joints.equalities + d.axis
     joint = joints.joint[k, j]
-    c = wp.max(joints.compliance[k, d.axis], wp.max(joints.compliance[k, d.axis + 1], joints.compliance[k, d.axis + 2]))
-    if c <= wp.float64(0.0):
-        return c
+    c = joints.turning[k, j]
+    if c[0, 0] <= wp.float64(0.0) or c[1, 1] <= wp.float64(0.0) or c[2, 2] <= wp.float64(0.0):
+        return wp.float64(0.0)
     v = wp.vec3d()
     for i in range(3):
         v[i] = velocity_along(state, k, d.a, d.b, row + i)
-    z = joint.damping * h * c
-    share = damped_share(z)
+    share = damped_share(joint.damping * h * wp.trace(c))
     wanted = (v * share + joint.speed * (wp.float64(1.0) - share)) * (-joint.damping * h)
-    change = (wanted - joint.damped) / (wp.float64(1.0) + z * share)
+    unit = wp.identity(n=3, dtype=wp.float64)
+    change = wp.inverse(unit + c * (joint.damping * h * share)) * (wanted - joint.damped)
     joints.joint[k, j].damped = joint.damped + change
-    trial = joint.rubbing - (v + change * c) / c
-    size = wp.length(trial)
+    free = v + c * (change - joint.rubbing)  # without friction
     bound = joint.friction * h
-    if size > bound:
-        trial = trial * (bound / size)
-    change += trial - joint.rubbing
-    joints.joint[k, j].rubbing = trial
+    rubbing = wp.vec3d()
+    if bound > wp.float64(0.0):
+        rubbing = -(wp.inverse(c) * free)
+        if wp.length(rubbing) > bound:
+            rubbing = rubbing_torque(c, free, bound)
+    change += rubbing - joint.rubbing
+    joints.joint[k, j].rubbing = rubbing
     for i in range(3):
         push(state, k, d.a, d.b, row + i, change[i])
-    return wp.length(change) * c
+    return wp.length(c * change)
 
 
 @wp.func
@@ -71,7 +94,7 @@ def move_axis(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp
     zero = wp.float64(0.0)
     d = joints.kinds[j]
     row = joints.base + joints.equalities + d.axis
-    c = joints.compliance[k, d.axis]
+    c = joints.compliance[k, j]
     if c <= zero:
         return zero
     joint = joints.joint[k, j]
@@ -139,12 +162,13 @@ def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64
 
 @wp.func
 def forget(joints: Joints, k: int, j: int) -> None:
-    """Set the impulses of a joint's axes to zero."""
+    """Set the impulses of a joint's axes to zero, and its motor's time."""
     joints.joint[k, j].rubbing = wp.vec3d()
     joints.joint[k, j].damped = wp.vec3d()
     joints.joint[k, j].driving = wp.float64(0.0)
     joints.joint[k, j].stopped = wp.vec2d()
     joints.joint[k, j].pulled = wp.float64(0.0)
+    joints.joint[k, j].drive = wp.float64(0.0)
 
 
 @wp.func

@@ -102,7 +102,9 @@ class Joints:
     inverse: wp.array2d[wp.float64]
     aim: wp.array2d[wp.float64]
     work: wp.array2d[wp.float64]
-    compliance: wp.array2d[wp.float64]  # (K, axes) velocity per impulse of an axis while the joints hold
+    compliance: wp.array2d[wp.float64]  # (K, count) velocity per impulse of an axis while the joints hold
+    held: wp.array2d[wp.float64]  # (K, 3 equalities) room for what the joints take of pushes along axes
+    turning: wp.array2d[wp.mat33d]  # (K, count) velocity per impulse of ball joints, in their frames on b
     ready: wp.array[wp.int32]  # (K,) 1 where the rows are those of the bodies' pose
     start_w: wp.array2d[wp.vec3d]
     end_x: wp.array2d[wp.vec3d]

@@ -7,7 +7,7 @@ masses. Rows that depend on others, as in closed loops, are left out.
 
 import warp as wp
 
-from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, SPRING, Joint, JointKind, Joints
+from polyworld.solver.spatial.joint_layout import BALL, HINGE, NEVER, SLIDER, SPRING, Joint, JointKind, Joints
 from polyworld.solver.spatial.layout import Row, State
 from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
 
@@ -181,9 +181,43 @@ def backward(joints: Joints, k: int) -> None:
             joints.work[k, i] -= joints.matrix[k, at + i] * value
 
 
+@wp.func
+def resists(d: JointKind, joint: Joint) -> bool:
+    """Whether anything acts along the joint's axes."""
+    zero = wp.float64(0.0)
+    bounded = d.lower > wp.float64(-0.5 * NEVER) or d.upper < wp.float64(0.5 * NEVER)
+    return d.kind == SPRING or joint.friction > zero or joint.damping > zero or d.driven > 0 or bounded
+
+
+@wp.func
+def held_by(joints: Joints, state: State, k: int, j: int, i: int) -> None:
+    """What the joints take of a push along axis i of joint j, as L^-1 of the velocities it gives their rows."""
+    d = joints.kinds[j]
+    row = joints.base + joints.equalities + d.axis + i
+    for r in range(joints.equalities):
+        joints.work[k, r] = coupling(state, k, joints.base + r, joints.kinds[joints.row_joint[r]], row, d)
+    forward(joints, k)
+    for r in range(joints.equalities):
+        joints.held[k, i * joints.equalities + r] = joints.work[k, r]
+
+
+@wp.func
+def yielding(joints: Joints, state: State, k: int, j: int, i: int, m: int) -> wp.float64:
+    """Velocity along axis i of joint j for a unit impulse along its axis m while all joints hold."""
+    d = joints.kinds[j]
+    row = joints.base + joints.equalities + d.axis
+    free = coupling(state, k, row + i, d, row + m, d)
+    held = wp.float64(0.0)
+    for r in range(joints.equalities):
+        held += joints.held[k, i * joints.equalities + r] * joints.held[k, m * joints.equalities + r]
+    if i == m and free - held <= DEPENDENT * free:
+        return wp.float64(0.0)
+    return free - held
+
+
 @wp.func(inline=False)
 def build_joint_rows(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
-    """Rows and factor of all joints at the bodies' pose, and what resists a push along each axis meanwhile."""
+    """Rows and factor of all joints at the bodies' pose, and how far they yield to a push along each axis."""
     for j in range(joints.count):
         if joints.joint[k, j].active == 1:
             write_rows(joints, state, k, j, lock)
@@ -191,19 +225,15 @@ def build_joint_rows(joints: Joints, state: State, k: int, lock: wp.vec3d) -> No
     factorise(joints, state, k)
     for j in range(joints.count):
         d = joints.kinds[j]
-        for i in range(d.axes):
-            row = joints.base + joints.equalities + d.axis + i
-            for r in range(joints.equalities):
-                joints.work[k, r] = coupling(state, k, joints.base + r, joints.kinds[joints.row_joint[r]], row, d)
-            forward(joints, k)
-            held = wp.float64(0.0)
-            for r in range(joints.equalities):
-                held += joints.work[k, r] * joints.work[k, r]
-            free = coupling(state, k, row, d, row, d)
-            own = free - held
-            if own <= DEPENDENT * free:
-                own = wp.float64(0.0)
-            joints.compliance[k, d.axis + i] = own
+        if joints.joint[k, j].active == 1 and resists(d, joints.joint[k, j]):
+            for i in range(d.axes):
+                held_by(joints, state, k, j, i)
+            if d.kind == BALL:
+                for i in range(3):
+                    for m in range(3):
+                        joints.turning[k, j][i, m] = yielding(joints, state, k, j, i, m)
+            elif d.axes == 1:
+                joints.compliance[k, j] = yielding(joints, state, k, j, 0, 0)
     joints.ready[k] = 1
 
 

@@ -74,7 +74,9 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
     joints.matrix = _zeros((rows, int(lengths.sum())), wp.float64)
     for name in ("inverse", "aim", "work"):
         setattr(joints, name, _zeros((rows, equality), wp.float64))
-    joints.compliance = _zeros((rows, axes), wp.float64)
+    joints.compliance = _zeros((rows, len(order)), wp.float64)
+    joints.turning = _zeros((rows, len(order)), wp.mat33d)
+    joints.held = _zeros((rows, 3 * equality), wp.float64)
     joints.half_impulse = _zeros((rows, equality + axes), wp.float64)
     joints.ready = _zeros((rows,), wp.int32)
     for name, dtype in (

@@ -42,6 +42,8 @@ def load_joints(joints: Joints, state: State, w: int, k: int) -> None:
         if d.rest_length < wp.float64(0.0):
             joint.rest_length = wp.length(d.anchor - d.other_anchor)
         joints.joint[k, j] = joint
+        joints.compliance[k, j] = wp.float64(0.0)
+        joints.turning[k, j] = wp.mat33d()
     for r in range(joints.equalities + joints.axes):
         state.rows[k, joints.base + r] = Row()
     joints.ready[k] = 0
