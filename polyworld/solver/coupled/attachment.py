@@ -76,7 +76,7 @@ class Attachments:
         self._target: Any = wp.array(np.array(held.target, dtype=np.int32).reshape(-1, 3), dtype=wp.vec3i, device="cpu")
         self._weight: Any = wp.array(np.array(held.weight).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
         self._offset: Any = wp.array(np.array(held.offset).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
-        self._last = _zeros((w, len(held.node)), wp.vec3d)
+        self._last: Any = _zeros((w, len(held.node)), wp.vec3d)
         self._wanted = _zeros((w, len(held.node)), wp.vec3d)
 
     def _motions(self) -> kernels.Motion:
@@ -108,7 +108,8 @@ class Attachments:
         f = self.fastenings
         f.released.numpy()[:] = 0
         f.when.numpy()[:] = np.nan
-        for values in (f.impulse, f.force, self._last, self._last_h):
+        kept: tuple[Any, ...] = (f.impulse, f.force, self._last, self._last_h)
+        for values in kept:
             values.numpy()[:] = 0.0
         x = nodes.x.numpy()
         self._world_place.numpy()[:] = x[:, self._to_world.node]

@@ -21,6 +21,7 @@ from polyworld.solver.coupled.contact_search import (
 )
 from polyworld.solver.coupled.contact_solve import solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.coupled.surface import SurfacePairs
 from polyworld.solver.spatial.layout import Body, Geometry
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
@@ -67,7 +68,8 @@ class Contacts:
         self.bounds.low, self.bounds.high = _zeros((w, d), wp.vec3d), _zeros((w, d), wp.vec3d)
         self.bounds.speed = _zeros((w, d), wp.float64)
         self.bounds.near = _zeros((w, d, parts), wp.int32)
-        room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0]
+        self._pairs = SurfacePairs(world, meshes, nodes, self.surface, len(world.objects) + len(world.statics))
+        room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0] + self._pairs.room()
         self.found = layout.Found()
         self.found.contacts = _zeros((w, room), layout.Contact)
         self.found.acting = _zeros((w, room), wp.int32)
@@ -85,6 +87,7 @@ class Contacts:
         self.found.count.numpy()[:] = 0
         self.found.crowded.numpy()[:] = 0
         self.found.reaction.numpy()[:] = 0.0
+        self._pairs.reset()
         self._log.reset()
 
     @property
@@ -113,6 +116,7 @@ class Contacts:
         """Launch the search for all that may touch within the coupling step."""
         w, d, parts = self.bounds.near.shape
         _launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds, self.found.count])
+        self._pairs.launch(nodes, clock, self.bounds, self.found)
         if parts == 0:
             return
         moving = [clock.h, clock.gravity]

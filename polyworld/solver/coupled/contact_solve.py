@@ -138,7 +138,9 @@ def follow(
     distance = wp.length(away)
     c.normal = unit(away, face * c.side)
     c.gap = distance - c.reach
-    if c.gap > zero and c.side != wp.float64(0.0):
+    if c.part == 1 and height < zero:  # inside a solid: a neighbour is closer
+        c.gap = FAR
+    if c.part == 0 and c.gap > zero:
         c.side = wp.where(height >= zero, wp.float64(1.0), wp.float64(-1.0))
     return c
 

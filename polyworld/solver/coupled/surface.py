@@ -1,0 +1,146 @@
+"""Contacts of deformable objects with each other and with themselves: what may touch, and the search for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.meshing import DeformableMesh
+from polyworld.representations.cloth import Cloth
+from polyworld.representations.rope import Rope
+from polyworld.solver.coupled.contact_layout import Bounds, Found, Surface
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.coupled.surface_grid import make_grid
+from polyworld.solver.coupled.surface_pairs import Pairs, list_crossings, list_faces, sort_surfaces, take_pairs
+from polyworld.world import World
+
+Ints = NDArray[np.int32]
+
+SKIN = 0.35  # least margin of a list, per median edge length
+ROOM = 8  # listed pairs a node may be part of, on average
+
+
+def touching_objects(world: World) -> Ints:
+    """Which deformable objects may touch each other (D, D): all but fluids; themselves only ropes, and cloth where
+    it says so. A soft body's own parts pass through each other.
+    """
+    solid = np.array([not d.representation.startswith("fluid") for d in world.deformables], dtype=bool)
+    may = np.outer(solid, solid)
+    for k, item in enumerate(world.deformables):
+        may[k, k] = isinstance(item, Rope) or (isinstance(item, Cloth) and item.self_contact)
+    return may.astype(np.int32)
+
+
+class SurfacePairs:
+    """The search for contacts among deformable objects of W worlds; adds them to the list of all contacts."""
+
+    def __init__(
+        self, world: World, meshes: dict[str, DeformableMesh], nodes: Nodes, surface: Surface, bodies: int
+    ) -> None:
+        """bodies: number of rigid objects and statics, which come first in the participants of a contact."""
+        self._surface = surface
+        self._bodies = bodies
+        self._w = nodes.x.shape[0]
+        may = touching_objects(world)
+        edges, owner = surface.edges.numpy(), nodes.owner.numpy()
+        self.any = bool(may.any()) and len(edges) > 0
+        if not self.any:
+            return
+        rest = np.concatenate([meshes[name].nodes for name in nodes.first])
+        lengths = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
+        owners = owner[edges[:, 0]]
+        rope = np.array([isinstance(d, Rope) for d in world.deformables])
+        on_rope = rope[owners] & may.any(axis=1)[owners]
+        exposed = np.flatnonzero(surface.exposed.numpy() * may.any(axis=1)[owner]).astype(np.int32)
+        kept = np.flatnonzero(on_rope).astype(np.int32)
+        has_faces = surface.triangles.shape[0] > 0
+        pairs = Pairs()
+        pairs.node, pairs.edge = _ints(exposed), _ints(kept)
+        pairs.may = wp.array(may, dtype=wp.int32, device="cpu")
+        pairs.bonded = wp.array(_bonded(world), dtype=wp.int32, device="cpu")
+        pairs.rest = wp.array(rest, dtype=wp.vec3d, device="cpu")
+        room = ROOM * len(exposed) + 64
+        pairs.faces = _zeros((self._w, room if has_faces else 1), wp.vec2i)
+        pairs.crossings = _zeros((self._w, room if len(kept) else 1), wp.vec2i)
+        pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
+        pairs.place = _zeros(nodes.x.shape, wp.vec3d)
+        pairs.margin = _zeros((self._w,), wp.float64)
+        pairs.due = _zeros((self._w,), wp.int32)
+        pairs.chain = _ints(np.where(on_rope, owners, -1))
+        number = np.arange(len(edges))
+        starts = np.array([number[owners == d].min(initial=len(edges)) for d in range(len(rope))])
+        pairs.place_in_chain = _ints(number - starts[owners])
+        pairs.segment = wp.array(lengths, dtype=wp.float64, device="cpu")
+        pairs.longest = float(lengths[kept].max(initial=0.0))
+        pairs.skin = SKIN * float(np.median(lengths))
+        self._pairs = pairs
+        cell = 1.2 * float(np.median(lengths)) + 2.0 * float(nodes.radius.numpy()[exposed].max())
+        self._grid = make_grid(self._w, len(exposed), cell)
+        self._edge_grid = make_grid(self._w, len(kept), max(cell, pairs.longest))
+
+    def room(self) -> int:
+        """Contacts to keep room for."""
+        return 4 * self._pairs.node.shape[0] if self.any else 0
+
+    def reset(self) -> None:
+        """The lists are due."""
+        if self.any:
+            self._pairs.margin.numpy()[:] = 0.0
+            self._pairs.face_count.numpy()[:] = 0
+            self._pairs.crossing_count.numpy()[:] = 0
+
+    def launch(self, nodes: Nodes, clock: Clock, bounds: Bounds, found: Found) -> None:
+        """Launch the search; adds to `found` what may touch within the coupling step."""
+        if not self.any:
+            return
+        surface, pairs = self._surface, self._pairs
+        _launch(sort_surfaces, self._w, [clock.h, nodes.x, surface, bounds, pairs, self._grid, self._edge_grid])
+        listed = [nodes.x, nodes.radius, nodes.owner, nodes.active, surface, bounds, pairs]
+        if surface.triangles.shape[0]:
+            _launch(list_faces, (self._w, surface.triangles.shape[0]), [*listed, self._grid, found])
+        if pairs.edge.shape[0]:
+            _launch(list_crossings, (self._w, surface.edges.shape[0]), [*listed, self._edge_grid, found])
+        _launch(
+            take_pairs,
+            self._w,
+            [
+                clock.h,
+                nodes.x,
+                nodes.v,
+                nodes.radius,
+                nodes.owner,
+                nodes.friction,
+                nodes.restitution,
+                self._bodies,
+                surface,
+                bounds,
+                pairs,
+                found,
+            ],
+        )
+
+
+def _bonded(world: World) -> Ints:
+    """Which deformable objects are fastened to each other (D, D)."""
+    index = {d.name: k for k, d in enumerate(world.deformables)}
+    bonded = np.zeros((len(index), len(index)), dtype=np.int32)
+    for attachment in world.attachments:
+        if attachment.to in index:
+            a, b = index[attachment.object], index[attachment.to]
+            bonded[a, b] = bonded[b, a] = 1
+    return bonded
+
+
+def _ints(values: Any) -> Any:
+    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
+
+
+def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def _launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
+    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

@@ -1,0 +1,342 @@
+"""Pairs of deformable surfaces that come near each other: nodes and triangles, edges and edges.
+
+Near pairs are listed with a margin, and listed anew only when something may have moved through half of it. From
+the list, each coupling step takes those that may touch within it.
+"""
+
+import warp as wp
+
+from polyworld.solver.coupled.contact_layout import CROSSING, ON_FACE, Bounds, Contact, Found, Surface
+from polyworld.solver.coupled.contact_search import add
+from polyworld.solver.coupled.contact_solve import closest_on_segments
+from polyworld.solver.coupled.surface_grid import Grid, bucket_of, cell_of, in_cell, sort_points
+from polyworld.solver.spatial.layout import OPTIONS
+from polyworld.solver.spatial.separation import triangle_weights
+
+wp.set_module_options(OPTIONS)
+
+MARGIN = wp.constant(wp.float64(1.5))  # on the way that things move in a step: they may get faster meanwhile
+DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper in a solid than this is let be
+
+
+@wp.struct
+class Pairs:
+    """Nodes that may touch triangles and edges that may touch edges.
+
+    node, edge: what the grids hold, as rows of the nodes and of Surface.edges. may (D, D): 1 for objects that may
+    touch. bonded (D, D): 1 for objects that are fastened to each other. rest (N,): places in the unloaded shape.
+    faces, crossings (W, P): listed pairs (node, triangle) and (edge, edge), their number (W,). place (W, N): at the
+    last listing, that had margin (W,). due (W,): 1 where the list is to be made anew. chain (E,): which rope an
+    edge belongs to, or -1, and place_in_chain its number in it; segment (E,): its length.
+    """
+
+    node: wp.array[wp.int32]
+    edge: wp.array[wp.int32]
+    may: wp.array2d[wp.int32]
+    bonded: wp.array2d[wp.int32]
+    rest: wp.array[wp.vec3d]
+    faces: wp.array2d[wp.vec2i]
+    face_count: wp.array[wp.int32]
+    crossings: wp.array2d[wp.vec2i]
+    crossing_count: wp.array[wp.int32]
+    place: wp.array2d[wp.vec3d]
+    margin: wp.array[wp.float64]
+    due: wp.array[wp.int32]
+    chain: wp.array[wp.int32]
+    place_in_chain: wp.array[wp.int32]
+    segment: wp.array[wp.float64]
+    longest: wp.float64  # edge among those that the grid holds
+    skin: wp.float64  # least margin
+
+
+@wp.func
+def boxes_near(bounds: Bounds, w: int, a: int, b: int, far: wp.float64) -> bool:
+    """Whether the boxes around two objects come within a distance."""
+    for k in range(3):
+        if bounds.low[w, a][k] - bounds.high[w, b][k] > far or bounds.low[w, b][k] - bounds.high[w, a][k] > far:
+            return False
+    return True
+
+
+@wp.kernel
+def sort_surfaces(
+    h: wp.array[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    surface: Surface,
+    bounds: Bounds,
+    pairs: Pairs,
+    nodes: Grid,
+    edges: Grid,
+) -> None:
+    """Decide whether the lists are due, and sort nodes and edges into their grids where they are."""
+    w = wp.tid()
+    pairs.due[w] = 0
+    if h[w] <= wp.float64(0.0):
+        return
+    fastest = wp.float64(0.0)
+    for d in range(bounds.speed.shape[1]):
+        fastest = wp.max(fastest, bounds.speed[w, d])
+    step = MARGIN * fastest * h[w]
+    allowed = wp.float64(0.5) * pairs.margin[w] - step
+    if allowed > wp.float64(0.0):
+        moved = wp.float64(0.0)
+        for k in range(pairs.node.shape[0]):
+            i = pairs.node[k]
+            moved = wp.max(moved, wp.length_sq(x[w, i] - pairs.place[w, i]))
+        if moved < allowed * allowed:
+            return
+    pairs.due[w] = 1
+    pairs.margin[w] = wp.max(pairs.skin, wp.float64(4.0) * step)
+    pairs.face_count[w] = 0
+    pairs.crossing_count[w] = 0
+    for k in range(pairs.node.shape[0]):
+        i = pairs.node[k]
+        pairs.place[w, i] = x[w, i]
+        nodes.point[w, k] = x[w, i]
+    sort_points(nodes, w)
+    if pairs.edge.shape[0] > 0:
+        for k in range(pairs.edge.shape[0]):
+            e = pairs.edge[k]
+            edges.point[w, k] = (x[w, surface.edges[e, 0]] + x[w, surface.edges[e, 1]]) * wp.float64(0.5)
+        sort_points(edges, w)
+
+
+@wp.func
+def list_pair(
+    pairs: wp.array2d[wp.vec2i], count: wp.array[wp.int32], crowded: wp.array[wp.int32], w: int, a: int, b: int
+) -> None:
+    slot = wp.atomic_add(count, w, 1)
+    if slot >= pairs.shape[1]:
+        crowded[w] = 1
+        count[w] = pairs.shape[1]
+        return
+    pairs[w, slot] = wp.vec2i(a, b)
+
+
+@wp.kernel
+def list_faces(
+    x: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    surface: Surface,
+    bounds: Bounds,
+    pairs: Pairs,
+    grid: Grid,
+    found: Found,
+) -> None:
+    """Nodes near each triangle, but for those that touch it in the unloaded shape."""
+    w, t = wp.tid()
+    if pairs.due[w] == 0:
+        return
+    n0 = surface.triangles[t, 0]
+    n1 = surface.triangles[t, 1]
+    n2 = surface.triangles[t, 2]
+    d = owner[n0]
+    if active[w, n0] == 0:
+        return
+    margin = pairs.margin[w]
+    any_near = wp.int32(0)
+    for o in range(pairs.may.shape[0]):
+        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + radius[n0] + pairs.skin)):
+            any_near = 1
+    if any_near == 0:
+        return
+    a = x[w, n0]
+    b = x[w, n1]
+    c = x[w, n2]
+    reach = wp.float64(2.0) * margin + radius[n0]
+    edge = wp.vec3d(reach, reach, reach)
+    low = wp.min(wp.min(a, b), c) - edge
+    high = wp.max(wp.max(a, b), c) + edge
+    for i in range(cell_of(low[0], grid.cell), cell_of(high[0], grid.cell) + 1):
+        for j in range(cell_of(low[1], grid.cell), cell_of(high[1], grid.cell) + 1):
+            for k in range(cell_of(low[2], grid.cell), cell_of(high[2], grid.cell) + 1):
+                bucket = bucket_of(i, j, k, grid.buckets)
+                for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
+                    item = grid.items[w, s]
+                    n = pairs.node[item]
+                    o = owner[n]
+                    own = (n - n0) * (n - n1) * (n - n2) == 0
+                    if own or pairs.may[d, o] == 0 or active[w, n] == 0:
+                        continue
+                    if not in_cell(grid, w, item, i, j, k):
+                        continue
+                    p = x[w, n]
+                    weights = triangle_weights(a - p, b - p, c - p)
+                    away = p - a * weights[0] - b * weights[1] - c * weights[2]
+                    sum = radius[n] + radius[n0]
+                    far = sum + margin
+                    if wp.length_sq(away) > far * far:
+                        continue
+                    if o == d or pairs.bonded[d, o] == 1:
+                        q = pairs.rest[n]
+                        ra = pairs.rest[n0] - q
+                        rb = pairs.rest[n1] - q
+                        rc = pairs.rest[n2] - q
+                        weights = triangle_weights(ra, rb, rc)
+                        apart = ra * weights[0] + rb * weights[1] + rc * weights[2]
+                        if wp.length(apart) < sum * wp.float64(0.999):
+                            continue
+                    list_pair(pairs.faces, pairs.face_count, found.crowded, w, n, t)
+
+
+@wp.kernel
+def list_crossings(
+    x: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    surface: Surface,
+    bounds: Bounds,
+    pairs: Pairs,
+    grid: Grid,
+    found: Found,
+) -> None:
+    """Ropes' segments near each edge. Those of one rope count where the rope between them is longer than thick."""
+    w, e = wp.tid()
+    if pairs.due[w] == 0:
+        return
+    n0 = surface.edges[e, 0]
+    n1 = surface.edges[e, 1]
+    d = owner[n0]
+    if active[w, n0] == 0:
+        return
+    margin = pairs.margin[w]
+    any_near = wp.int32(0)
+    for o in range(pairs.may.shape[0]):
+        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + radius[n0] + pairs.skin)):
+            any_near = 1
+    if any_near == 0:
+        return
+    a = x[w, n0]
+    b = x[w, n1]
+    reach = wp.float64(2.0) * margin + radius[n0] + pairs.longest * wp.float64(0.6)
+    room = wp.vec3d(reach, reach, reach)
+    low = wp.min(a, b) - room
+    high = wp.max(a, b) + room
+    for i in range(cell_of(low[0], grid.cell), cell_of(high[0], grid.cell) + 1):
+        for j in range(cell_of(low[1], grid.cell), cell_of(high[1], grid.cell) + 1):
+            for k in range(cell_of(low[2], grid.cell), cell_of(high[2], grid.cell) + 1):
+                bucket = bucket_of(i, j, k, grid.buckets)
+                for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
+                    item = grid.items[w, s]
+                    f = pairs.edge[item]
+                    m0 = surface.edges[f, 0]
+                    o = owner[m0]
+                    if pairs.may[d, o] == 0 or active[w, m0] == 0 or not in_cell(grid, w, item, i, j, k):
+                        continue
+                    if pairs.chain[e] >= 0 and f <= e:
+                        continue  # two ropes' segments meet once
+                    sum = radius[n0] + radius[m0]
+                    if pairs.chain[e] == pairs.chain[f]:
+                        between = wp.float64(wp.abs(pairs.place_in_chain[e] - pairs.place_in_chain[f]) - 1)
+                        if between * pairs.segment[e] < wp.float64(1.6) * sum or between < wp.float64(1.0):
+                            continue
+                    st = closest_on_segments(a, b, x[w, m0], x[w, surface.edges[f, 1]])
+                    p = a + (b - a) * st[0]
+                    q = x[w, m0] + (x[w, surface.edges[f, 1]] - x[w, m0]) * st[1]
+                    far = sum + margin
+                    if wp.length_sq(p - q) <= far * far:
+                        list_pair(pairs.crossings, pairs.crossing_count, found.crowded, w, e, f)
+
+
+@wp.func
+def mixed(values: wp.array2d[wp.float64], w: int, a: int, b: int) -> wp.float64:
+    """Geometric mean of two objects' coefficients."""
+    r = w % values.shape[0]
+    return wp.sqrt(values[r, a] * values[r, b])
+
+
+@wp.kernel
+def take_pairs(
+    h: wp.array[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    objects: int,
+    surface: Surface,
+    bounds: Bounds,
+    pairs: Pairs,
+    found: Found,
+) -> None:
+    """Add the listed pairs that may touch within the coupling step; objects: number of bodies, for events."""
+    w = wp.tid()
+    if h[w] <= wp.float64(0.0):
+        return
+    fastest = wp.float64(0.0)
+    for d in range(bounds.speed.shape[1]):
+        fastest = wp.max(fastest, bounds.speed[w, d])
+    for k in range(pairs.face_count[w]):
+        n = pairs.faces[w, k][0]
+        t = pairs.faces[w, k][1]
+        n0 = surface.triangles[t, 0]
+        n1 = surface.triangles[t, 1]
+        n2 = surface.triangles[t, 2]
+        p = x[w, n]
+        a = x[w, n0]
+        b = x[w, n1]
+        c = x[w, n2]
+        weights = triangle_weights(a - p, b - p, c - p)
+        away = p - a * weights[0] - b * weights[1] - c * weights[2]
+        u = v[w, n] - v[w, n0] * weights[0] - v[w, n1] * weights[1] - v[w, n2] * weights[2]
+        sum = radius[n] + radius[n0]
+        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
+        face = wp.cross(b - a, c - a)
+        size = wp.length(face)
+        height = wp.dot(face, away) / wp.max(size, wp.float64(1.0e-300))
+        one_sided = surface.one_sided[owner[n0]]
+        deepest = DEEPEST * wp.sqrt(size)
+        if one_sided == 1 and height < wp.float64(0.0):
+            far = deepest
+        if wp.length_sq(away) > far * far:
+            continue
+        z = Contact()
+        z.kind = ON_FACE
+        z.n0 = n
+        z.n1 = n0
+        z.n2 = n1
+        z.n3 = n2
+        z.body = -1
+        z.part = one_sided
+        z.owner = owner[n]
+        z.other = objects + owner[n0]
+        z.weight = wp.vec4d(wp.float64(1.0), -weights[0], -weights[1], -weights[2])
+        z.reach = sum
+        z.side = wp.float64(1.0)
+        if one_sided == 0 and height < wp.float64(0.0):
+            z.side = wp.float64(-1.0)
+        z.friction = mixed(friction, w, owner[n], owner[n0])
+        z.restitution = mixed(restitution, w, owner[n], owner[n0])
+        add(found, w, z)
+    for k in range(pairs.crossing_count[w]):
+        e = pairs.crossings[w, k][0]
+        f = pairs.crossings[w, k][1]
+        n0 = surface.edges[e, 0]
+        n1 = surface.edges[e, 1]
+        m0 = surface.edges[f, 0]
+        m1 = surface.edges[f, 1]
+        st = closest_on_segments(x[w, n0], x[w, n1], x[w, m0], x[w, m1])
+        away = x[w, n0] + (x[w, n1] - x[w, n0]) * st[0] - x[w, m0] - (x[w, m1] - x[w, m0]) * st[1]
+        u = v[w, n0] + (v[w, n1] - v[w, n0]) * st[0] - v[w, m0] - (v[w, m1] - v[w, m0]) * st[1]
+        sum = radius[n0] + radius[m0]
+        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
+        if wp.length_sq(away) > far * far:
+            continue
+        z = Contact()
+        z.kind = CROSSING
+        z.n0 = n0
+        z.n1 = n1
+        z.n2 = m0
+        z.n3 = m1
+        z.body = -1
+        z.owner = owner[n0]
+        z.other = objects + owner[m0]
+        z.reach = sum
+        z.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+        z.friction = mixed(friction, w, owner[n0], owner[m0])
+        z.restitution = mixed(restitution, w, owner[n0], owner[m0])
+        add(found, w, z)
