@@ -79,7 +79,7 @@ def image_occupancy(
     for begin in range(0, len(flat), step):
         places = samples.places(flat[begin : begin + step])
         away = np.maximum(camera.to_camera(places)[..., 2], 1e-9)
-        at = camera.project(places) / cell
+        at = (camera.project(places) + 0.5) / cell  # a pixel's middle has whole coordinates
         radius = samples.radius * focal / away / np.sqrt(cell.prod())
         covered[begin : begin + step] = _shrunk(_soft_discs(at, radius + 1.0, rows * fine, columns * fine))
     blocks = covered.reshape(-1, rows, fine, columns, fine)
