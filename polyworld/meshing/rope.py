@@ -13,6 +13,7 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
+LEAST_GAP = 0.15  # between a node and the place where a wheel is touched, over the length of a segment
 TANGENT_PASSES = 60  # wheel-to-wheel tangents converge by a factor of a few a pass, at worst
 
 
@@ -75,8 +76,14 @@ def threading(world: World, rope: Rope) -> Threading:
     stretch = max(total / length, 1.0)
     on_wheels = hidden / stretch
     segment_length = (length - float(on_wheels.sum())) / rope.segments
-    nodes = _places(corners, along, np.linspace(0.0, straight, rope.segments + 1))
-    order, rest = _links(rope, segment_length, straight, [along[k] for k, _, _ in arcs], on_wheels)
+    wheels = [float(along[k]) for k, _, _ in arcs]
+    places = _places(straight, rope.segments, wheels)
+    order, gaps = _order(rope, places, wheels)
+    rest = gaps * (segment_length * rope.segments / straight)
+    for p in range(len(pulleys)):
+        k = int(np.flatnonzero(order == -1 - p)[0])
+        rest[[k - 1, k]] += 0.5 * on_wheels[p]
+    nodes = np.stack([np.interp(places, along, corners[:, k]) for k in range(3)], axis=1)
     return Threading(nodes, pulleys, order, rest, segment_length, wrap)
 
 
@@ -146,37 +153,30 @@ def _wrap_angle(pulley: Pulley, arrives: Array, leaves: Array) -> float:
     return 0.0 if angle > 2.0 * np.pi - 1e-9 else angle
 
 
-def _places(corners: Array, along: Array, wanted: Array) -> Array:
-    """Points at given distances along the straight parts; where an arc sits between two parts, before it."""
-    return np.stack([np.interp(wanted, along, corners[:, k]) for k in range(3)], axis=1)
+def _places(straight: float, segments: int, wheels: list[float]) -> Array:
+    """Distances of the nodes along the straight parts: equal, but that no node lies just where a wheel is touched."""
+    places: Array = np.linspace(0.0, straight, segments + 1)
+    least = LEAST_GAP * straight / segments
+    for at in wheels:
+        near = np.abs(places - at) < least
+        near[[0, -1]] = False
+        places[near] = at - least
+    return places
 
 
-def _links(
-    rope: Rope, segment_length: float, straight: float, wheels: list[float], on_wheels: Array
-) -> tuple[NDArray[np.int32], Array]:
-    """Order of nodes and wheels, and rest lengths of the links, from the wheels' places along the straight parts."""
-    scale = segment_length * rope.segments / straight if straight > 0 else 0.0
-    places = [at * scale for at in wheels]
-    segments = [min(max(int(np.floor(at / segment_length + 1e-9)), 0), rope.segments - 1) for at in places]
-    if len(set(segments)) < len(segments):
-        shortest = min(b - a for a, b in zip(wheels[:-1], wheels[1:], strict=True))
+def _order(rope: Rope, places: Array, wheels: list[float]) -> tuple[NDArray[np.int32], Array]:
+    """Order of nodes and wheels, and the straight lengths between them."""
+    order = [*range(len(places)), *(-1 - p for p in range(len(wheels)))]
+    at = np.concatenate([places, wheels])
+    ranked = np.argsort(at, kind="stable")
+    passed = np.asarray(order, dtype=np.int32)[ranked]
+    close = np.flatnonzero((passed[:-1] < 0) & (passed[1:] < 0))
+    if len(close):
+        gap = float(np.diff(at[ranked])[close].min())
+        enough = f"at least {int(np.ceil(places[-1] / gap)) + 1} segments" if gap > 0 else "a point between them"
         raise ValueError(
-            f"rope {rope.name!r}: two of its pulleys lie on one segment; {rope.segments} segments are too few, give "
-            f"at least {int(np.ceil(straight / shortest)) + 1 if shortest > 0 else 'more points between them, and'} "
-            "segments"
+            f"rope {rope.name!r}: two of its pulleys lie on one of its {rope.segments} segments; give it {enough}"
         )
-    order: list[int] = []
-    rest: list[float] = []
-    for k in range(rope.segments):
-        order.append(k)
-        begin = k * segment_length
-        if k in segments:
-            p = segments.index(k)
-            order.append(-1 - p)
-            before = min(max(places[p] - begin, 0.0), segment_length)
-            rest.append(before + 0.5 * on_wheels[p])
-            rest.append(segment_length - before + 0.5 * on_wheels[p])
-        else:
-            rest.append(segment_length)
-    order.append(rope.segments)
-    return np.asarray(order, dtype=np.int32), np.asarray(rest)
+    if passed[0] < 0 or passed[-1] < 0:
+        raise ValueError(f"rope {rope.name!r}: a pulley lies at an end of it; let it begin and end away from wheels")
+    return passed, np.diff(at[ranked])

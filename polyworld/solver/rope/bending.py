@@ -53,7 +53,6 @@ def damping_torque(
 def bend(
     ropes: Ropes,
     state: RopeState,
-    bodies: wp.array2d[Body],
     dt: wp.array[wp.float64],
     active: wp.array2d[wp.int32],
     x: wp.array2d[wp.vec3d],

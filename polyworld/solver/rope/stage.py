@@ -14,7 +14,7 @@ from polyworld.meshing.rope import Threading, threading, unit_axis
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.rope import bending, stretch, wheels
+from polyworld.solver.rope import bending, passing, stretch
 from polyworld.solver.rope.ends import hold_ends
 from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
 from polyworld.solver.spatial.layout import Body
@@ -247,7 +247,8 @@ class RopeStage:
             f = self._fields[rope.name]
             density, cell = f["linear_density"], thread.segment_length
             tension = self._highest_tension(rope, thread, f)
-            square = 16.0 * f["bending_stiffness"] / (density * cell**4) + 4.0 * tension / (density * cell**2)
+            across = 12.0 if thread.pulleys else 4.0  # a node swings faster where it is near a wheel
+            square = 16.0 * f["bending_stiffness"] / (density * cell**4) + across * tension / (density * cell**2)
             omega = np.sqrt(np.maximum(square, 1e-12))
             zeta = 0.5 * f["bending_damping"] * omega * (16.0 * f["bending_stiffness"] / (density * cell**4)) / square
             steps.append(SAFETY * 2.0 / omega * (np.sqrt(1.0 + zeta**2) - zeta))
@@ -287,7 +288,7 @@ class RopeStage:
         """See `MaterialStage.launch_forces`."""
         state = [self._ropes, self._state, self._bodies, clock.dt]
         self._launch(hold_ends, [*state, clock.time, nodes.active, nodes.x])
-        self._launch(bending.bend, [*state, nodes.active, nodes.x, nodes.v, nodes.f])
+        self._launch(bending.bend, [self._ropes, self._state, clock.dt, nodes.active, nodes.x, nodes.v, nodes.f])
         if self._clamped:
             self._launch(bending.bend_clamped_ends, [*state, nodes.active, nodes.x, nodes.v, nodes.f])
 
@@ -300,6 +301,9 @@ class RopeStage:
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_positions`."""
+        if self._state.wheels.shape[1] > 0:
+            inputs = [self._ropes, self._state, self._bodies, clock.dt, nodes.active]
+            self._launch(passing.pass_wheels, [*inputs, nodes.inverse_mass, nodes.x, nodes.v])
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """Tension of each segment [N], positive in pull: {rope: {"tension": (W, segments)}}.

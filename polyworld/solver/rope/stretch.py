@@ -41,26 +41,10 @@ def half_arc(ropes: Ropes, state: RopeState, w: int, r: int, element: int) -> wp
 
 
 @wp.func
-def speed_at(
-    ropes: Ropes,
-    state: RopeState,
-    inverse_mass: wp.array2d[wp.float64],
-    v: wp.array2d[wp.vec3d],
-    half_fall: wp.vec3d,
-    w: int,
-    r: int,
-    element: int,
-) -> wp.vec3d:
-    """Velocity at which an element will move in this inner step: nodes move without half of the step's fall."""
+def speed_of(ropes: Ropes, state: RopeState, v: wp.array2d[wp.vec3d], w: int, r: int, element: int) -> wp.vec3d:
+    """Velocity of a node, or of a wheel's centre in the inner step before."""
     if element >= 0:
-        i = ropes.first_node[r] + element
-        if element == 0:
-            return v[w, i] - state.end_lag[w, r, 0]
-        if element == ropes.nodes[r] - 1:
-            return v[w, i] - state.end_lag[w, r, 1]
-        if inverse_mass[w % inverse_mass.shape[0], i] > wp.float64(0.0):
-            return v[w, i] - half_fall
-        return v[w, i]
+        return v[w, ropes.first_node[r] + element]
     return state.wheels[w, ropes.first_wheel[r] - 1 - element].velocity
 
 
@@ -111,7 +95,9 @@ def prepare_links(
             xb = state.wheels[w, ropes.first_wheel[r] - 1 - b].arrives
         span = xb - xa
         length = wp.length(span)
-        n = span / wp.max(length, wp.float64(1.0e-12))
+        n = state.direction[w, first + k]
+        if length > wp.float64(1.0e-9):
+            n = span / length
         state.direction[w, first + k] = n
         rest = state.rest[w, first + k]
         elongation = length - rest
@@ -129,11 +115,7 @@ def prepare_links(
         beta = one / wp.float64(12.0) + stiff * wp.float64(11.0 / 12.0)
         past = state.elongation[w, first + k]
         if wp.isnan(past):
-            rate = wp.dot(
-                n,
-                speed_at(ropes, state, inverse_mass, v, half_fall, w, r, b)
-                - speed_at(ropes, state, inverse_mass, v, half_fall, w, r, a),
-            )
+            rate = wp.dot(n, speed_of(ropes, state, v, w, r, b) - speed_of(ropes, state, v, w, r, a))
         else:
             rate = (elongation - past) / before
         gain = h * ((beta + UNRESOLVED * stiff) * h + damping)
@@ -169,7 +151,6 @@ def find_rates(
     state: RopeState,
     inverse_mass: wp.array2d[wp.float64],
     v: wp.array2d[wp.vec3d],
-    x: wp.array2d[wp.vec3d],
     half_fall: wp.vec3d,
     h: wp.float64,
     w: int,
@@ -333,7 +314,7 @@ def solve_tensions(
         join_end(ropes, state, bodies, inverse_mass, v, w, r, end)
     for p in range(first_wheel, last_wheel):
         move_carrier(ropes, state, bodies, w, p)
-    find_rates(ropes, state, inverse_mass, v, x, half_fall, h, w, r)
+    find_rates(ropes, state, inverse_mass, v, half_fall, h, w, r)
     bending = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
     order = first + r
     for k in range(links):

@@ -15,6 +15,7 @@ from polyworld.solver.spatial.layout import OPTIONS, Body
 
 wp.set_module_options(OPTIONS)
 
+SKIPPED = wp.constant(wp.float64(0.125))  # mean length that a node skips on each side of a wheel, over a segment's
 LEAST_INERTIA = wp.constant(wp.float64(1.0e-3))  # of a wheel, over a segment's mass
 
 
@@ -146,8 +147,7 @@ def turn_wheel(
         state.wheels[w, p].drive = zero
         return
     mass = density * wp.max(radius * state.wheels[w, p].wrap, LEAST_INERTIA * ropes.segment_length[r])
-    drop = state.wheels[w, p].leaves - state.wheels[w, p].arrives
-    force = density * wp.dot(gravity[w % gravity.shape[0]], drop)
+    force = hidden_weight(ropes, state, gravity, w, r, p)
     damping = zero
     if slides(ropes, p):
         ratio = belt_ratio(ropes, state, w, p)
@@ -161,6 +161,16 @@ def turn_wheel(
         force -= wp.float64(mode) * dry_force(ropes, w, p)
     state.wheels[w, p].inverse_mass = one / (mass + h * damping)
     state.wheels[w, p].drive = (mass * state.wheels[w, p].begin + h * force) / (mass + h * damping)
+
+
+@wp.func
+def hidden_weight(ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w: int, r: int, p: int) -> wp.float64:
+    """Force along the rope of the weight of what lies between the places where nodes come and go [N]."""
+    k = ropes.first_link[r] + state.wheels[w, p].place - 1
+    skipped = (state.direction[w, k] + state.direction[w, k + 1]) * (SKIPPED * ropes.segment_length[r])
+    drop = state.wheels[w, p].leaves - state.wheels[w, p].arrives + skipped
+    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
+    return density * wp.dot(gravity[w % gravity.shape[0]], drop)
 
 
 @wp.func
@@ -213,7 +223,7 @@ def judge_wheel(
             return 1
         return 0
     mass = density * wp.max(ropes.wheel_radius[p] * wheel.wrap, LEAST_INERTIA * ropes.segment_length[r])
-    force = density * wp.dot(gravity[w % gravity.shape[0]], wheel.leaves - wheel.arrives)
+    force = hidden_weight(ropes, state, gravity, w, r, p)
     least = zero  # excess of the pull over the resistance, one way and the other
     if is_belt:
         force += mass * wheel.begin / h

@@ -1,0 +1,167 @@
+"""Rope that runs over wheels: rest length flows from link to link, nodes change sides, a loose end runs off."""
+
+import warp as wp
+
+from polyworld.solver.rope.layout import Ropes, RopeState
+from polyworld.solver.rope.wheels import push_wheel
+from polyworld.solver.spatial.layout import OPTIONS, Body
+
+wp.set_module_options(OPTIONS)
+
+
+# A node passes a wheel where it is this near to it, and goes on this far beyond it, over a segment's length: a nearer
+# one would swing across the rope faster than the inner step resolves.
+NEAREST = wp.constant(wp.float64(0.1))
+BEYOND = wp.constant(wp.float64(0.15))
+
+
+@wp.func
+def element_at(state: RopeState, ropes: Ropes, w: int, r: int, place: int) -> int:
+    return state.order[w, ropes.first_link[r] + r + place]
+
+
+@wp.func
+def swap(ropes: Ropes, state: RopeState, w: int, r: int, p: int, side: int) -> None:
+    """Exchange a wheel with the element before (side -1) or after it, and forget rates of the links around."""
+    order = ropes.first_link[r] + r
+    place = state.wheels[w, p].place
+    node = state.order[w, order + place + side]
+    state.order[w, order + place + side] = state.order[w, order + place]
+    state.order[w, order + place] = node
+    state.wheels[w, p].place = place + side
+    low = ropes.first_link[r] + place - 1 + wp.min(side, 0)
+    for k in range(low, low + 3):
+        state.elongation[w, k] = wp.float64(wp.nan)
+        state.held[w, k] = 0
+
+
+@wp.func
+def run_off(ropes: Ropes, state: RopeState, w: int, r: int, p: int, side: int) -> None:
+    """Take a wheel out of the rope after an end has passed it: its two links become one."""
+    first = ropes.first_link[r]
+    order = first + r
+    place = state.wheels[w, p].place
+    k = first + place - 1
+    state.rest[w, k] = state.rest[w, k] + state.rest[w, k + 1]
+    state.elongation[w, k] = wp.float64(wp.nan)
+    state.held[w, k] = 0
+    count = state.elements[w, r]
+    for e in range(place, count - 1):
+        element = state.order[w, order + e + 1]
+        state.order[w, order + e] = element
+        if element < 0:
+            state.wheels[w, ropes.first_wheel[r] - 1 - element].place = e
+    for j in range(k + 1, first + count - 2):
+        state.rest[w, j] = state.rest[w, j + 1]
+        state.tension[w, j] = state.tension[w, j + 1]
+        state.elongation[w, j] = state.elongation[w, j + 1]
+        state.held[w, j] = state.held[w, j + 1]
+    state.elements[w, r] = count - 1
+    state.wheels[w, p].place = -1
+
+
+@wp.func
+def pass_node(
+    ropes: Ropes,
+    state: RopeState,
+    bodies: wp.array2d[Body],
+    inverse_mass: wp.array2d[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    h: wp.float64,
+    w: int,
+    r: int,
+    p: int,
+    side: int,
+) -> None:
+    """Bring the node next to a wheel (before it: side -1, after it: 1) to the other side.
+
+    Its velocity turns by the wrap about the axis, and the carrier takes the change of momentum.
+    """
+    wheel = state.wheels[w, p]
+    beyond = BEYOND * ropes.segment_length[r]
+    first = ropes.first_link[r]
+    node = element_at(state, ropes, w, r, wheel.place + side)
+    i = ropes.first_node[r] + node
+    turn = wp.quat_from_axis_angle(wheel.axis, wheel.wrap * wp.float64(-side))
+    k = first + wheel.place - 1  # the link before the wheel
+    away = state.direction[w, k + 1]
+    tangent = wheel.leaves
+    far = k + 1  # the link that is cut in two
+    if side > 0:
+        away = -state.direction[w, k]
+        tangent = wheel.arrives
+        far = k
+    stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
+    stretch = wp.float64(1.0) + state.tension[w, far] / stiffness
+    near = (wp.float64(0.5) * ropes.wheel_radius[p] * wheel.wrap + beyond) / stretch
+    if side < 0:
+        state.rest[w, k - 1] = state.rest[w, k - 1] + state.rest[w, k]
+        state.rest[w, k + 1] = state.rest[w, k + 1] - near
+        state.rest[w, k] = near
+    else:
+        state.rest[w, k + 2] = state.rest[w, k + 2] + state.rest[w, k + 1]
+        state.rest[w, k] = state.rest[w, k] - near
+        state.rest[w, k + 1] = near
+    x[w, i] = tangent + wheel.velocity * h + away * beyond
+    before = v[w, i]
+    v[w, i] = wheel.velocity + wp.quat_rotate(turn, before - wheel.velocity)
+    share = inverse_mass[w % inverse_mass.shape[0], i]
+    push_wheel(ropes, state, bodies, w, p, (before - v[w, i]) * (wp.float64(1.0) / share))
+    swap(ropes, state, w, r, p, side)
+
+
+@wp.kernel
+def pass_wheels(
+    ropes: Ropes,
+    state: RopeState,
+    bodies: wp.array2d[Body],
+    dt: wp.array[wp.float64],
+    active: wp.array2d[wp.int32],
+    inverse_mass: wp.array2d[wp.float64],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+) -> None:
+    """Let rope flow past the wheels of one rope, after its nodes have moved."""
+    w, r = wp.tid()
+    h = dt[w]
+    if h <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+        return
+    first = ropes.first_link[r]
+    stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
+    for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
+        if state.wheels[w, p].place < 0:
+            continue
+        k = first + state.wheels[w, p].place - 1
+        upstream = k
+        if state.wheels[w, p].speed < wp.float64(0.0):
+            upstream = k + 1
+        stretch = wp.float64(1.0) + state.tension[w, upstream] / stiffness
+        flow = state.wheels[w, p].speed * h / stretch
+        state.rest[w, k] = state.rest[w, k] - flow
+        state.rest[w, k + 1] = state.rest[w, k + 1] + flow
+        for half in range(2):
+            side = 2 * half - 1
+            place = state.wheels[w, p].place
+            if place < 0:
+                continue
+            link = first + place - 1 + half
+            node = element_at(state, ropes, w, r, place + side)
+            if node < 0:
+                continue
+            i = ropes.first_node[r] + node
+            if inverse_mass[w % inverse_mass.shape[0], i] <= wp.float64(0.0):
+                continue
+            n = state.direction[w, link] * wp.float64(-side)  # towards the wheel
+            tangent = state.wheels[w, p].arrives
+            if side > 0:
+                tangent = state.wheels[w, p].leaves
+            left = wp.dot(n, tangent + state.wheels[w, p].velocity * h - x[w, i])
+            if left >= NEAREST * ropes.segment_length[r]:
+                continue
+            if node == 0 or node == ropes.nodes[r] - 1:
+                if state.attached[w, r, half] == 0:
+                    run_off(ropes, state, w, r, p, side)
+            else:
+                pass_node(ropes, state, bodies, inverse_mass, x, v, h, w, r, p, side)
+            break
