@@ -76,6 +76,7 @@ class Joint:
     stopped: wp.vec2d
     pulled: wp.float64
     stop_aim: wp.vec2d  # least velocity away from the lower and upper stop
+    tension: wp.float64  # force that held its point in the last step [N]
     settled: int  # 1 where a spring's impulse is final
 
 

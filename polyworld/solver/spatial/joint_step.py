@@ -21,6 +21,8 @@ NEWTON_STEPS = 20
 CLOSED = wp.float64(1.0e-13)  # opening of a joint that counts as none [m or rad]
 OPEN = wp.float64(1.0e-10)  # what is left open after a step, by overlaps parted, and then mended
 MENDING = 4
+RESOLVED = wp.float64(0.5)  # radians of a taut joint's swing in a step
+MOST_PARTS = 64  # into which taut joints cut a step
 
 
 @wp.func
@@ -171,6 +173,35 @@ def solve_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64)
 
 
 @wp.func
+def longest_part(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+    """Longest step, at most h, that resolves the swinging of bodies under the tension of their joints.
+
+    A taut joint pulls a body back like a pendulum of frequency^2 tension * arm / (inertia about the joint's point);
+    explicit schemes need a step below two over the frequency.
+    """
+    fastest = wp.float64(0.0)
+    for j in range(joints.count):
+        tension = joints.joint[k, j].tension
+        if joints.joint[k, j].active == 1 and tension > wp.float64(0.0):
+            a = joints.kinds[j].a
+            fastest = wp.max(fastest, tension * swinging(state.bodies[k, a], joints.joint[k, j].arm_a))
+            b = joints.kinds[j].b
+            if b < state.objects:
+                fastest = wp.max(fastest, tension * swinging(state.bodies[k, b], joints.joint[k, j].arm_b))
+    if fastest * h * h <= RESOLVED * RESOLVED:
+        return h
+    return wp.max(RESOLVED / wp.sqrt(fastest), h / wp.float64(MOST_PARTS))
+
+
+@wp.func
+def swinging(b: Body, arm: wp.vec3d) -> wp.float64:
+    """Arm over moment of inertia about its end, per unit force [1/(kg m)]."""
+    square = wp.dot(arm, arm)
+    own = wp.float64(3.0) / wp.max(wp.trace(b.inverse_inertia), wp.float64(1.0e-30))
+    return wp.sqrt(square) * b.inverse_mass / (own + square)
+
+
+@wp.func
 def push_halves(joints: Joints, state: State, k: int, first: int, end: int, sign: wp.float64) -> None:
     """Add half (sign 1), or take back half (sign -1), of the impulses of the rows [first, end)."""
     for r in range(first, end):
@@ -241,6 +272,12 @@ def mend_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
 def finish_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64, lock: wp.vec3d) -> None:
     """Put jointed bodies where the step ends, and let the second half of all impulses act there."""
     rows = joints.equalities + joints.axes
+    for j in range(joints.count):
+        d = joints.kinds[j]
+        pull = wp.float64(0.0)
+        for r in range(joints.base + d.first, joints.base + d.first + d.points):
+            pull += state.rows[k, r].impulse * state.rows[k, r].impulse
+        joints.joint[k, j].tension = wp.sqrt(pull) / h
     push_halves(joints, state, k, 0, rows, wp.float64(-1.0))
     for i in range(state.objects):
         if joints.jointed[i] == 1 and state.bodies[k, i].active == 1:

@@ -15,7 +15,14 @@ from polyworld.solver.spatial.episodes import record_contacts
 from polyworld.solver.spatial.impacts import resolve_impacts, time_to_impact
 from polyworld.solver.spatial.joint_axes import time_to_stop
 from polyworld.solver.spatial.joint_layout import Joints
-from polyworld.solver.spatial.joint_step import begin_joints, finish_joints, load_joints, settle_joints, solve_joints
+from polyworld.solver.spatial.joint_step import (
+    begin_joints,
+    finish_joints,
+    load_joints,
+    longest_part,
+    settle_joints,
+    solve_joints,
+)
 from polyworld.solver.spatial.layout import (
     OPTIONS,
     Body,
@@ -189,15 +196,18 @@ def advance(
         find_contacts(geometry, state, k, half)
         build_rows(state, k, half, geometry.lock)
         part = left
+        if joints.count > 0:
+            part = longest_part(joints, state, k, left)
         slowest = threshold
         if impacts < MAX_IMPACTS:
             if resolve_impacts(joints, state, k, half, threshold) > 0:
                 impacts += 1
                 continue  # the bodies now move elsewhere: look again what they may hit
-            part = time_to_impact(state, k, half, left, threshold, gravity)
+            whole = part
+            part = time_to_impact(state, k, half, part, threshold, gravity)
             if joints.count > 0:
                 part = time_to_stop(joints, state, k, part)
-            if part < left:
+            if part < whole:
                 impacts += 1
         else:
             slowest = FASTEST
