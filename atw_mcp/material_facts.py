@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from polyworld.deformable_pictures import mesh_for
+from polyworld.meshing.rope import threading
 from polyworld.representations.cloth import Cloth
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.rope import Rope
@@ -23,7 +24,7 @@ def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
         "name": item.name,
         "representation": item.representation,
         "color": item.appearance.color,
-        size: float(mesh.measure.sum()),
+        size: _measure(world, item),
         "mass": mass(world, item),
     }
     if item.representation == "fluid_planar":
@@ -41,8 +42,11 @@ def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
         if held:
             told["held_by"] = held
     if isinstance(item, Rope):
-        over = [p.name for p in world.pulleys if p.rope == item.name]
-        told |= {"ends": [mesh.nodes[0].tolist(), mesh.nodes[-1].tolist()]} | ({"runs_over": over} if over else {})
+        thread = threading(world, item)
+        told["ends"] = [mesh.nodes[0].tolist(), mesh.nodes[-1].tolist()]
+        turns = {p.name: round(float(np.degrees(a)), 1) for p, a in zip(thread.pulleys, thread.wrap, strict=True)}
+        if turns:
+            told["wraps_deg"] = turns  # a pulley passed on the wrong side shows here
     if isinstance(item, Cloth):
         told["thickness"] = item.thickness
     if len(mesh.nodes):
@@ -54,7 +58,7 @@ def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
 
 def mass(world: World, item: Deformable) -> float:
     """Mass [kg] at the start; of a planar fluid per metre of thickness."""
-    measure = float(mesh_for(world, item).measure.sum())
+    measure = _measure(world, item)
     if isinstance(item, Rope):
         return item.linear_density * measure
     return (item.areal_density if isinstance(item, Cloth) else item.density) * measure
@@ -65,7 +69,14 @@ def size_of(world: World, item: Deformable) -> tuple[str, float, str]:
     word, unit = SIZE[item.representation.removesuffix("_planar")]
     if item.representation == "fluid_planar":
         word, unit = "area", "m^2"
-    return word, float(mesh_for(world, item).measure.sum()), unit
+    return word, _measure(world, item), unit
+
+
+def _measure(world: World, item: Deformable) -> float:
+    """Length, area or volume without forces; of a rope with what lies on its pulleys."""
+    if isinstance(item, Rope):
+        return float(threading(world, item).rest.sum())
+    return float(mesh_for(world, item).measure.sum())
 
 
 def nodes_of(world: World, item: Deformable, most: int) -> dict[str, Any]:

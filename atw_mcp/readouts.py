@@ -98,13 +98,18 @@ def told(rows: Iterable[dict[str, Any]], most: int = 6) -> str:
     """A timeline in words, for a summary."""
     rows = list(rows)
     texts = [
-        f"{' and '.join(row['objects'])} collide at {row['time']:.3g} s"
+        f"{_who(row['objects'])} at {row['time']:.3g} s"
         if row["what"] == "collision"
         else f"{row['objects'][0]} {row['what']} at {row['time']:.3g} s"
         for row in rows[:most]
     ]
     more = f"; and {len(rows) - most} more" if len(rows) > most else ""
     return "; ".join(texts) + more if texts else "nothing collides, enters, leaves or comes to rest"
+
+
+def _who(objects: list[str]) -> str:
+    """Who collides, in words."""
+    return f"{objects[0]} touches itself" if len(set(objects)) == 1 else f"{' and '.join(objects)} collide"
 
 
 def motion(rollout: Rollout, name: str, span: Span) -> dict[str, Any]:

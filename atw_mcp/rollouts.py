@@ -59,10 +59,13 @@ def find_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout] 
 
 
 def compute_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout]:
-    """Roll a world out, or find it rolled out before; returns its id too."""
-    content, _ = app.store.rollouts.get_or_compute(
-        KIND, _inputs(world, horizon), lambda: _to_content(rollout(world, horizon))
-    )
+    """Roll a world out, or find it rolled out before; returns its id too. Raises ValueError where it cannot be run."""
+    try:
+        content, _ = app.store.rollouts.get_or_compute(
+            KIND, _inputs(world, horizon), lambda: _to_content(rollout(world, horizon))
+        )
+    except RuntimeError as error:  # more contacts at once than there is room for
+        raise ValueError(f"the rollout could not be finished: {error}") from error
     return content.id, _from_content(content)
 
 

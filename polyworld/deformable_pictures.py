@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +14,10 @@ from polyworld import rasterize
 from polyworld.camera import Camera
 from polyworld.colors import display_color
 from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.meshing.rope import tangent_point, unit_axis
 from polyworld.representations.cloth import Cloth, Sheet
 from polyworld.representations.fluid import Fluid
-from polyworld.representations.rope import Rope
+from polyworld.representations.rope import Pulley, Rope
 from polyworld.world import Deformable, World
 
 Array = NDArray[np.float64]
@@ -27,6 +28,7 @@ CHECKS = 6  # checks along an edge of a cloth, faint: they show how it is stretc
 CHECK_CONTRAST = 0.10
 STRIPE = 0.12  # contrast between the halves of a rope's stripes, of which there are STRIPES
 STRIPES = 16
+ARC_STEP = 0.15  # [rad] between the pieces of a rope on a wheel
 _MESHES: dict[tuple[str, str], DeformableMesh] = {}
 _MOST_MESHES = 64
 
@@ -58,8 +60,18 @@ def starting_points(world: World) -> dict[str, Array]:
     return {item.name: mesh_for(world, item).nodes for item in world.deformables}
 
 
-def draw_solids(world: World, points: Mapping[str, Array], raster: Raster, hidden: set[str], first_label: int) -> None:
-    """Draw ropes, cloth and soft bodies over what is farther away; fluids are left to `liquid_shading`."""
+def draw_solids(
+    world: World,
+    points: Mapping[str, Array],
+    wheels: Sequence[Pulley],
+    raster: Raster,
+    hidden: set[str],
+    first_label: int,
+) -> None:
+    """Draw ropes, cloth and soft bodies over what is farther away; fluids are left to `liquid_shading`.
+
+    wheels: the world's pulleys where they now are.
+    """
     for index, item in enumerate(world.deformables):
         if isinstance(item, Fluid) or item.name in hidden:
             continue
@@ -67,7 +79,9 @@ def draw_solids(world: World, points: Mapping[str, Array], raster: Raster, hidde
         color = display_color(item.appearance.color, first_label + index)
         relative = places - raster.camera.centre
         if isinstance(item, Rope):
-            _tubes(item, relative, mesh.segments, color, first_label + index, raster)
+            over = [wheel for wheel in wheels if wheel.rope == item.name]
+            line, number = along_wheels(item.name, places, over)
+            _tubes(item, line - raster.camera.centre, number, len(mesh.segments), color, first_label + index, raster)
         else:
             tint = _checks(item, mesh) if isinstance(item, Cloth) else np.ones(len(mesh.triangles))
             _triangles(relative, mesh.triangles, tint, color, first_label + index, raster)
@@ -156,16 +170,48 @@ def vertex_normals(vertices: Array, triangles: Ints) -> Array:
     return normals
 
 
-def _tubes(rope: Rope, nodes: Array, segments: Ints, color: tuple[int, int, int], label: int, raster: Raster) -> None:
-    ends = nodes[segments]
-    whole = np.all(np.isfinite(ends).reshape(len(segments), -1), axis=1)
-    ends = ends[whole]
+def along_wheels(rope: str, nodes: Array, wheels: Sequence[Pulley]) -> tuple[Array, NDArray[np.int64]]:
+    """The rope's line (k, 3) [m] through its nodes and round the wheels it passes, and the segment (k - 1,) that each
+    piece belongs to. Nodes do not lie on wheels: the segment that would cut through one goes round it instead."""
+    number = np.arange(len(nodes) - 1)
+    line = nodes
+    if not np.all(np.isfinite(nodes)):
+        return line, number
+    for wheel in wheels:
+        axis, centre = unit_axis(wheel), np.asarray(wheel.centre, dtype=float)
+        flat = (line - centre) - np.outer((line - centre) @ axis, axis)
+        start, step = flat[:-1], np.diff(flat, axis=0)
+        share = np.clip(-(start * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-300), 0.0, 1.0)
+        distance = np.linalg.norm(start + share[:, None] * step, axis=1)
+        k = int(np.argmin(distance))
+        if distance[k] >= wheel.radius or np.linalg.norm(flat[[k, k + 1]], axis=1).min() <= wheel.radius:
+            continue
+        ends = [tangent_point(rope, wheel, line[k + i], 1.0 - 2.0 * i) - centre for i in range(2)]
+        angle = float(np.arctan2(axis @ np.cross(*ends), ends[0] @ ends[1])) % (2.0 * np.pi)
+        turns = np.linspace(0.0, angle, max(2, round(angle / ARC_STEP)))[:, None]
+        arc = centre + ends[0] * np.cos(turns) + np.cross(axis, ends[0]) * np.sin(turns)
+        line = np.concatenate([line[: k + 1], arc, line[k + 1 :]])
+        number = np.concatenate([number[:k], np.full(len(arc) + 1, number[k]), number[k + 1 :]])
+    return line, number
+
+
+def _tubes(
+    rope: Rope,
+    line: Array,
+    number: NDArray[np.int64],
+    segments: int,
+    color: tuple[int, int, int],
+    label: int,
+    raster: Raster,
+) -> None:
+    ends = np.stack([line[:-1], line[1:]], axis=1)
+    whole = np.all(np.isfinite(ends).reshape(len(ends), -1), axis=1)
+    ends, number = ends[whole], number[whole]
     if not len(ends):
         return
     depth = (ends @ np.asarray(raster.camera.rotation)[2]).max(axis=1)
     radius = np.maximum(rope.radius, THINNEST * np.maximum(depth, 0.0) / raster.camera.intrinsics[0][0])
-    number = np.flatnonzero(whole)
-    wide = max(1, round(len(segments) / STRIPES))
+    wide = max(1, round(segments / STRIPES))
     tint = 1.0 - STRIPE * ((number // wide) % 2)
     middle, half = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
     wp.launch(

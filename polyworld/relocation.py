@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.joints import check_hinges_hold, turned_about
 from polyworld.meshing import mesh_of
+from polyworld.meshing.rope import threading
 from polyworld.parameters import shift_deformable
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.rigid import RigidObject
@@ -103,14 +104,16 @@ def _follow(world: World, data: dict[str, Any], attachment: Attachment, carried:
     points = [_vector(p) for p in item.points]
     index = 0 if attachment.end == "start" else len(points) - 1
     points[index] = carried(points[index])
-    rope["points"], rope["length"] = points, float(mesh_of(world, item).measure.sum())
+    rope["points"], rope["length"] = points, float(threading(world, item).rest.sum())
     return item.name
 
 
 def _check_length(world: World, name: str) -> None:
     """Raise ValueError where a rope starts stretched by more than LONGEST_STRETCH."""
-    mesh = mesh_of(world, world.deformable(name))
-    length, run = float(mesh.measure.sum()), float(np.linalg.norm(np.diff(mesh.nodes, axis=0), axis=1).sum())
+    rope = world.deformable(name)
+    assert isinstance(rope, Rope)
+    length = float(threading(world, rope).rest.sum())
+    run = float(threading(world, rope.model_copy(update={"length": None})).rest.sum())
     if run > length * (1.0 + LONGEST_STRETCH):
         raise ValueError(
             f"rope {name!r}, {length:.4g} m long, would have to reach over {run:.4g} m to stay tied: move it less far, "

@@ -106,7 +106,12 @@ def render(
         if label < n and not (drawn[label] and np.all(np.isfinite(positions[label]))):
             rectangles[row] = (0, -1, 0, -1)
     hidden = {name for name, shown in zip(world.moving_names, drawn, strict=True) if not shown}
-    return _cast(world, camera, placed, rectangles, places, hidden)
+    poses = [pulley_pose(world, pulley, positions, orientations) for pulley in world.pulleys]
+    wheels = [
+        pulley.model_copy(update={"centre": tuple(centre), "axis": tuple(axes[:, 2])})
+        for pulley, (centre, axes) in zip(world.pulleys, poses, strict=True)
+    ]
+    return _cast(world, camera, placed, rectangles, places, wheels, hidden)
 
 
 def default_camera(world: World, positions: Array, *, width: int | None = None, height: int | None = None) -> Camera:
@@ -329,6 +334,7 @@ def _cast(
     placed: _Placed,
     rectangles: NDArray[np.int64],
     points: Mapping[str, Array],
+    wheels: Sequence[Pulley],
     hidden: set[str],
 ) -> Picture:
     rotation = np.asarray(camera.rotation)
@@ -393,7 +399,7 @@ def _cast(
             device="cpu",
         )
     raster = Raster(camera, pixel_to_ray, light, labels, distance, color)
-    draw_solids(world, points, raster, hidden, len(world.objects))
+    draw_solids(world, points, wheels, raster, hidden, len(world.objects))
     return _with_fluids(world, points, raster, hidden)
 
 
