@@ -71,8 +71,9 @@ class Contacts:
         self._pairs = SurfacePairs(world, meshes, nodes, self.surface, len(world.objects) + len(world.statics))
         room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0] + self._pairs.room()
         self.found = layout.Found()
-        self.found.contacts = _zeros((w, room), layout.Contact)
-        self.found.acting = _zeros((w, room), wp.int32)
+        # Left unwritten, so that room which is not needed takes no memory.
+        self.found.contacts = wp.empty((w, room), dtype=layout.Contact, device="cpu")
+        self.found.acting = wp.empty((w, room), dtype=wp.int32, device="cpu")
         self.found.count = _zeros((w,), wp.int32)
         self.found.crowded = _zeros((w,), wp.int32)
         self.found.falling = wp.ones((w, n), dtype=wp.float64, device="cpu")

@@ -36,6 +36,7 @@ class Contact:
     side: wp.float64
     friction: wp.float64
     restitution: wp.float64
+    grip: wp.float64  # friction coefficient in this inner step
     normal: wp.vec3d
     arm: wp.vec3d  # from the body's centre of mass to the point
     t1: wp.vec3d

@@ -274,12 +274,12 @@ def solve(
             normal = wp.max(before + (c.target - wp.dot(c.normal, u)) / c.k, wp.float64(0.0))
             change = c.normal * (normal - before)
             worst = wp.max(worst, wp.abs(normal - before) * c.k)
-            if c.friction > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
+            if c.grip > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
                 if c.body >= 0:
                     push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
                     u = relative_velocity(c, bodies, v, w)
                     change = wp.vec3d()
-                tangential = friction_impulse(c, u, c.friction * normal)
+                tangential = friction_impulse(c, u, c.grip * normal)
                 slip = tangential - c.tangential
                 worst = wp.max(worst, wp.length(slip) * c.k11)
                 contacts[w, acting[w, a]].tangential = tangential
@@ -384,6 +384,9 @@ def act(
     if c.k <= zero:
         c.gap = FAR
         return c
+    c.grip = c.friction
+    if c.body < 0 and c.gap > wp.float64(0.1) * c.reach:
+        c.grip = zero  # impulses along two nodes that are apart would turn them
     c.target = -wp.max(c.gap, zero) / dt
     if c.approach > threshold and end < zero:
         c.target = wp.max(c.target, c.restitution * c.approach)

@@ -20,7 +20,7 @@ from polyworld.world import World
 Ints = NDArray[np.int32]
 
 SKIN = 0.35  # least margin of a list, per median edge length
-ROOM = 8  # listed pairs a node may be part of, on average
+ROOM = 16  # listed pairs a node may be part of, on average
 
 
 def touching_objects(world: World) -> Ints:
@@ -63,8 +63,9 @@ class SurfacePairs:
         pairs.bonded = wp.array(_bonded(world), dtype=wp.int32, device="cpu")
         pairs.rest = wp.array(rest, dtype=wp.vec3d, device="cpu")
         room = ROOM * len(exposed) + 64
-        pairs.faces = _zeros((self._w, room if has_faces else 1), wp.vec2i)
-        pairs.crossings = _zeros((self._w, room if len(kept) else 1), wp.vec2i)
+        # Left unwritten, so that room which is not needed takes no memory.
+        pairs.faces = wp.empty((self._w, room if has_faces else 1), dtype=wp.vec2i, device="cpu")
+        pairs.crossings = wp.empty((self._w, room if len(kept) else 1), dtype=wp.vec2i, device="cpu")
         pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
         pairs.place = _zeros(nodes.x.shape, wp.vec3d)
         pairs.margin = _zeros((self._w,), wp.float64)
@@ -77,13 +78,14 @@ class SurfacePairs:
         pairs.longest = float(lengths[kept].max(initial=0.0))
         pairs.skin = SKIN * float(np.median(lengths))
         self._pairs = pairs
-        cell = 1.2 * float(np.median(lengths)) + 2.0 * float(nodes.radius.numpy()[exposed].max())
+        pairs.thickest = float(nodes.radius.numpy()[exposed].max())
+        cell = 1.2 * float(np.median(lengths)) + 2.0 * pairs.thickest
         self._grid = make_grid(self._w, len(exposed), cell)
         self._edge_grid = make_grid(self._w, len(kept), max(cell, pairs.longest))
 
     def room(self) -> int:
         """Contacts to keep room for."""
-        return 4 * self._pairs.node.shape[0] if self.any else 0
+        return 6 * self._pairs.node.shape[0] if self.any else 0
 
     def reset(self) -> None:
         """The lists are due."""

@@ -16,6 +16,7 @@ from polyworld.solver.spatial.separation import triangle_weights
 wp.set_module_options(OPTIONS)
 
 MARGIN = wp.constant(wp.float64(1.5))  # on the way that things move in a step: they may get faster meanwhile
+RING = wp.constant(wp.float64(1.2))  # edges' lengths: parts of one sheet closer than this do not meet
 DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper in a solid than this is let be
 
 
@@ -47,6 +48,7 @@ class Pairs:
     segment: wp.array[wp.float64]
     longest: wp.float64  # edge among those that the grid holds
     skin: wp.float64  # least margin
+    thickest: wp.float64  # radius
 
 
 @wp.func
@@ -86,7 +88,7 @@ def sort_surfaces(
         if moved < allowed * allowed:
             return
     pairs.due[w] = 1
-    pairs.margin[w] = wp.max(pairs.skin, wp.float64(4.0) * step)
+    pairs.margin[w] = wp.max(pairs.skin, wp.float64(2.2) * step)
     pairs.face_count[w] = 0
     pairs.crossing_count[w] = 0
     for k in range(pairs.node.shape[0]):
@@ -138,14 +140,14 @@ def list_faces(
     margin = pairs.margin[w]
     any_near = wp.int32(0)
     for o in range(pairs.may.shape[0]):
-        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + radius[n0] + pairs.skin)):
+        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + wp.float64(2.0) * pairs.thickest)):
             any_near = 1
     if any_near == 0:
         return
     a = x[w, n0]
     b = x[w, n1]
     c = x[w, n2]
-    reach = wp.float64(2.0) * margin + radius[n0]
+    reach = margin + wp.float64(2.0) * pairs.thickest
     edge = wp.vec3d(reach, reach, reach)
     low = wp.min(wp.min(a, b), c) - edge
     high = wp.max(wp.max(a, b), c) + edge
@@ -169,14 +171,15 @@ def list_faces(
                     far = sum + margin
                     if wp.length_sq(away) > far * far:
                         continue
-                    if o == d or pairs.bonded[d, o] == 1:
+                    if o == d or pairs.bonded[d, o] == 1:  # neighbours
                         q = pairs.rest[n]
                         ra = pairs.rest[n0] - q
                         rb = pairs.rest[n1] - q
                         rc = pairs.rest[n2] - q
+                        ring = RING * wp.max(wp.length(rb - ra), wp.max(wp.length(rc - ra), wp.length(rc - rb)))
                         weights = triangle_weights(ra, rb, rc)
                         apart = ra * weights[0] + rb * weights[1] + rc * weights[2]
-                        if wp.length(apart) < sum * wp.float64(0.999):
+                        if wp.length(apart) < wp.max(sum * wp.float64(0.999), ring):
                             continue
                     list_pair(pairs.faces, pairs.face_count, found.crowded, w, n, t)
 
@@ -205,13 +208,13 @@ def list_crossings(
     margin = pairs.margin[w]
     any_near = wp.int32(0)
     for o in range(pairs.may.shape[0]):
-        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + radius[n0] + pairs.skin)):
+        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + wp.float64(2.0) * pairs.thickest)):
             any_near = 1
     if any_near == 0:
         return
     a = x[w, n0]
     b = x[w, n1]
-    reach = wp.float64(2.0) * margin + radius[n0] + pairs.longest * wp.float64(0.6)
+    reach = margin + wp.float64(2.0) * pairs.thickest + pairs.longest * wp.float64(0.6)
     room = wp.vec3d(reach, reach, reach)
     low = wp.min(a, b) - room
     high = wp.max(a, b) + room
@@ -302,8 +305,8 @@ def take_pairs(
         z.n3 = n2
         z.body = -1
         z.part = one_sided
-        z.owner = owner[n]
-        z.other = objects + owner[n0]
+        z.owner = wp.min(owner[n], owner[n0])
+        z.other = objects + wp.max(owner[n], owner[n0])
         z.weight = wp.vec4d(wp.float64(1.0), -weights[0], -weights[1], -weights[2])
         z.reach = sum
         z.side = wp.float64(1.0)
@@ -333,8 +336,8 @@ def take_pairs(
         z.n2 = m0
         z.n3 = m1
         z.body = -1
-        z.owner = owner[n0]
-        z.other = objects + owner[m0]
+        z.owner = wp.min(owner[n0], owner[m0])
+        z.other = objects + wp.max(owner[n0], owner[m0])
         z.reach = sum
         z.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
         z.friction = mixed(friction, w, owner[n0], owner[m0])
