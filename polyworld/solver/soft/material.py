@@ -12,7 +12,7 @@ import warp as wp
 
 FREE = wp.constant(wp.float64(1.3))  # principal stretch from which volume change counts less
 FULL = wp.constant(wp.float64(1.6))  # principal stretch it counts as at most
-VISCOUS_SQUARE = wp.constant(wp.float64(3.0 * 1.2 * 1.2))  # |F|^2 above which the viscous law grows no more
+VISCOUS_SQUARE = wp.constant(wp.float64(3.3))  # |F|^2 above which the viscous law grows no more; 3 at rest
 SQUASHED = wp.constant(wp.float64(0.2))  # J below which nothing flows: the elements would degenerate
 FLOWN = wp.constant(wp.float64(16.0))  # |Fp^-1|^2 beyond which nothing flows any more
 SOFTENED = wp.constant(wp.float64(6.0))  # |Fp^-1|^2 beyond which moduli fall, as the elements' step would
@@ -151,14 +151,19 @@ def softened(undo: wp.mat33d, m: Law) -> Law:
 
 
 @wp.func
+def must_flow(elastic: wp.mat33d, m: Law) -> wp.bool:
+    """Whether a point with this elastic deformation gradient yields."""
+    return von_mises(elastic, m) > m.yield_stress and wp.determinant(elastic) > SQUASHED
+
+
+@wp.func
 def flow(elastic: wp.mat33d, undo: wp.mat33d, m: Law) -> wp.mat33d:
     """The inverse of the plastic deformation after flow, `undo` before it, with elastic = F undo.
 
     Return mapping at constant volume: the deviator of the elastic logarithmic strain is scaled until the von Mises
-    stress is the yield stress (Simo & Hughes 1998, Computational Inelasticity, chapter 9).
+    stress is the yield stress (Simo & Hughes 1998, Computational Inelasticity, chapter 9). What would then have
+    flowed too far does not flow: the elements keep a shape that the time step suits.
     """
-    if von_mises(elastic, m) <= m.yield_stress or wp.determinant(elastic) < SQUASHED or wp.ddot(undo, undo) > FLOWN:
-        return undo
     v, squares = wp.eig3(wp.transpose(elastic) * elastic)
     small = wp.float64(1.0e-8)
     half = wp.float64(0.5)
@@ -176,7 +181,10 @@ def flow(elastic: wp.mat33d, undo: wp.mat33d, m: Law) -> wp.mat33d:
         scale = scale * wp.min(m.yield_stress / wp.max(von_mises(left, m), small), wp.float64(1.0) / scale)
     gone = (scale - wp.float64(1.0)) * d
     change = wp.diag(wp.vec3d(wp.exp(gone[0]), wp.exp(gone[1]), wp.exp(gone[2])))
-    return undo * (v * change * wp.transpose(v))
+    after = undo * (v * change * wp.transpose(v))
+    if wp.ddot(after, after) > FLOWN:
+        return undo
+    return after
 
 
 @wp.func

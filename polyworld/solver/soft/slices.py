@@ -7,7 +7,16 @@ inside out in its plane would otherwise gain by turning inside out across it too
 import warp as wp
 
 from polyworld.meshing.soft_elements import TRIANGLE_FAR, TRIANGLE_NEAR
-from polyworld.solver.soft.material import Law, cofactor, flow, flowed_strain, shear_modulus, softened, viscous_stress
+from polyworld.solver.soft.material import (
+    Law,
+    cofactor,
+    flow,
+    flowed_strain,
+    must_flow,
+    shear_modulus,
+    softened,
+    viscous_stress,
+)
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -183,9 +192,11 @@ def plastic_forces(
         before = undo[w, t, point]
         own = softened(before, m)
         flat = gradient(x, w, slices, t, point)
-        after = flow(across(flat * before, slices.normal, own), before, own)
-        if after != before:
+        after = before
+        elastic = across(flat * before, slices.normal, own)
+        if must_flow(elastic, own):
+            after = flow(elastic, before, own)
             strain[w, t, point] = strain[w, t, point] + flowed_strain(before, after)
             undo[w, t, point] = after
-        elastic = across(flat * after, slices.normal, own)
+            elastic = across(flat * after, slices.normal, own)
         add_forces(w, slices, t, point, plane_stress(elastic, own) * wp.transpose(after), f_out)

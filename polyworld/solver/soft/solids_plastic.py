@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.soft.material import Law, Response, flow, flowed_strain, response, softened, stress
+from polyworld.solver.soft.material import Law, Response, flow, flowed_strain, must_flow, response, softened, stress
 from polyworld.solver.soft.solids import Elements, common_slopes, gathered, gradient, scatter, spread
 from polyworld.solver.spatial.layout import OPTIONS
 
@@ -31,10 +31,11 @@ def flowing(
     """Let one point flow if it must; returns the inverse of its plastic deformation."""
     before = undo[w, t, point]
     elastic = f * before
+    if not must_flow(elastic, m):
+        return before
     after = flow(elastic, before, m)
-    if after != before:
-        strain[w, t, point] = strain[w, t, point] + flowed_strain(before, after)
-        undo[w, t, point] = after
+    strain[w, t, point] = strain[w, t, point] + flowed_strain(before, after)
+    undo[w, t, point] = after
     return after
 
 
