@@ -131,11 +131,19 @@ def put_back_bodies(
     bodies: wp.array2d[Body],
     carried: Carried,
 ) -> None:
-    """Back to the start of the step, with what the nodes gave as a force for the rigid step."""
+    """Back to the start of the step, with what the nodes gave as a force for the rigid step.
+
+    The rigid step takes that force as constant. What its course within the step moved the bodies beyond that is
+    added to the rigid motion: a load on a spring would otherwise gain energy.
+    """
     w, i = wp.tid()
     if i >= objects or h[w] <= wp.float64(0.0) or bodies[w, i].active == 0:
         return
     b = bodies[w, i]
+    half = wp.float64(0.5) * h[w]
+    b.shift = b.x - (carried.x[w, i] + (carried.v[w, i] + b.v) * half)
+    off = b.q * wp.quat_inverse(turned(carried.q[w, i], (carried.w[w, i] + b.w) * half))
+    b.turn = wp.vec3d(off[0], off[1], off[2]) * (wp.float64(2.0) * wp.sign(off[3]))
     gained = b.v - carried.v[w, i] - carried.acceleration[w, i] * h[w]
     turned_by = b.w - carried.w[w, i] - carried.turning[w, i] * h[w]
     b.x = carried.x[w, i]
