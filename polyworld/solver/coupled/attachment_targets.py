@@ -37,10 +37,8 @@ def held_nodes(meshes: dict[str, DeformableMesh], attachment: Attachment) -> Int
     """
     mesh = meshes[attachment.object]
     count = len(mesh.nodes)
-    if attachment.end is not None:
-        ends = (0, 1) if attachment.end == "start" else (count - 1, count - 2)
-        clamped = attachment.clamped and attachment.to is None
-        return np.array(ends if clamped else ends[:1], dtype=np.int32)
+    if attachment.end is not None:  # the direction of a clamped end is held by the rope's bending
+        return np.array([0 if attachment.end == "start" else count - 1], dtype=np.int32)
     if attachment.nodes is not None:
         wrong = [n for n in attachment.nodes if not 0 <= n < count]
         if wrong:

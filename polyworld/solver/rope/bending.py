@@ -7,7 +7,7 @@ angle between two segments. The energy EI |kappa b|^2 / (2 l) depends on c = cos
 
 import warp as wp
 
-from polyworld.solver.rope.ends import twist_body
+from polyworld.solver.rope.ends import end_node, twist_body
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
@@ -114,6 +114,7 @@ def bend_clamped_ends(
     bodies: wp.array2d[Body],
     dt: wp.array[wp.float64],
     active: wp.array2d[wp.int32],
+    inverse_mass: wp.array2d[wp.float64],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
     f: wp.array2d[wp.vec3d],
@@ -132,9 +133,11 @@ def bend_clamped_ends(
         b = ropes.end_body[r, end]
         held = ropes.end_direction[r, end]
         spin = wp.vec3d()
+        if b >= 0 and state.attached[w, r, end] == 0:
+            continue
+        if b < 0 and inverse_mass[w % inverse_mass.shape[0], end_node(ropes, r, end)] > wp.float64(0.0):
+            continue  # the world has let it go
         if b >= 0:
-            if state.attached[w, r, end] == 0:
-                continue
             held = bodies[w, b].rotation * held
             spin = bodies[w, b].w
         first = ropes.first_link[r] + r

@@ -290,7 +290,8 @@ class RopeStage:
         self._launch(hold_ends, [*state, clock.time, nodes.active, nodes.x])
         self._launch(bending.bend, [self._ropes, self._state, clock.dt, nodes.active, nodes.x, nodes.v, nodes.f])
         if self._clamped:
-            self._launch(bending.bend_clamped_ends, [*state, nodes.active, nodes.x, nodes.v, nodes.f])
+            arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.v, nodes.f]
+            self._launch(bending.bend_clamped_ends, [*state, *arrays])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_velocities`."""
