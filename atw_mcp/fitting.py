@@ -56,12 +56,31 @@ class FitRequest:
     fit_initial_states: bool = True
     shared: tuple[str, ...] = ("linear_damping", "angular_damping")
     each: tuple[str, ...] = ("friction", "restitution", "mass")
+    materials: tuple[str, ...] | None = None
     overrides: tuple[Override, ...] = ()
     generations: int = 60
     population: int = 64
     restarts: int = 1
     position_tolerance: float = 0.0
     seed: int = 0
+
+
+def observed_of(world: World, tracks: ObservedTracks) -> ObservedTracks:
+    """What a record tells of the world's objects: tracks of all, shapes of those that are deformable in it.
+
+    Raises ValueError where it tells of none.
+    """
+    soft = {item.name for item in world.deformables}
+    names = [
+        name for name in world.moving_names if name in tracks.names or (name in soft and name in tracks.observed_names)
+    ]
+    if not names:
+        raise ValueError(
+            f"nothing observed belongs to an object of the world; observed {list(tracks.observed_names)}, objects "
+            f"{list(world.moving_names)}"
+        )
+    chosen = tracks.select(names)
+    return replace(chosen, shapes=tuple(item for item in chosen.shapes if item.object in soft))
 
 
 def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest) -> list[FitParameter]:
@@ -78,6 +97,7 @@ def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest)
         each=request.each,
         initial_conditions=request.fit_initial_states,
         time_base=request.fit_seconds_per_frame,
+        materials=request.materials,
     )
     for override in request.overrides:
         for path in override.paths:
@@ -213,17 +233,26 @@ def _searched(world: World, override: Override, before: FitParameter | None) -> 
     if not lower < upper:
         raise ValueError(f"{override.paths[0]}: lower {lower:g} must be below upper {upper:g}")
     value = read_parameter(world, override.paths[0])
-    middle = 0.5 * (lower + upper) if value is None else min(max(value, lower), upper)
+    # A stiffness or a viscosity may be any of several powers of ten; what rigid objects have is searched as it is.
+    wide = lower > 0.0 and upper / lower > 10.0 and not _is_rigid(world, override.paths[0])
+    centre = math.sqrt(lower * upper) if wide else 0.5 * (lower + upper)
     return FitParameter(
         name=before.name if before is not None and before.paths == override.paths else "+".join(override.paths),
         paths=override.paths,
         lower=lower,
         upper=upper,
-        mean=middle,
-        sd=0.25 * (upper - lower),
+        mean=centre if value is None else min(max(value, lower), upper),
+        sd=0.25 * (math.log(upper / lower) if wide else upper - lower),
         prior=override.prior,
+        scale="log" if wide else "linear",
         enters=before.enters if before is not None else 0.0,
     )
+
+
+def _is_rigid(world: World, path: str) -> bool:
+    parts = path.split(".")
+    soft = {item.name for item in world.deformables}
+    return parts[0] not in ("pulleys", "emitters") and not (parts[0] == "objects" and parts[1] in soft)
 
 
 def _at_present_values(world: World, parameters: list[FitParameter]) -> list[FitParameter]:

@@ -15,13 +15,14 @@ from atw_mcp.cases import path_hash
 from atw_mcp.observing import keep_calibration, keep_image_observation, video_file
 from atw_mcp.perception.calibration import Calibration
 from atw_mcp.perception.import_images import import_camera, import_depth, import_masks, import_mesh
+from atw_mcp.perception.import_shapes import ImportedShapes, PointsAre, import_points, import_series
 from atw_mcp.perception.import_tracks import ImportDataError, clevrer_appearances, import_tracks, read_json
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.results import validation_text
-from atw_mcp.track_records import TrackRecord, at_rate, to_document
+from atw_mcp.track_records import TrackRecord, at_rate, read_record, to_document
 from evidence_store import Case, Content
 from polyworld.shapes import BodyShape, Box, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.tracks import ObservedTracks, shapes_only
 
 _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
@@ -54,6 +55,67 @@ def keep_tracks(
     )
     with app.store.transaction():
         content = app.store.observations.put("imported_tracks", inputs, document)
+        app.store.cases.add_observation(case.id, "tracks", content.id)
+    return TrackRecord.of(content)
+
+
+def keep_points(
+    app: App,
+    case: Case,
+    path: Path,
+    points_are: PointsAre,
+    seconds_per_frame: float | None,
+    position_sigma: float | None,
+) -> tuple[TrackRecord, ImportedShapes]:
+    """Points of deformable objects, added to the case's latest tracks, or alone."""
+    base = read_record(app.store, case)
+    step = seconds_per_frame if base is None else base.tracks.seconds_per_frame
+    found = import_points(path, points_are=points_are, seconds_per_frame=step, position_sigma=position_sigma)
+    inputs = {"points": path_hash(path), "points_are": points_are, "position_sigma": position_sigma}
+    return _add_shapes(app, case, base, path, found, inputs, seconds_per_frame), found
+
+
+def keep_series(
+    app: App, case: Case, path: Path, seconds_per_frame: float | None, value_sigma: float | None
+) -> tuple[TrackRecord, ImportedShapes]:
+    """Scalar series of deformable objects, added to the case's latest tracks, or alone."""
+    base = read_record(app.store, case)
+    step = seconds_per_frame if base is None else base.tracks.seconds_per_frame
+    found = import_series(path, seconds_per_frame=step, sigma=value_sigma)
+    inputs = {"series": path_hash(path), "value_sigma": value_sigma}
+    return _add_shapes(app, case, base, path, found, inputs, seconds_per_frame), found
+
+
+def _add_shapes(
+    app: App,
+    case: Case,
+    base: TrackRecord | None,
+    path: Path,
+    found: ImportedShapes,
+    inputs: dict[str, Any],
+    seconds_per_frame: float | None,
+) -> TrackRecord:
+    if base is None:
+        tracks = shapes_only(found.series, found.frames, found.seconds_per_frame)
+    else:
+        rate = base.tracks.seconds_per_frame
+        for said in (seconds_per_frame, found.seconds_per_frame):
+            if said is not None and abs(said / rate - 1.0) > 1e-9:
+                raise ImportDataError(
+                    f"{path.name} has {said:.6g} s per frame, the tracks {base.id} it joins {rate:.6g}: import it with "
+                    "frame numbers, or with times that fall on those frames"
+                )
+        tracks = base.tracks.with_shapes(found.series, found.frames)
+    joined = {**inputs, "base": None if base is None else base.id, "seconds_per_frame": seconds_per_frame}
+    document = to_document(
+        tracks,
+        () if base is None else base.objects,
+        heights_assumed=base is not None and base.heights_assumed,
+        source={"kind": "imported", "file": path.name, "base": joined["base"]},
+        plane=None if base is None else base.plane,
+    )
+    with app.store.transaction():
+        content = app.store.observations.put("imported_shapes", joined, document)
         app.store.cases.add_observation(case.id, "tracks", content.id)
     return TrackRecord.of(content)
 

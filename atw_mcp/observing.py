@@ -18,10 +18,12 @@ from atw_mcp.perception.import_images import import_depth
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observation import ObservedObject as SeenObject
 from atw_mcp.perception.tracks import estimate_sizes, world_tracks
+from atw_mcp.shape_records import ShapeRecord, latest_shapes, shapes_in_world
 from atw_mcp.track_records import TrackRecord, read_record, to_document
 from evidence_store import Case, Content
 from polyworld.camera import Camera
 from polyworld.shapes import BodyShape, Box, Cylinder, Sphere
+from polyworld.tracks import ObservedTracks
 from polyworld.world import MotionPlane, World
 
 SIDE_VIEW = MotionPlane(point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), supports=False)
@@ -109,6 +111,7 @@ class Derivation:
     solids: dict[str, Sphere | Box | Cylinder]
     seconds_per_frame: float
     depth: str | None = None
+    shapes: str | None = None
 
     def inputs(self) -> dict[str, Any]:
         """What determines the tracks."""
@@ -119,6 +122,7 @@ class Derivation:
             "solids": {name: solid.model_dump(mode="json") for name, solid in sorted(self.solids.items())},
             "seconds_per_frame": self.seconds_per_frame,
             "depth": self.depth,
+            **({} if self.shapes is None else {"shapes": self.shapes}),
         }
 
 
@@ -155,6 +159,7 @@ def derivation(
     seen = app.store.observations.get(identifier).document["names"]
     known = {name: solid for name, solid in solids.items() if name in seen}
     depth = app.store.cases.observations(case.id, "depth")
+    shapes = latest_shapes(app, case, identifier)
     return Derivation(
         identifier,
         camera.id,
@@ -162,6 +167,7 @@ def derivation(
         known,
         1.0 / rate if rate > 0 else UNKNOWN_RATE,
         depth[0][1] if depth else None,
+        None if shapes is None else shapes.id,
     )
 
 
@@ -198,9 +204,22 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
         cancelled=progress.cancelled,
     )
     sizes = {name: found.to_dict() for name, found in estimates.items()}
-    source = {"kind": "derived", "objects": how.observation, "camera": how.camera, "sizes": sizes}
-    objects = [_looks(item, solids.get(item.name)) for item in seen.objects]
+    source: dict[str, Any] = {"kind": "derived", "objects": how.observation, "camera": how.camera, "sizes": sizes}
+    tracks, source = _with_shapes(app, how, camera, tracks, source)
+    objects = [_looks(item, solids.get(item.name)) for item in seen.objects if item.name in tracks.names]
     return to_document(tracks, objects, heights_assumed=True, source=source, plane=how.plane)
+
+
+def _with_shapes(
+    app: App, how: Derivation, camera: Camera, tracks: ObservedTracks, source: dict[str, Any]
+) -> tuple[ObservedTracks, dict[str, Any]]:
+    """Tracks with the measured shapes; of what was said to be a rope, cloth or fluid, with the shapes alone."""
+    if how.shapes is None:
+        return tracks, source
+    record = ShapeRecord.of(app.store.observations.get(how.shapes))
+    solid = [n for n in tracks.names if n not in record.declared or record.kinds[n] == "soft"]
+    shapes = shapes_in_world(record.series, camera, how.plane)
+    return tracks.select(solid).with_shapes(shapes, record.frames), {**source, "shapes": how.shapes}
 
 
 def _derive_from_depth(
@@ -220,8 +239,9 @@ def _derive_from_depth(
         progress=lambda share, what: progress.report(share, 1.0, what),
         cancelled=progress.cancelled,
     )
-    source = {"kind": "derived", "objects": how.observation, "camera": how.camera, "depth": how.depth}
-    objects = [_looks(item, shapes.get(item.name)) for item in seen.objects]
+    source: dict[str, Any] = {"kind": "derived", "objects": how.observation, "camera": how.camera, "depth": how.depth}
+    tracks, source = _with_shapes(app, how, camera, tracks, source)
+    objects = [_looks(item, shapes.get(item.name)) for item in seen.objects if item.name in tracks.names]
     return to_document(tracks, objects, heights_assumed=False, source=source)
 
 

@@ -43,7 +43,7 @@ def import_tracks(
     used where the file gives none (default 0.01). Units are never guessed: convert to metres and seconds
     before. Raises ImportDataError.
     """
-    file = _existing(path)
+    file = existing_table(path)
     suffix = file.suffix.lower()
     if suffix == ".csv":
         return _from_csv(file, seconds_per_frame, position_sigma)
@@ -109,7 +109,7 @@ def clevrer_tracks(data: dict[str, Any], source: str = "annotation") -> Observed
 
 def clevrer_appearances(path: str | Path) -> dict[str, tuple[Appearance, str]]:
     """Colour and material, and shape (sphere, cube, cylinder), of a CLEVRER annotation's objects by track name."""
-    data = read_json(_existing(path))
+    data = read_json(existing_table(path))
     if not isinstance(data, dict) or "object_property" not in data:
         raise ImportDataError(f"{Path(path).name}: not a CLEVRER annotation: no object_property")
     properties = data["object_property"]
@@ -155,7 +155,7 @@ def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float
         name = (row["object"] or "").strip()
         if not name:
             raise ImportDataError(f"{file.name}: line {line}: the object has no name")
-        by_object[name].append({c: _number(row[c], file, line, c) for c in columns if c in _NUMBERS})
+        by_object[name].append({c: number_in(row[c], file, line, c) for c in columns if c in _NUMBERS})
     key = "frame" if "frame" in columns else "t"
     for name, records in by_object.items():
         moments = [r[key] for r in records]
@@ -168,7 +168,7 @@ def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float
                 f"(next is {moments[at + 1]:g})"
             )
     moments_all = np.unique([r[key] for records in by_object.values() for r in records])
-    frames, step = _time_base(file, columns, by_object, moments_all, seconds_per_frame)
+    frames, step = time_base(file, columns, by_object, moments_all, seconds_per_frame)
     names = tuple(by_object)
     shape = (len(moments_all), len(names))
     positions, orientations = np.full((*shape, 3), np.nan), np.full((*shape, 4), np.nan)
@@ -180,7 +180,7 @@ def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float
             if not np.all(np.isfinite(place)):
                 continue  # an empty cell: not seen
             positions[t, k] = place
-            confidence[t, k] = _confidence(record.get("confidence", 1.0), file, name)
+            confidence[t, k] = confidence_in(record.get("confidence", 1.0), file, name)
             if np.isfinite(record.get("sigma", np.nan)):
                 sigma[t, k] = record["sigma"]
             if quaternion:
@@ -190,7 +190,7 @@ def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float
     return _build(file, names, frames, step, positions, sigma, orientations, confidence)
 
 
-def _time_base(
+def time_base(
     file: Path,
     columns: list[str],
     by_object: dict[str, list[dict[str, float]]],
@@ -327,7 +327,8 @@ def _build(
         raise ImportDataError(f"{file.name}: {error}") from error
 
 
-def _confidence(value: float, file: Path, name: str) -> float:
+def confidence_in(value: float, file: Path, name: str) -> float:
+    """A confidence in 0..1, 1 where a cell is empty; raises ImportDataError."""
     if not np.isfinite(value):
         return 1.0
     if not 0 <= value <= 1:
@@ -335,7 +336,8 @@ def _confidence(value: float, file: Path, name: str) -> float:
     return value
 
 
-def _number(text: str | None, file: Path, line: int, column: str) -> float:
+def number_in(text: str | None, file: Path, line: int, column: str) -> float:
+    """The number in a cell, NaN where it is empty; raises ImportDataError naming the line."""
     if text is None or not text.strip():
         return float("nan")
     try:
@@ -344,7 +346,8 @@ def _number(text: str | None, file: Path, line: int, column: str) -> float:
         raise ImportDataError(f"{file.name}: line {line}: {column} is not a number: {text!r}") from None
 
 
-def _existing(path: str | Path) -> Path:
+def existing_table(path: str | Path) -> Path:
+    """The path of a file that is there; raises ImportDataError naming what is near."""
     file = Path(path).expanduser()
     if not file.is_file():
         near = sorted(p.name for p in file.parent.iterdir())[:8] if file.parent.is_dir() else []

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from atw_mcp.app import App
 from atw_mcp.fit_reading import CONTACTS, doubts, lower_draft, open_questions
-from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, run_fit, window
+from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, observed_of, run_fit, window
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import modelled_tracks
 from atw_mcp.results import Answer, explained, plain
@@ -54,6 +54,14 @@ def fit_world(
         Field(
             max_length=8,
             description="physical parameters with one value for all objects; default linear_damping, angular_damping",
+        ),
+    ] = None,
+    materials: Annotated[
+        list[str] | None,
+        Field(
+            max_length=16,
+            description="parameters fitted for every observed deformable object that has them, e.g. youngs_modulus, "
+            "bending_stiffness, viscosity; default by material, with friction of pulleys and rates of emitters",
         ),
     ] = None,
     parameters: Annotated[
@@ -109,10 +117,12 @@ def fit_world(
         seed=seed,
         **({} if each is None else {"each": tuple(each)}),
         **({} if shared is None else {"shared": tuple(shared)}),
+        **({} if materials is None else {"materials": tuple(materials)}),
     )
     with explained():
-        names = [item.name for item in start.objects if item.name in record.tracks.names]
-        tracks = window(record.tracks.select(names), request)
+        observed = observed_of(start, record.tracks)
+        names = list(observed.observed_names)
+        tracks = window(observed, request)
         if holdout_from is not None and not tracks.frames[0] < holdout_from <= tracks.frames[-1]:
             raise ValueError(
                 f"holdout_from must lie in frames {tracks.frames[0] + 1}..{tracks.frames[-1]}, got {holdout_from}"
@@ -195,17 +205,19 @@ def _fit_answer(
         return value
 
     before, after, held = rmse("accuracy_start"), rmse("accuracy"), rmse("held_out")
-    said = "diverged" if after is None else f"position_rmse {after:.4g} m"
+    said = "diverged" if document["accuracy"] is None else "" if after is None else f"position_rmse {after:.4g} m"
+    shape = document["accuracy"].get("shape_rms_in_sigma") if document["accuracy"] else None
+    said += "" if shape is None else f"{', ' if said else ''}shapes off by {shape:.3g} standard deviations (rms)"
     turn = document["accuracy"]["rotation_rmse"] if document["accuracy"] else None
     said += "" if turn is None else f", rotation_rmse {turn:.3g} rad"
-    was = "which diverges" if before is None else f"{before:.4g} m"
+    was = "which diverges" if document["accuracy_start"] is None else _short(document["accuracy_start"])
     doubtful = doubts(fitted, document)
     rows, count = open_questions(document)
     fits = [item.id for item in app.store.evidence.of_case(case.id, tool="FitWorld") if item.status == "completed"]
     better = lower_draft([app.store.evidence.get(item) for item in fits], document, observation)
     if better is not None:
         doubtful.append(f"draft {better['world']} has a lower loss on the same frames, {better['loss']:.3g}")
-    kept = "" if document["held_out"] is None else f", {held:.4g} m on the frames held out"
+    kept = "" if document["held_out"] is None else f", {_short(document['held_out'])} on the frames held out"
     cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
     whole = "ReadEvidence(evidence=this result's evidence id"
     shown = {
@@ -219,6 +231,9 @@ def _fit_answer(
         "position_rmse_of_starting_world": before,
         "position_rmse_held_out": held,
         "rotation_rmse": turn,
+        **(
+            {"shape_rmse": document["accuracy"]["shape_rmse"], "shape_rms_in_sigma": shape} if shape is not None else {}
+        ),
         "position_rmse_by_object": document["accuracy"]["position_rmse_by_object"] if document["accuracy"] else None,
         "frames": document["fitted_frames"],
         "values": [
@@ -248,10 +263,18 @@ def _fit_answer(
         case=case.id,
         world=fitted.id,
         observation=observation,
-        objects=tracks.names,
+        objects=tracks.observed_names,
         interval=(frames[0] * step, frames[1] * step),
         status="cancelled" if document["status"] == "cancelled" else "completed",
     )
+
+
+def _short(accuracy: dict[str, Any]) -> str:
+    """An accuracy in a few words: the error of positions, else that of shapes."""
+    if accuracy["position_rmse"] is not None:
+        return f"{accuracy['position_rmse']:.4g} m"
+    shape = accuracy.get("shape_rms_in_sigma")
+    return "nothing observed" if shape is None else f"{shape:.3g} standard deviations"
 
 
 def _is_state(value: dict[str, Any]) -> bool:

@@ -20,6 +20,7 @@ from atw_mcp.perception.calibration import (
     calibrate_given,
 )
 from atw_mcp.results import Answer, explained, plain
+from atw_mcp.shape_records import series_rows
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.observation import observed_answer
 from atw_mcp.tools.world_arguments import Argument, CaseId, Pixel, Point
@@ -37,10 +38,13 @@ def import_observation(
     app: App,
     case: CaseId,
     kind: Annotated[
-        Literal["tracks", "masks", "camera", "depth", "mesh"],
+        Literal["tracks", "points", "series", "masks", "camera", "depth", "mesh"],
         Field(
             description="tracks: positions in the world (CSV with columns frame or t, object, x, y and optionally z, "
-            "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). masks: of the video (folder of PNGs, "
+            "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). points: of deformable objects (CSV with "
+            "frame or t, object, point, x, y and optionally z, confidence, sigma). series: numbers over time (CSV with "
+            "frame or t, object, quantity, value, sigma; quantity: amount with a column container, height, front_x..z, "
+            "tension). masks: of the video (folder of PNGs, "
             "COCO run-length JSON). camera: JSON. depth: npz or 16-bit PNGs. mesh: OBJ, STL, PLY, GLB"
         ),
     ],
@@ -55,15 +59,29 @@ def import_observation(
         float | None, Field(gt=0, le=1e3, description="what one unit of a depth map is [m]; 0.001 for millimetres")
     ] = None,
     scale: Annotated[float, Field(gt=0, le=1e6, description="metres in one unit of a mesh file")] = 1.0,
+    points_are: Annotated[
+        Literal["markers", "centreline"],
+        Field(description="points: marks on the material, or points numbered along a rope from end to end"),
+    ] = "markers",
+    value_sigma: Annotated[
+        float | None, Field(gt=0, le=1e6, description="accuracy of series that state none, in their own unit")
+    ] = None,
 ) -> Answer:
     """Bring in what another program observed, in place of ObserveObjects or CalibrateCamera. Lengths are metres, z is
-    up. The latest import counts. Next: BuildWorld (after tracks), CalibrateCamera (after masks)."""
+    up. The latest import counts; points and series join the tracks there are. Next: BuildWorld (after tracks),
+    CalibrateCamera (after masks)."""
     found = app.case_to_model(case, "ImportObservation")
     with explained():
         place = importing.existing_path(path)
         if kind == "tracks":
             record = importing.keep_tracks(app, found, place, seconds_per_frame, position_sigma)
             return _tracks_answer(found, record)
+        if kind == "points":
+            record, read = importing.keep_points(app, found, place, points_are, seconds_per_frame, position_sigma)
+            return _tracks_answer(found, record, read.left_out)
+        if kind == "series":
+            record, read = importing.keep_series(app, found, place, seconds_per_frame, value_sigma)
+            return _tracks_answer(found, record, read.left_out)
         if kind == "masks":
             identifier, seen = importing.keep_masks(app, found, place)
             return observed_answer(found, identifier, seen)
@@ -90,10 +108,11 @@ def import_observation(
     )
 
 
-def _tracks_answer(case: Case, record: TrackRecord) -> Answer:
+def _tracks_answer(case: Case, record: TrackRecord, left_out: tuple[str, ...] = ()) -> Answer:
     tracks = record.tracks
     rows = []
-    for column, item in enumerate(record.objects):
+    for item in record.objects:
+        column = tracks.index(item.name)
         seen = np.flatnonzero(tracks.confidence[:, column] > 0)
         rows.append(
             {
@@ -108,18 +127,23 @@ def _tracks_answer(case: Case, record: TrackRecord) -> Answer:
         )
     count = len(tracks.frames)
     span = (float(tracks.times[0]), float(tracks.times[-1])) if count else None
+    shapes = series_rows(tracks.shapes, tracks.frames)
+    more = f", {len(shapes)} shapes of {', '.join(sorted({s['object'] for s in shapes}))}" if shapes else ""
     return Answer(
-        summary=f"tracks {record.id}: {len(rows)} objects over {count} frames of {tracks.seconds_per_frame:.6g} s",
+        summary=f"tracks {record.id}: {len(rows)} objects{more} over {count} frames of "
+        f"{tracks.seconds_per_frame:.6g} s" + (f"; left out: {'; '.join(left_out)}" if left_out else ""),
         data={
             "tracks": record.id,
             "objects": rows,
+            **({"shapes": shapes} if shapes else {}),
+            **({"left_out": list(left_out)} if left_out else {}),
             "frames": [int(tracks.frames[0]), int(tracks.frames[-1])] if count else [],
             "seconds_per_frame": tracks.seconds_per_frame,
             "next": f"BuildWorld(case={case.id!r})",
         },
         case=case.id,
         observation=record.id,
-        objects=tracks.names,
+        objects=tracks.observed_names,
         interval=span,
     )
 

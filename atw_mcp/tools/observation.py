@@ -16,8 +16,10 @@ from atw_mcp.observing import image_observation, keep_image_observation, latest_
 from atw_mcp.perception.correction import correct, correction_of
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
+from atw_mcp.perception.shapes import Material, deforming, image_shapes
 from atw_mcp.perception.video import probe
 from atw_mcp.results import Answer, explained
+from atw_mcp.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Pixel
 from evidence_store import Case
@@ -77,6 +79,16 @@ def open_case(
     return _case_answer(app, found)
 
 
+class ShapeArgument(Argument):
+    """What a deformable object is, so that its shape is measured in every frame."""
+
+    object: str = Field(max_length=64, description="name of the observed object")
+    kind: Material = Field(
+        description="rope: its centreline; soft: how far it reaches in eight directions; cloth: the same, and which "
+        "cells of the image it covers; fluid: those cells"
+    )
+
+
 class MaskArgument(Argument):
     """A mask of the whole image as a COCO run-length record."""
 
@@ -131,14 +143,27 @@ def observe_objects(
             "other arguments then do not matter",
         ),
     ] = None,
+    deformable: Annotated[
+        list[ShapeArgument] | None,
+        Field(
+            min_length=1,
+            max_length=32,
+            description="which objects of the latest observation are ropes, cloth, soft bodies or fluids: their shapes "
+            "are measured from their masks, for BuildWorld and FitWorld. The other arguments then do not matter",
+        ),
+    ] = None,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Find every moving or distinct object in the video and follow it: masks, colour, material and shape, when it is
-    visible, hidden, enters or leaves. The camera must not move. Next: InspectFrames to check, ObserveObjects with
-    corrections where it is wrong, then CalibrateCamera."""
+    visible, hidden, enters or leaves; and what seems to deform. The camera must not move. Next: InspectFrames to check,
+    ObserveObjects with corrections where it is wrong or with deformable, then CalibrateCamera."""
     found = app.case_to_model(case, "ObserveObjects")
     with explained(f"OpenCase(video=PATH) or ImportObservation(case={found.id!r})"):
         path = video_file(found)
+    if deformable is not None:
+        if corrections is not None:
+            raise ToolError("give corrections first, then deformable in another call: shapes follow from the masks")
+        return _shapes(app, found, {item.object: item.kind for item in deformable}, patience_seconds)
     if corrections is not None:
         return _correction(app, found, path, corrections, patience_seconds)
     inputs = {
@@ -161,6 +186,64 @@ def observe_objects(
         )
 
     return _observation(app, found, "observe", inputs, look, f"observing {path.name}", patience_seconds)
+
+
+def _shapes(app: App, case: Case, kinds: dict[str, Material], patience: float) -> Answer | LongWork:
+    latest = latest_image_observation(app, case)
+    if latest is None:
+        raise ToolError(f"nothing to measure yet. Next: ObserveObjects(case={case.id!r}) without deformable")
+    identifier, seen = latest
+    with explained(f"InspectFrames(case={case.id!r}) shows the objects and their names"):
+        for name in kinds:
+            seen.object(name)
+    before = latest_shapes(app, case, identifier)
+    if before is not None:  # what was said earlier of other objects still holds
+        kinds = {**before.kinds, **kinds}
+    declared = tuple(sorted({*kinds} if before is None else {*before.declared, *kinds}))
+    inputs = shape_inputs(identifier, kinds, declared)
+    kept = app.store.observations.find("shapes", inputs)
+    if kept is not None:
+        app.store.cases.add_observation(case.id, "shapes", kept.id)
+        return _shapes_answer(case, ShapeRecord.of(kept))
+
+    def work(progress: Progress) -> Answer:
+        with explained():
+            series = image_shapes(
+                seen,
+                kinds,
+                progress=lambda share, what: progress.report(share, 1.0, what),
+                cancelled=progress.cancelled,
+            )
+        return _shapes_answer(case, keep_shapes(app, case, inputs, seen.frames, series))
+
+    return LongWork(
+        key=app.store.observations.key("shapes", inputs) + case.id,
+        work=work,
+        draft=Answer(summary=f"measuring the shapes of {', '.join(kinds)}", data={}, case=case.id),
+        patience=patience,
+    )
+
+
+def _shapes_answer(case: Case, record: ShapeRecord) -> Answer:
+    rows = series_rows(record.series, record.frames)
+    nothing = sorted(set(record.kinds) - {row["object"] for row in rows})
+    told = "; ".join(f"{row['readout']} of {row['object']} in {row['frames_seen']} frames" for row in rows)
+    warned = f"; nothing could be measured of {', '.join(nothing)}" if nothing else ""
+    return Answer(
+        summary=f"shapes {record.id}: {told or 'none'}{warned}",
+        data={
+            "shapes": record.id,
+            "objects": record.objects,
+            "kinds": record.kinds,
+            "measured": rows,
+            "unit": "px",
+            "nothing_measured": nothing,
+            "next": f"CalibrateCamera(case={case.id!r}), then BuildWorld(case={case.id!r}) with these objects as parts",
+        },
+        case=case.id,
+        observation=record.id,
+        objects=tuple(record.kinds),
+    )
 
 
 def _correction(
@@ -221,9 +304,19 @@ def observed_answer(case: Case, identifier: str, seen: ImageObservation) -> Answ
     overview = seen.summary()
     overview["video"].pop("path")
     warned = f"; {len(seen.warnings)} warnings" if seen.warnings else ""
+    changing = deforming(seen)
+    hint = f"; {', '.join(item.object for item in changing)} may be deformable" if changing else ""
+    check = f"InspectFrames(case={case.id!r})"
+    if changing:
+        listed = ", ".join(f"{{object: {item.object!r}, kind: ...}}" for item in changing)
+        check += f"; if it deforms, ObserveObjects(case={case.id!r}, deformable=[{listed}])"
     return Answer(
-        summary=f"{len(seen.objects)} objects in {len(seen.frames)} frames: {', '.join(seen.names)}{warned}",
-        data={**overview, "next": f"InspectFrames(case={case.id!r}), then CalibrateCamera(case={case.id!r})"},
+        summary=f"{len(seen.objects)} objects in {len(seen.frames)} frames: {', '.join(seen.names)}{hint}{warned}",
+        data={
+            **overview,
+            **({"deforming": [item.to_dict() for item in changing]} if changing else {}),
+            "next": f"{check}, then CalibrateCamera(case={case.id!r})",
+        },
         case=case.id,
         observation=identifier,
         objects=seen.names,
