@@ -12,12 +12,13 @@ from polyworld.solver.cloth.geometry import ClothGeometry, hinge_angles
 Array = NDArray[np.float64]
 
 
-def cloth_quantities(g: ClothGeometry, material: Any, x: Array, angle: Array) -> dict[str, Array]:
-    """Quantities of a cloth with nodes x (W, k, 3), director angles (W, E) and parameters (W,), records of `Material`.
+def cloth_quantities(g: ClothGeometry, material: Any, x: Array, angle: Array, rate: Array) -> dict[str, Array]:
+    """Quantities of a cloth with nodes x (W, k, 3), director angles and rates (W, E), parameters (W,) of `Material`.
 
     strain (W, T): largest principal strain of each triangle, extension over length [1]. curvature (W, T): the principal
     curvature that is larger in size, with its sign: negative where the surface turns towards its normal [1/m]; a sharp
-    fold shows as some 1 / (edge length). elastic_energy (W, 1): of stretch, shear and bending [J].
+    fold shows as some 1 / (edge length). elastic_energy (W, 1): of stretch, shear and bending, the directors'
+    motion included [J]: what the kinetic energy of the nodes misses.
     """
     corner = x[:, g.corners]  # (W, T, 3, 3)
     d = np.stack([corner[:, :, 1] - corner[:, :, 0], corner[:, :, 2] - corner[:, :, 0]], axis=-1)
@@ -36,7 +37,7 @@ def cloth_quantities(g: ClothGeometry, material: Any, x: Array, angle: Array) ->
     return {
         "strain": _principal(e)[1],
         "curvature": np.where(np.abs(most) >= np.abs(least), most, least),
-        "elastic_energy": _energy(g, material, e, k - g.rest_curvature)[:, None],
+        "elastic_energy": (_energy(g, material, e, k - g.rest_curvature) + _turning(g, material, rate))[:, None],
     }
 
 
@@ -48,6 +49,13 @@ def _energy(g: ClothGeometry, material: Any, e: Array, k: Array) -> Array:
     gauss = k[..., 0] * k[..., 1] - k[..., 2] ** 2
     bending = plate * (0.5 * (k[..., 0] + k[..., 1]) ** 2 - (1.0 - nu) * gauss)
     return np.asarray(((membrane + bending) * g.area).sum(axis=1))
+
+
+def _turning(g: ClothGeometry, material: Any, rate: Array) -> Array:
+    """Kinetic energy (W,) of the directors."""
+    speed = material["director"]
+    inverse = np.divide(0.5, speed, out=np.zeros_like(speed), where=speed > 0)
+    return np.asarray(inverse * (rate**2 / g.softness).sum(axis=1))
 
 
 def _principal(m: Array) -> tuple[Array, Array]:

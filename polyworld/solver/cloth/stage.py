@@ -125,13 +125,14 @@ class ClothStage:
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """See `readout.cloth_quantities`."""
-        x, angle = nodes.x.numpy(), self._bending.angle.numpy()
+        x, angle, rate = nodes.x.numpy(), self._bending.angle.numpy(), self._bending.rate.numpy()
         found: dict[str, dict[str, Array]] = {}
         edge = 0
         for name, g in self._geometry.items():
             own = x[:, self._first[name] : self._first[name] + len(g.nodes)]
             material = self._materials.numpy()[:, len(found)]
-            found[name] = cloth_quantities(g, material, own, angle[:, edge : edge + len(g.ends)])
+            keep = slice(edge, edge + len(g.ends))
+            found[name] = cloth_quantities(g, material, own, angle[:, keep], rate[:, keep])
             edge += len(g.ends)
         return found
 
