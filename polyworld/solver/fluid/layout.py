@@ -173,6 +173,26 @@ class Pace:
 
 
 @wp.struct
+class Viscous:
+    """amount, sticky (W, C): viscosity times volume around a cell's centre, of all liquids and of those that stick.
+
+    mass (W, 3, C): of a face with all its
+    surroundings in the liquid. kind (W, 3, C): what a face is. residual, search, product, diagonal (W, 3, C): of the equations. active (W,).
+    """
+
+    amount: wp.array2d[wp.float64]
+    sticky: wp.array2d[wp.float64]
+    mass: wp.array3d[wp.float64]
+    kind: wp.array3d[wp.int32]
+    residual: wp.array3d[wp.float64]
+    search: wp.array3d[wp.float64]
+    product: wp.array3d[wp.float64]
+    diagonal: wp.array3d[wp.float64]
+    active: wp.array[wp.int32]
+    iterations: wp.array[wp.int32]
+
+
+@wp.struct
 class Liquids:
     """Parameters by fluid, (R, F), R is 1 or W; slip (F,). gravity (R,)."""
 

@@ -106,14 +106,18 @@ def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, stat
 
 
 @wp.kernel
-def slide_along_solids(grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace) -> None:
+def slide_along_solids(
+    grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace
+) -> None:
     """Velocity of faces that solids shut: that of the liquid beside them, less its part into the solid."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
-    for i in range(fields.window[w, 0], fields.window[w, 3]):
-        for j in range(fields.window[w, 1], fields.window[w, 4]):
-            for k in range(fields.window[w, 2], fields.window[w, 5]):
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
@@ -122,14 +126,17 @@ def slide_along_solids(grid: Grid, solids: Solids, fields: Fields, bodies: wp.ar
                     if grid.closed == 1 and (index[a] <= grid.lower[a] or index[a] >= grid.upper[a]):
                         fields.velocity[w, a, c] = ZERO
                         continue
-                    if solids.solids.shape[0] == 0:
-                        continue
                     p = centre(grid, i, j, k, a)
+                    outside = int(0)
+                    for b in range(3):
+                        if grid.wide[b] == 1 and (index[b] < grid.lower[b] or index[b] >= grid.upper[b]):
+                            outside = 1
+                    if outside == 1 and grid.closed == 1:
+                        continue
                     near = solid_at(solids, bodies, w, p, 1)
-                    n = near.x
                     u = _velocity(grid, fields, w, p)
-                    into = wp.dot(u - near.v, n)
-                    fields.velocity[w, a, c] = u[a] - into * n[a]
+                    into = wp.dot(u - near.v, near.x)
+                    fields.velocity[w, a, c] = u[a] - into * near.x[a]
 
 
 @wp.func

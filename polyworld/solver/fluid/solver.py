@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from polyworld.meshing.fluid import fluid_particles
 from polyworld.representations.fluid import Fluid
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.fluid import covering, drift, layout, motion, pressure, surface, transfer
+from polyworld.solver.fluid import covering, drift, layout, motion, pressure, surface, transfer, viscosity
 from polyworld.solver.fluid.scene import build_grid, build_solids
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
@@ -98,12 +98,17 @@ class FluidSolver:
         go(covering.cover_by_bodies, g, s, f, b, pace, wet)
         go(surface.find_surface, g, f, pace)
         go(transfer.add_gravity, g, q, f, pace)
+        if self._has_viscosity:
+            go(viscosity.gather_viscosity, g, p, q, s, f, self._viscous, b, pace)
+            go(viscosity.diffuse, g, f, self._viscous, pace)
         go(pressure.build_pressure, g, f, sys, wet, pace)
         go(pressure.solve_pressure, g, s, f, sys, wet, b, pace)
         go(pressure.push_liquid, g, f, sys, pace)
         go(pressure.push_bodies, g, s, sys, wet, b, pace)
         go(motion.continue_velocity, g, f, pace)
         go(motion.slide_along_solids, g, s, f, b, pace)
+        if self._has_viscosity:
+            go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
         go(drift.find_shift, g, f, sys, pace)
         go(motion.move_particles, g, s, p, f, b, pace, wp.float64(FLIP))
 
@@ -141,10 +146,22 @@ class FluidSolver:
         pace.left, pace.dt, pace.fastest = (_zeros((w,), wp.float64) for _ in range(3))
         pace.go, pace.steps = _zeros((1,), wp.int32), _zeros((w,), wp.int32)
         self._pace = pace
+        self._viscous = self._allocate_viscous()
         q = layout.Liquids()
         q.slip = wp.array([int(f.slip) for f in self.fluids] or [1], dtype=wp.int32, device="cpu")
         q.gravity = wp.array([self.world.environment.gravity], dtype=wp.vec3d, device="cpu")
         self._liquids = q
+
+    def _allocate_viscous(self) -> layout.Viscous:
+        w, c = self.n_worlds, self.grid.cells
+        self._has_viscosity = True
+        v = layout.Viscous()
+        v.amount, v.sticky = _zeros((w, c), wp.float64), _zeros((w, c), wp.float64)
+        v.kind = _zeros((w, 3, c), wp.int32)
+        for name in ("mass", "residual", "search", "product", "diagonal"):
+            setattr(v, name, _zeros((w, 3, c), wp.float64))
+        v.active, v.iterations = _zeros((w,), wp.int32), _zeros((w,), wp.int32)
+        return v
 
     def _allocate_wetted(self) -> layout.Wetted:
         w, n = self.n_worlds, max(len(self.world.objects), 1)

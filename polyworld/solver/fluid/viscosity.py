@@ -1,0 +1,355 @@
+"""Viscosity, implicit: the velocity that minimises inertia plus dissipation over the sub-step.
+
+Batty and Bridson, Accurate viscous free surfaces for buckling, coiling, and rotating liquids (2008): normal strain
+rates at cell centres, shear rates at edges, each with the product of viscosity and liquid volume there, so that a
+free surface carries no traction. Where the liquid sticks, a wall is the point of zero slip between two samples.
+"""
+
+import warp as wp
+
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Solids, Viscous
+from polyworld.solver.fluid.motion import SHUT, solid_at
+from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, scatter, stencil
+from polyworld.solver.spatial.layout import Body
+
+wp.set_module_options(OPTIONS)
+
+NEGLIGIBLE = wp.float64(1.0e-5)  # dt viscosity / (density cell^2) below which a sub-step is inviscid
+TOLERANCE = wp.float64(1.0e-6)  # of the residual, relative to the first
+ITERATIONS = 500
+WALL = wp.float64(0.72)  # a face less open than this has its centre in a solid, or a quarter edge outside at most
+FARTHEST = wp.float64(1.3)
+NEAREST = wp.float64(0.25)  # distance of a sample from a wall, in edges, is at least this
+
+LEAST_ROOM = wp.float64(0.1)  # a cell with less room tells nothing
+
+EMPTY = 0
+LIQUID = 1
+SOLID = 2
+
+
+@wp.kernel
+def gather_viscosity(
+    grid: Grid,
+    particles: Particles,
+    liquids: Liquids,
+    solids: Solids,
+    fields: Fields,
+    viscous: Viscous,
+    bodies: wp.array2d[Body],
+    pace: Pace,
+) -> None:
+    """Viscosity times volume of the cells, and what every face is; sets active[w] where viscosity matters."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    viscous.active[w] = 0
+    if dt <= ZERO:
+        return
+    thickest = wp.float64(0.0)
+    for f in range(liquids.density.shape[1]):
+        nu = liquids.viscosity[w % liquids.viscosity.shape[0], f] / liquids.density[w % liquids.density.shape[0], f]
+        thickest = wp.max(thickest, nu)
+    if dt * thickest / (grid.cell * grid.cell) < NEGLIGIBLE:
+        return
+    viscous.active[w] = 1
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                viscous.amount[w, c] = ZERO
+                viscous.sticky[w, c] = ZERO
+    for p in range(particles.used[w]):
+        f = particles.fluid[w, p]
+        if f < 0:
+            continue
+        s = stencil(grid, particles.x[w, p], 3)
+        value = particles.volume * liquids.viscosity[w % liquids.viscosity.shape[0], f]
+        scatter(grid, viscous.amount[w], s, value)
+        if liquids.slip[f] == 0:
+            scatter(grid, viscous.sticky[w], s, value)
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                room = fields.room[w, c]
+                if room < LEAST_ROOM:
+                    viscous.amount[w, c] = ZERO
+                else:
+                    viscous.amount[w, c] = viscous.amount[w, c] / room
+                    viscous.sticky[w, c] = viscous.sticky[w, c] / room
+                for a in range(3):
+                    kind = EMPTY
+                    if grid.wide[a] == 1:
+                        if fields.open[w, a, c] < WALL:
+                            kind = SOLID
+                            stuck = viscous.sticky[w, c]
+                            if wp.vec3i(i, j, k)[a] > lo[a]:
+                                stuck += viscous.sticky[w, c - grid.stride[a]]
+                            if stuck > ZERO or (fields.open[w, a, c] <= SHUT and fields.mass[w, a, c] > ZERO):
+                                fields.velocity[w, a, c] = _wall_speed(grid, solids, fields, bodies, w, i, j, k, a, c)
+                        elif fields.mass[w, a, c] > ZERO:
+                            kind = LIQUID
+                            beside = HALF * (room + fields.room[w, c - grid.stride[a]])
+                            viscous.mass[w, a, c] = fields.mass[w, a, c] / wp.max(beside, HALF)
+                    viscous.kind[w, a, c] = kind
+
+
+@wp.func(inline=False)
+def _wall_speed(
+    grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], w: int, i: int, j: int, k: int, a: int, c: int
+) -> wp.float64:
+    if solids.moving == 0 or fields.static_open[a, c] < WALL:
+        return ZERO
+    return solid_at(solids, bodies, w, centre(grid, i, j, k, a), 0).v[a]
+
+
+@wp.func
+def _reach(grid: Grid, fields: Fields, a: int, c: int) -> wp.float64:
+    """Distance from a face to the wall beside it, in edges."""
+    d = HALF * (fields.static_distance[c] + fields.static_distance[c - grid.stride[a]]) / grid.cell
+    if d > FARTHEST or d < ZERO:
+        return HALF  # a wall of the box, or a body: half way between two samples
+    return wp.max(d, NEAREST)
+
+
+@wp.struct
+class Shear:
+    """Coefficients of an edge's shear rate on its four faces, and viscosity times volume there."""
+
+    a_above: wp.float64
+    a_below: wp.float64
+    b_above: wp.float64
+    b_below: wp.float64
+    weight: wp.float64
+
+
+@wp.func
+def _mean_sticky(fields: Fields, viscous: Viscous, w: int, c: int, ca: int, cb: int, cab: int) -> wp.float64:
+    """Mean over those of four cells that have room."""
+    total = wp.float64(0.0)
+    count = wp.float64(0.0)
+    for n in range(4):
+        m = c
+        if n == 1:
+            m = ca
+        if n == 2:
+            m = cb
+        if n == 3:
+            m = cab
+        if fields.room[w, m] >= LEAST_ROOM:
+            total += viscous.sticky[w, m]
+            count += ONE
+    return total / wp.max(count, ONE)
+
+
+@wp.func(inline=False)
+def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int, b: int) -> Shear:
+    """The edge at the lower corner of cell c, along the axis that is neither a nor b."""
+    s = Shear()
+    ca = c - grid.stride[a]
+    cb = c - grid.stride[b]
+    k0 = viscous.kind[w, a, c]
+    k1 = viscous.kind[w, a, cb]
+    k2 = viscous.kind[w, b, c]
+    k3 = viscous.kind[w, b, ca]
+    if k0 == EMPTY or k1 == EMPTY or k2 == EMPTY or k3 == EMPTY:
+        return s
+    if k0 != LIQUID and k1 != LIQUID and k2 != LIQUID and k3 != LIQUID:
+        return s
+    cab = ca - grid.stride[b]
+    quarter = wp.float64(0.25)
+    if k0 == LIQUID and k1 == LIQUID and k2 == LIQUID and k3 == LIQUID:
+        s.weight = quarter * (
+            viscous.amount[w, c] + viscous.amount[w, ca] + viscous.amount[w, cb] + viscous.amount[w, cab]
+        )
+    else:
+        s.weight = HALF * _mean_sticky(fields, viscous, w, c, ca, cb, cab)  # half of the edge's volume is solid
+    if s.weight <= ZERO:
+        return s
+    ga = ONE / grid.cell
+    gb = ONE / grid.cell
+    if k0 == LIQUID and k1 == SOLID:
+        ga /= _reach(grid, fields, a, c)
+    if k0 == SOLID and k1 == LIQUID:
+        ga /= _reach(grid, fields, a, cb)
+    if k2 == LIQUID and k3 == SOLID:
+        gb /= _reach(grid, fields, b, c)
+    if k2 == SOLID and k3 == LIQUID:
+        gb /= _reach(grid, fields, b, ca)
+    s.a_above = ga
+    s.a_below = -ga
+    s.b_above = gb
+    s.b_below = -gb
+    return s
+
+
+@wp.func(inline=False)
+def _apply(
+    grid: Grid, fields: Fields, viscous: Viscous, w: int, dt: wp.float64, x: wp.array2d[wp.float64], y: wp.array2d[wp.float64], only: int
+) -> None:
+    """y = (inertia + dt dissipation) x on the liquid's faces; `only` 1: its diagonal alone, x then ignored."""
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for a in range(3):
+        if grid.wide[a] == 1:
+            lo[a] += 1
+            hi[a] -= 1
+    two = wp.float64(2.0)
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    y[a, c] = ZERO
+                    if viscous.kind[w, a, c] == LIQUID:
+                        y[a, c] = viscous.mass[w, a, c]
+                        if only == 0:
+                            y[a, c] = viscous.mass[w, a, c] * x[a, c]
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                amount = viscous.amount[w, c]
+                for a in range(3):
+                    if grid.wide[a] == 0:
+                        continue
+                    n = c + grid.stride[a]
+                    if amount > ZERO and viscous.kind[w, a, c] != EMPTY and viscous.kind[w, a, n] != EMPTY:
+                        pull = two * dt * amount / (grid.cell * grid.cell)
+                        if only == 1:
+                            y[a, n] = y[a, n] + pull
+                            y[a, c] = y[a, c] + pull
+                        else:
+                            pull *= x[a, n] - x[a, c]
+                            y[a, n] = y[a, n] + pull
+                            y[a, c] = y[a, c] - pull
+                    for b in range(a + 1, 3):
+                        if grid.wide[b] == 0:
+                            continue
+                        s = _shear(grid, fields, viscous, w, c, a, b)
+                        if s.weight <= ZERO:
+                            continue
+                        ca = c - grid.stride[a]
+                        cb = c - grid.stride[b]
+                        pull = dt * s.weight
+                        if only == 1:
+                            y[a, c] = y[a, c] + pull * s.a_above * s.a_above
+                            y[a, cb] = y[a, cb] + pull * s.a_below * s.a_below
+                            y[b, c] = y[b, c] + pull * s.b_above * s.b_above
+                            y[b, ca] = y[b, ca] + pull * s.b_below * s.b_below
+                        else:
+                            pull *= s.a_above * x[a, c] + s.a_below * x[a, cb] + s.b_above * x[b, c] + s.b_below * x[b, ca]
+                            y[a, c] = y[a, c] + pull * s.a_above
+                            y[a, cb] = y[a, cb] + pull * s.a_below
+                            y[b, c] = y[b, c] + pull * s.b_above
+                            y[b, ca] = y[b, ca] + pull * s.b_below
+
+
+@wp.kernel
+def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
+    """Conjugate gradients with the diagonal as preconditioner, from the present velocity."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO or viscous.active[w] == 0:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    u = fields.velocity[w]
+    y = viscous.product[w]
+    s = viscous.search[w]
+    r = viscous.residual[w]
+    d = viscous.diagonal[w]
+    _apply(grid, fields, viscous, w, dt, u, d, 1)
+    _apply(grid, fields, viscous, w, dt, u, y, 0)
+    first = wp.float64(0.0)
+    rho = wp.float64(0.0)
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    s[a, c] = ZERO
+                    r[a, c] = ZERO
+                    if viscous.kind[w, a, c] == LIQUID:
+                        r[a, c] = viscous.mass[w, a, c] * u[a, c] - y[a, c]
+                        s[a, c] = r[a, c] / d[a, c]
+                        first = wp.max(first, wp.abs(s[a, c]))
+                        rho += r[a, c] * s[a, c]
+    change = first
+    iterations = int(0)
+    enough = TOLERANCE * first + wp.float64(1.0e-12)
+    while change > enough and iterations < ITERATIONS:
+        _apply(grid, fields, viscous, w, dt, s, y, 0)
+        curve = wp.float64(0.0)
+        for i in range(lo[0], hi[0]):
+            for j in range(lo[1], hi[1]):
+                for k in range(lo[2], hi[2]):
+                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                    for a in range(3):
+                        if viscous.kind[w, a, c] == LIQUID:
+                            curve += s[a, c] * y[a, c]
+        alpha = rho / curve
+        new = wp.float64(0.0)
+        change = ZERO
+        for i in range(lo[0], hi[0]):
+            for j in range(lo[1], hi[1]):
+                for k in range(lo[2], hi[2]):
+                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                    for a in range(3):
+                        if viscous.kind[w, a, c] == LIQUID:
+                            u[a, c] = u[a, c] + alpha * s[a, c]
+                            r[a, c] = r[a, c] - alpha * y[a, c]
+                            z = r[a, c] / d[a, c]
+                            new += r[a, c] * z
+                            change = wp.max(change, wp.abs(z))
+        beta = new / rho
+        rho = new
+        for i in range(lo[0], hi[0]):
+            for j in range(lo[1], hi[1]):
+                for k in range(lo[2], hi[2]):
+                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                    for a in range(3):
+                        if viscous.kind[w, a, c] == LIQUID:
+                            s[a, c] = r[a, c] / d[a, c] + beta * s[a, c]
+        iterations += 1
+    viscous.iterations[w] = iterations
+
+
+@wp.kernel
+def mirror_at_walls(
+    grid: Grid, solids: Solids, fields: Fields, viscous: Viscous, bodies: wp.array2d[Body], pace: Pace
+) -> None:
+    """Velocity of faces inside solids beside liquid that sticks: interpolation then vanishes at the wall."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO or viscous.active[w] == 0:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                index = wp.vec3i(i, j, k)
+                for a in range(3):
+                    if viscous.kind[w, a, c] != SOLID:
+                        continue
+                    total = wp.float64(0.0)
+                    ratio = wp.float64(0.0)
+                    count = wp.float64(0.0)
+                    for b in range(3):
+                        if b == a or grid.wide[b] == 0:
+                            continue
+                        for side in range(2):
+                            m = c + (2 * side - 1) * grid.stride[b]
+                            if index[b] + 2 * side - 1 < lo[b] or index[b] + 2 * side - 1 >= hi[b]:
+                                continue
+                            if viscous.kind[w, a, m] == LIQUID and viscous.sticky[w, m] > ZERO:
+                                d = _reach(grid, fields, a, m)
+                                total += fields.velocity[w, a, m]
+                                ratio += wp.clamp((ONE - d) / d, ZERO, ONE)
+                                count += ONE
+                    if count > ZERO:
+                        u = _wall_speed(grid, solids, fields, bodies, w, i, j, k, a, c)
+                        fields.velocity[w, a, c] = u - (total / count - u) * ratio / count
