@@ -85,7 +85,8 @@ class PlanView:
                 shown[item.name] = mask > 0
             else:
                 others |= mask
-        for name in shown:
+        pathless = {d.name for d in self.world.deformables if isinstance(d, Fluid | Rope)}
+        for name in [name for name in shown if name not in pathless]:
             column = self.trajectory.index(name)
             began = int(np.argmax(self.trajectory.active[:, column]))
             points = self._pixel_points(self._flat(self.trajectory.positions[began : sample + 1, column]))
@@ -118,7 +119,7 @@ class PlanView:
             inside = np.all((pixels >= 0) & (pixels < [self.width, self.height]), axis=1)
             mask[pixels[inside, 1], pixels[inside, 0]] = 1
             cell = 0.0 if self.world.fluid_grid is None else self.world.fluid_grid.cell
-            wide = max(1, round(0.5 * cell * self.pixels_per_metre))
+            wide = max(2, round(1.2 * cell * self.pixels_per_metre))
             mask[:] = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
         elif isinstance(item, Rope):
             wide = max(2, round(2 * item.radius * self.pixels_per_metre))

@@ -24,6 +24,7 @@ from polyworld.contact_shadow import with_contact_shadows
 from polyworld.identification.accuracy import accuracy
 from polyworld.render import Picture, default_camera, render
 from polyworld.representations.fluid import Fluid
+from polyworld.representations.rope import Rope
 from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World
@@ -36,7 +37,7 @@ class RolloutView:
 
     def __init__(self, app: App, case: Case, world: World, result: Rollout, background: str) -> None:
         self.world, self.result = world, result
-        self.world_fluids = {d.name for d in world.deformables if isinstance(d, Fluid)}
+        self.pathless = {d.name for d in world.deformables if isinstance(d, Fluid | Rope)}
         self.frame_time = world.time.seconds_per_frame
         times = result.trajectory.times
         if not len(times):
@@ -141,7 +142,7 @@ class RolloutView:
         began = int(np.argmax(trajectory.active[:, column]))
         points = self.camera.project(trajectory.positions[began : sample + 1, column])
         dashed = None if self.dashed_from is None else max(self.dashed_from - began, 0)
-        if name not in self.world_fluids:  # the centre of a fluid follows nothing that can be seen
+        if name not in self.pathless:  # the centre of a rope or a fluid is nothing that can be seen
             canvas.path(points, SIMULATED, [m - began for m in self.marks if began <= m <= sample], dashed)
         if real:  # in a picture of the simulated world itself an outline would say nothing
             canvas.outline(mask, SIMULATED)

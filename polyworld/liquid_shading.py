@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter
 
 from polyworld import rasterize
 from polyworld.camera import Camera
 from polyworld.colors import rgb
 from polyworld.deformable_pictures import Raster, rectangles
-from polyworld.representations.fluid import Fluid
+from polyworld.representations.fluid import Fluid, FluidGrid
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -85,9 +85,44 @@ def liquid_seen(
     if not (found >= 0).any():
         return None
     far = np.where(found >= 0, distance.numpy().astype(float), np.inf)
+    thick = thickness.numpy().astype(float)
+    width = 1.4 * BALL * spacing * camera.intrinsics[0][0] / float(np.median(far[found >= 0]))
+    found, far, thick = _without_gaps(found, far, thick, width)
+    if world.fluid_grid.closed:
+        # Balls stand out of the walls that hold the fluid: only rays through the box can meet it.
+        through = _through_box(world.fluid_grid, camera, pixel_to_ray)
+        found, far = np.where(through, found, -1), np.where(through, far, np.inf)
+    if not (found >= 0).any():
+        return None
     # Balls of this size overlap: their summed length counts the fluid about so many times.
     overlap = 4.0 / 3.0 * np.pi * BALL**3
-    return Liquid(far, thickness.numpy().astype(float) / overlap, found.astype(np.int32), colors, spacing)
+    return Liquid(far, thick / overlap, found.astype(np.int32), colors, spacing)
+
+
+def _without_gaps(found: Any, far: Array, thick: Array, width: float) -> tuple[Any, Array, Array]:
+    """The same with gaps between balls, no wider than `width` [px], taken from the nearest ball."""
+    reach = max(1, round(width))
+    disc = np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1]) <= width
+    inside = found >= 0
+    gaps = binary_closing(inside, disc) & ~inside
+    if not gaps.any():
+        return found, far, thick
+    nearest: Any = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+    rows, columns = nearest
+    found, far, thick = (np.where(gaps, values[rows, columns], values) for values in (found, far, thick))
+    return found, far, thick
+
+
+def _through_box(grid: FluidGrid, camera: Camera, pixel_to_ray: Array) -> NDArray[np.bool_]:
+    """Pixels (H, W) whose rays pass through a grid's box: the slab test."""
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ pixel_to_ray.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = (np.asarray(grid.lower) - camera.centre) / rays
+        b = (np.asarray(grid.upper) - camera.centre) / rays
+    enter, leave = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
+    passed: NDArray[np.bool_] = (enter <= leave) & (leave > 0.0)
+    return passed
 
 
 def with_liquid(liquid: Liquid, raster: Raster, color: Array, opaque: Array, through: NDArray[np.bool_]) -> Array:
