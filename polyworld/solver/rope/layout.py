@@ -40,6 +40,7 @@ class Ropes:
     end_release: wp.array2d[wp.float64]
     end_strength: wp.array2d[wp.float64]
     end_share: wp.array2d[wp.float64]
+    twist_at_start: wp.array[wp.float64]  # angle from one clamped end to the other that makes no moment [rad]
     wheel_body: wp.array[wp.int32]
     wheel_centre: wp.array[wp.vec3d]  # in the carrier's or the world's axes
     wheel_axis: wp.array[wp.vec3d]  # unit, the rope goes round it counter-clockwise
@@ -101,7 +102,7 @@ class RopeState:
     before: wp.array2d[wp.float64]
     attached: wp.array3d[wp.int32]
     wheels: wp.array2d[Wheel]
-    twist: wp.array2d[wp.float64]  # (W, n) angle from one clamped end to the other, less that of the rope's shape
+    twist: wp.array2d[wp.float64]  # (W, n) angle from one clamped end to the other [rad]
     direction: wp.array2d[wp.vec3d]
     compliance: wp.array2d[wp.float64]  # velocity per impulse that a link gives by its own stretch [1/kg]
     target: wp.array2d[wp.float64]

@@ -14,8 +14,9 @@ from polyworld.meshing.rope import Threading, threading, unit_axis
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.rope import bending, passing, stretch
+from polyworld.solver.rope import bending, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends
+from polyworld.solver.rope.frames import across, parallel_angle
 from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
@@ -54,6 +55,7 @@ class RopeStage:
         self._state = self._allocate()
         self._sweeps = SHARED_SWEEPS if self._shares_bodies() else 1
         self._clamped = bool(self._ropes.clamped.numpy().any())
+        self._twists = bool(self._ropes.clamped.numpy().all(axis=1).any())
         self._fields: Fields = {}
 
     def bind(self, bodies: Any) -> None:
@@ -90,6 +92,10 @@ class RopeStage:
                 centre, axis = self._into_axes(pulley.object, centre), self._turn_into(pulley.object, axis)
             centres.append(centre)
             axes.append(axis)
+        angles = [
+            parallel_angle(t.nodes, e[0]["held"], e[1]["held"]) for t, e in zip(self.threads, ends, strict=True)
+        ]
+        ropes.twist_at_start = _floats(angles)
         ropes.wheel_body = _ints(carriers)
         ropes.wheel_centre = wp.array(np.array(centres).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
         ropes.wheel_axis = wp.array(np.array(axes).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
@@ -114,7 +120,8 @@ class RopeStage:
                 "anchor": np.zeros(3),
                 "clamped": 0,
                 "direction": direction,
-                "director": _across(direction),
+                "director": across(direction),
+                "held": (direction, across(direction)),
                 "release": np.inf,
                 "strength": np.inf,
             }
@@ -198,6 +205,11 @@ class RopeStage:
     def write(self, fields: Fields) -> bool:
         """See `MaterialStage.write`."""
         self._fields = fields
+        for rope, thread in zip(self.items, self.threads, strict=True):
+            if thread.pulleys and np.any(fields[rope.name]["twist_stiffness"] > 0.0):
+                raise ValueError(
+                    f"rope {rope.name!r} runs over pulleys: twist is not computed for it; give twist_stiffness 0"
+                )
         names = tuple(r.name for r in self.items)
         pulleys = tuple(p.name for thread in self.threads for p in thread.pulleys)
         rows = {name: parameter_row(fields, names, name) for name in ROPE_FIELDS}
@@ -220,8 +232,9 @@ class RopeStage:
         s.rest.numpy()[:] = np.concatenate([t.rest for t in self.threads])
         s.attached.numpy()[:] = self._ropes.end_body.numpy() >= 0
         s.elongation.numpy()[:] = np.nan
-        for name in ("tension", "held", "twist", "change"):
+        for name in ("tension", "held", "change"):
             getattr(s, name).numpy()[:] = 0
+        s.twist.numpy()[:] = self._ropes.twist_at_start.numpy()
         s.before.numpy()[:] = 1.0
         if s.wheels.shape[1] > 0:
             rows = np.zeros(s.wheels.shape, dtype=Wheel.numpy_dtype())
@@ -292,6 +305,9 @@ class RopeStage:
         if self._clamped:
             arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.v, nodes.f]
             self._launch(bending.bend_clamped_ends, [*state, *arrays])
+        if self._twists:
+            arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.f]
+            self._launch(twist.twist, [*state, *arrays])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_velocities`."""
@@ -336,13 +352,6 @@ class RopeStage:
 def _mass(world: World, name: str) -> float:
     item = world.object(name)
     return item.mass if item.mass is not None else item.density * geometry.mass_properties(item.shape).volume
-
-
-def _across(direction: Array) -> Array:
-    """A unit vector perpendicular to a direction."""
-    other = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    across: Array = np.cross(direction, other)
-    return across / np.linalg.norm(across)
 
 
 def _starts(counts: list[int]) -> list[int]:

@@ -1,0 +1,33 @@
+"""Directions across a rope at its start, on the host: parallel transport along it, and its angle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def across(direction: Array) -> Array:
+    """A unit vector perpendicular to a direction."""
+    other = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    vector: Array = np.cross(direction, other)
+    return vector / np.linalg.norm(vector)
+
+
+def carried(before: Array, after: Array, vector: Array) -> Array:
+    """A vector turned by the least rotation that takes one unit vector into another."""
+    axis, cosine = np.cross(before, after), max(float(before @ after), -0.999)
+    turned: Array = vector * cosine + np.cross(axis, vector) + axis * (axis @ vector) / (1.0 + cosine)
+    return turned
+
+
+def parallel_angle(nodes: Array, start: tuple[Array, Array], end: tuple[Array, Array]) -> float:
+    """Angle [rad] from the director of the start, carried along the rope, to that of the end; pairs of direction and
+    director."""
+    t, u = start
+    for step in np.diff(nodes, axis=0):
+        following = step / np.linalg.norm(step)
+        t, u = following, carried(t, following, u)
+    u = carried(t, end[0], u)
+    return float(np.arctan2(end[0] @ np.cross(u, end[1]), u @ end[1]))
