@@ -40,6 +40,7 @@ class Contact:
     normal: wp.vec3d
     arm: wp.vec3d  # from the body's centre of mass to the point
     t1: wp.vec3d
+    wait: int  # inner steps for which it cannot touch
     gap: wp.float64
     approach: wp.float64
     target: wp.float64

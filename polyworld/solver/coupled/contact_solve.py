@@ -25,11 +25,12 @@ from polyworld.solver.spatial.shapes import unit
 wp.set_module_options(OPTIONS)
 
 SWEEPS = 10
-CONVERGED = wp.constant(wp.float64(1.0e-8))  # largest velocity change in a sweep that counts as none [m/s]
+CONVERGED = wp.constant(wp.float64(1.0e-6))  # largest velocity change in a sweep that counts as none [m/s]
 SLOWEST_IMPACT = wp.constant(wp.float64(1.0e-4))  # on top of the speed that gravity gives in two inner steps [m/s]
 RECOVERY = wp.constant(wp.float64(0.01))  # time in which an overlap is removed [s]
 OVERLAP_SPEED = wp.constant(wp.float64(0.5))  # at most [m/s]
-NEAR = wp.constant(wp.float64(0.02))  # a gap that may act, per reach: other impulses of the step may close it
+WAIT = wp.constant(wp.float64(0.4))  # of the time to a touch at the speed of now, for which a contact is not looked at
+LEAST_SPEED = wp.constant(wp.float64(0.1))  # that it may have got by then [m/s]
 
 
 @wp.func
@@ -65,7 +66,7 @@ def closest_on_segments(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d) -> w
     return wp.vec2d(s, t)
 
 
-@wp.func(inline=False)
+@wp.func
 def follow(
     c: Contact,
     geometry: Geometry,
@@ -194,7 +195,7 @@ def node_mobility(c: Contact, inverse_mass: wp.array2d[wp.float64], w: int) -> w
     )
 
 
-@wp.func(inline=False)
+@wp.func
 def weigh(
     c: Contact,
     inverse_mass: wp.array2d[wp.float64],
@@ -301,7 +302,7 @@ def node_of(c: Contact, m: int) -> int:
     return c.n0
 
 
-@wp.func(inline=False)
+@wp.func
 def settle(
     c: Contact,
     pull: wp.vec3d,
@@ -374,10 +375,12 @@ def act(
 ) -> Contact:
     """Whether the contact may act in this inner step, with its target velocity; a gap of FAR where it does not."""
     zero = wp.float64(0.0)
-    speed = wp.dot(c.normal, relative_velocity(c, bodies, v, w))
+    u = relative_velocity(c, bodies, v, w)
+    speed = wp.dot(c.normal, u)
     c.approach = -speed
     end = c.gap + speed * dt
-    if end > NEAR * c.reach and c.impulse == zero:
+    if end > zero and c.impulse == zero:
+        c.wait = wp.int32(WAIT * c.gap / ((wp.length(u) + LEAST_SPEED) * dt))
         c.gap = FAR
         return c
     c = weigh(c, inverse_mass, inverse_inertia, bodies, w)
@@ -423,6 +426,9 @@ def solve_contacts(
     sweeps = wp.int32(1)
     last = wp.int32(-1)
     for k in range(found.count[w]):
+        if found.contacts[w, k].wait > 0:
+            found.contacts[w, k].wait -= 1
+            continue
         c = follow(found.contacts[w, k], geometry, obstacles, bodies, x, w)
         if c.gap < FAR:
             c = act(c, dt, threshold, inverse_mass, inverse_inertia, bodies, v, w)
@@ -441,17 +447,22 @@ def solve_contacts(
     if count == 0:
         return
     for a in range(count):
-        c = found.contacts[w, found.acting[w, a]]
-        if c.impulse > zero:
+        if found.contacts[w, found.acting[w, a]].impulse > zero:
+            c = found.contacts[w, found.acting[w, a]]
             push(c, c.normal * c.impulse + c.tangential, inverse_mass, inverse_inertia, bodies, v, w)
     solve(found.contacts, found.acting, count, sweeps, inverse_mass, inverse_inertia, bodies, v, w)
     now = clock_time[w] + wp.float64(inner[0]) * dt
     for a in range(count):
-        c = found.contacts[w, found.acting[w, a]]
+        k = found.acting[w, a]
+        if found.contacts[w, k].impulse == zero and found.contacts[w, k].gap >= zero:
+            continue
+        c = found.contacts[w, k]
         settle(c, pull, dt, bodies, acceleration, inverse_mass, x, v, found, w)
         if tally.record == 1 and c.impulse > zero:
             note(c, tally, x[w, c.n0], now, dt, w)
     for a in range(count):
+        if found.contacts[w, found.acting[w, a]].impulse == zero:
+            continue
         c = found.contacts[w, found.acting[w, a]]
         for m in range(4):
             if c.weight[m] != zero:

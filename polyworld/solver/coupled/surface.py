@@ -54,18 +54,21 @@ class SurfacePairs:
         owners = owner[edges[:, 0]]
         rope = np.array([isinstance(d, Rope) for d in world.deformables])
         on_rope = rope[owners] & may.any(axis=1)[owners]
+        solid = surface.one_sided.numpy() > 0
+        cross = may * ~np.outer(solid, solid)  # an edge in a solid does not know which way is out
         exposed = np.flatnonzero(surface.exposed.numpy() * may.any(axis=1)[owner]).astype(np.int32)
-        kept = np.flatnonzero(on_rope).astype(np.int32)
+        kept = np.flatnonzero(cross.any(axis=1)[owners]).astype(np.int32)
         has_faces = surface.triangles.shape[0] > 0
         pairs = Pairs()
         pairs.node, pairs.edge = _ints(exposed), _ints(kept)
         pairs.may = wp.array(may, dtype=wp.int32, device="cpu")
+        pairs.cross = wp.array(cross.astype(np.int32), dtype=wp.int32, device="cpu")
         pairs.bonded = wp.array(_bonded(world), dtype=wp.int32, device="cpu")
         pairs.rest = wp.array(rest, dtype=wp.vec3d, device="cpu")
         room = ROOM * len(exposed) + 64
         # Left unwritten, so that room which is not needed takes no memory.
         pairs.faces = wp.empty((self._w, room if has_faces else 1), dtype=wp.vec2i, device="cpu")
-        pairs.crossings = wp.empty((self._w, room if len(kept) else 1), dtype=wp.vec2i, device="cpu")
+        pairs.crossings = wp.empty((self._w, ROOM * len(kept) + 64), dtype=wp.vec2i, device="cpu")
         pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
         pairs.place = _zeros(nodes.x.shape, wp.vec3d)
         pairs.margin = _zeros((self._w,), wp.float64)
@@ -85,7 +88,7 @@ class SurfacePairs:
 
     def room(self) -> int:
         """Contacts to keep room for."""
-        return 6 * self._pairs.node.shape[0] if self.any else 0
+        return 6 * self._pairs.node.shape[0] + 3 * self._pairs.edge.shape[0] if self.any else 0
 
     def reset(self) -> None:
         """The lists are due."""

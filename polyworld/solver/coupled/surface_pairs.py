@@ -24,8 +24,9 @@ DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper i
 class Pairs:
     """Nodes that may touch triangles and edges that may touch edges.
 
-    node, edge: what the grids hold, as rows of the nodes and of Surface.edges. may (D, D): 1 for objects that may
-    touch. bonded (D, D): 1 for objects that are fastened to each other. rest (N,): places in the unloaded shape.
+    node, edge: what the grids hold, as rows of the nodes and of Surface.edges. may, cross (D, D): 1 for objects whose
+    nodes and faces, whose edges may touch. bonded (D, D): 1 for objects that are fastened to each other. rest (N,):
+    places in the unloaded shape.
     faces, crossings (W, P): listed pairs (node, triangle) and (edge, edge), their number (W,). place (W, N): at the
     last listing, that had margin (W,). due (W,): 1 where the list is to be made anew. chain (E,): which rope an
     edge belongs to, or -1, and place_in_chain its number in it; segment (E,): its length.
@@ -34,6 +35,7 @@ class Pairs:
     node: wp.array[wp.int32]
     edge: wp.array[wp.int32]
     may: wp.array2d[wp.int32]
+    cross: wp.array2d[wp.int32]
     bonded: wp.array2d[wp.int32]
     rest: wp.array[wp.vec3d]
     faces: wp.array2d[wp.vec2i]
@@ -196,7 +198,7 @@ def list_crossings(
     grid: Grid,
     found: Found,
 ) -> None:
-    """Ropes' segments near each edge. Those of one rope count where the rope between them is longer than thick."""
+    """Edges near each edge. Those of one rope count where the rope between them is longer than thick."""
     w, e = wp.tid()
     if pairs.due[w] == 0:
         return
@@ -208,7 +210,9 @@ def list_crossings(
     margin = pairs.margin[w]
     any_near = wp.int32(0)
     for o in range(pairs.may.shape[0]):
-        if pairs.may[d, o] == 1 and (o == d or boxes_near(bounds, w, d, o, margin + wp.float64(2.0) * pairs.thickest)):
+        if pairs.cross[d, o] == 1 and (
+            o == d or boxes_near(bounds, w, d, o, margin + wp.float64(2.0) * pairs.thickest)
+        ):
             any_near = 1
     if any_near == 0:
         return
@@ -227,21 +231,32 @@ def list_crossings(
                     f = pairs.edge[item]
                     m0 = surface.edges[f, 0]
                     o = owner[m0]
-                    if pairs.may[d, o] == 0 or active[w, m0] == 0 or not in_cell(grid, w, item, i, j, k):
+                    if f <= e or pairs.cross[d, o] == 0 or active[w, m0] == 0:
                         continue
-                    if pairs.chain[e] >= 0 and f <= e:
-                        continue  # two ropes' segments meet once
+                    m1 = surface.edges[f, 1]
+                    if (n0 - m0) * (n0 - m1) * (n1 - m0) * (n1 - m1) == 0 or not in_cell(grid, w, item, i, j, k):
+                        continue
                     sum = radius[n0] + radius[m0]
-                    if pairs.chain[e] == pairs.chain[f]:
+                    if pairs.chain[e] >= 0 and pairs.chain[e] == pairs.chain[f]:
                         between = wp.float64(wp.abs(pairs.place_in_chain[e] - pairs.place_in_chain[f]) - 1)
                         if between * pairs.segment[e] < wp.float64(1.6) * sum or between < wp.float64(1.0):
                             continue
-                    st = closest_on_segments(a, b, x[w, m0], x[w, surface.edges[f, 1]])
-                    p = a + (b - a) * st[0]
-                    q = x[w, m0] + (x[w, surface.edges[f, 1]] - x[w, m0]) * st[1]
+                    st = closest_on_segments(a, b, x[w, m0], x[w, m1])
+                    apart = a + (b - a) * st[0] - x[w, m0] - (x[w, m1] - x[w, m0]) * st[1]
                     far = sum + margin
-                    if wp.length_sq(p - q) <= far * far:
-                        list_pair(pairs.crossings, pairs.crossing_count, found.crowded, w, e, f)
+                    if wp.length_sq(apart) > far * far:
+                        continue
+                    if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:  # neighbours
+                        ra = pairs.rest[n0]
+                        rb = pairs.rest[n1]
+                        rc = pairs.rest[m0]
+                        rd = pairs.rest[m1]
+                        st = closest_on_segments(ra, rb, rc, rd)
+                        apart = ra + (rb - ra) * st[0] - rc - (rd - rc) * st[1]
+                        ring = RING * wp.max(pairs.segment[e], pairs.segment[f])
+                        if wp.length(apart) < wp.max(sum * wp.float64(0.999), ring):
+                            continue
+                    list_pair(pairs.crossings, pairs.crossing_count, found.crowded, w, e, f)
 
 
 @wp.func
