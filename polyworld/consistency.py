@@ -10,6 +10,7 @@ import numpy as np
 from polyworld.effects import check_effect
 
 if TYPE_CHECKING:
+    from polyworld.representations.joint import Joint
     from polyworld.world import World
 
 # Laws whose force is proportional to mass: they act on every part of a deformable object alike.
@@ -58,6 +59,12 @@ def _check_representations(world: World) -> None:
         others = [j.name for j in world.joints if j.kind != "hinge"]
         if others and not world.deformables:
             raise ValueError(f"planar worlds take hinges only, not {others}; use rigid_spatial objects instead")
+        resisting = {j.name: given for j in world.joints if (given := _resistance(j))}
+        if resisting and not world.deformables:
+            raise ValueError(
+                f"hinges of planar worlds turn freely, without friction, damping, stops or motors: {resisting}; "
+                "use rigid_spatial objects instead"
+            )
     if planar and world.deformables:
         plane = world.environment.motion_plane
         normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
@@ -68,6 +75,12 @@ def _check_representations(world: World) -> None:
                 "bodies and fluids do not rub on a supporting plane; for a side view turn the motion plane's normal "
                 "across gravity, for things on a table use spatial representations on a static plane"
             )
+
+
+def _resistance(joint: Joint) -> list[str]:
+    """What a joint has along its axis, by name."""
+    neutral = {"friction": 0.0, "damping": 0.0, "lower": None, "upper": None, "motor": None}
+    return [name for name, none in neutral.items() if getattr(joint, name, none) != none]
 
 
 def _check_effects(world: World) -> None:

@@ -50,7 +50,7 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
     for emitter in world.emitters:
         for field, spec in EMITTER_PARAMETERS.items():
             paths[f"emitters.{emitter.name}.{field}"] = spec
-    for joint in world.joints:
+    for joint in () if world.planar and not world.coupled else world.joints:  # planar hinges turn freely
         for field, spec in JOINT_PARAMETERS.items():
             if hasattr(joint, field):
                 paths[f"joints.{joint.name}.{field}"] = spec

@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from polyworld.interventions import Add, Move, Remove, SetParameter, SetVelocity, branch
+from polyworld.parameters import parameter_paths
 from polyworld.representations.joint import Hinge
 from polyworld.rollout import rollout
 from polyworld.shapes import Box, Sphere, Wall
@@ -73,6 +74,16 @@ def test_a_hinge_between_objects_that_start_at_different_times_is_refused() -> N
             objects=(*chain().objects, late),
             joints=(Hinge(name="j", object="late", other="ball", anchor=(2.0, 0.0, 0.0)),),
         )
+
+
+def test_what_planar_hinges_cannot_do_is_refused_with_what_can() -> None:
+    """The planar solver's hinges are free; in spatial worlds the same joint rubs."""
+    stiff = Hinge(name="j", object="ball", anchor=(3.0, 0.0, 0.0), friction=0.1, upper=1.0)
+    with pytest.raises(ValidationError, match=r"\{'j': \['friction', 'upper'\]\}; use rigid_spatial"):
+        chain(joints=(stiff,))
+    spatial = tuple(o.model_copy(update={"representation": "rigid_spatial"}) for o in chain().objects)
+    assert "joints.j.friction" in parameter_paths(World(objects=spatial, joints=(stiff,)))
+    assert not any(path.startswith("joints.") for path in parameter_paths(chain()))
 
 
 def test_removing_an_object_removes_its_hinges() -> None:

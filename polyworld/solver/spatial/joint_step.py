@@ -137,19 +137,23 @@ def look_ahead(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float6
             xb = joints.end_x[k, d.b]
             rb = joints.end_rotation[k, d.b]
         if d.kind == SPRING:
-            v = velocity_along(state, k, d.a, d.b, joints.base + joints.equalities + d.axis)
-            length = wp.length(xa + ra * joint.arm_a - xb - rb * joint.arm_b)
+            row = joints.base + joints.equalities + d.axis
+            v = velocity_along(state, k, d.a, d.b, row)
+            apart = xa + ra * joint.arm_a - xb - rb * joint.arm_b
+            length = wp.length(apart)
+            if wp.dot(apart, state.rows[k, row].d) < wp.float64(0.0):  # its ends pass each other
+                length = -length
             guess = joint.end_place + half * (v - joint.seen_speed)
             worst = wp.max(worst, wp.abs(length - guess))
             joints.joint[k, j].end_place = length
             joints.joint[k, j].seen_speed = v
             continue
-        apart, askew = joint_error(d, joint, xa, ra, xb, rb)
+        opened, askew = joint_error(d, joint, xa, ra, xb, rb)
         r = d.first
         for i in range(d.point, d.point + d.points):
-            joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - apart[i] / half
+            joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - opened[i] / half
             if joints.inverse[k, r] > wp.float64(0.0):
-                worst = wp.max(worst, wp.abs(apart[i]))
+                worst = wp.max(worst, wp.abs(opened[i]))
             r += 1
         for i in range(d.turn, d.turn + d.turns):
             joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - askew[i] / half
@@ -197,7 +201,8 @@ def longest_part(joints: Joints, state: State, k: int, h: wp.float64) -> wp.floa
 def swinging(b: Body, arm: wp.vec3d) -> wp.float64:
     """Arm over moment of inertia about its end, per unit force [1/(kg m)]."""
     square = wp.dot(arm, arm)
-    own = wp.float64(3.0) / wp.max(wp.trace(b.inverse_inertia), wp.float64(1.0e-30))
+    trace = b.inverse_inertia[0, 0] + b.inverse_inertia[1, 1] + b.inverse_inertia[2, 2]
+    own = wp.float64(3.0) / wp.max(trace, wp.float64(1.0e-30))
     return wp.sqrt(square) * b.inverse_mass / (own + square)
 
 
