@@ -148,7 +148,7 @@ def test_wall_lets_the_fluid_behind_it_be_guessed_in_the_colour() -> None:
     alone = draw(World(statics=(wall,)))
     behind = draw(bucket_of_water()).mask(0) & alone.mask(0)
     plain = alone.mask(0) & ~behind
-    assert np.all(with_fluid.color[behind] != alone.color[behind], axis=-1).mean() > 0.9
+    assert np.any(with_fluid.color[behind] != alone.color[behind], axis=-1).mean() > 0.9
     assert np.abs(with_fluid.color[plain].astype(int) - alone.color[plain]).max() <= 1
 
 
