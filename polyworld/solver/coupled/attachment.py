@@ -143,6 +143,12 @@ class Attachments:
                 ],
             )
 
+    def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch what reads the forces on held nodes, once the stages have added theirs."""
+        if self._to_world.node:
+            held = [self._world_node, self._world_attachment]
+            _launch(kernels.resist_forces, self._w, [clock.dt, *held, nodes.active, nodes.f, self.fastenings])
+
     def launch_velocities(self, nodes: Nodes, clock: Clock, reaction: Any) -> None:
         """Launch what holds the nodes in one inner step. reaction (W, N): impulses of contacts on held nodes."""
         f = self.fastenings
@@ -202,7 +208,6 @@ class Attachments:
                     nodes.active,
                     nodes.x,
                     nodes.v,
-                    nodes.f,
                     reaction,
                     f,
                 ],

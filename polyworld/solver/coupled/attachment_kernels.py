@@ -106,6 +106,25 @@ def free_nodes(
 
 
 @wp.kernel
+def resist_forces(
+    dt: wp.array[wp.float64],
+    node: wp.array[wp.int32],
+    attachment: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    force: wp.array2d[wp.vec3d],
+    f: Fastenings,
+) -> None:
+    """Held nodes do not follow the forces on them: the attachment takes these."""
+    w = wp.tid()
+    if dt[w] <= wp.float64(0.0):
+        return
+    for k in range(node.shape[0]):
+        a = attachment[k]
+        if f.released[w, a] == 0 and active[w, node[k]] == 1:
+            f.impulse[w, a] -= force[w, node[k]] * dt[w]
+
+
+@wp.kernel
 def hold_to_world(
     time: wp.array[wp.float64],
     dt: wp.array[wp.float64],
@@ -118,7 +137,6 @@ def hold_to_world(
     active: wp.array2d[wp.int32],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
-    force: wp.array2d[wp.vec3d],
     reaction: wp.array2d[wp.vec3d],
     f: Fastenings,
 ) -> None:
@@ -135,7 +153,7 @@ def hold_to_world(
             continue
         u = (place[w, k] + displaced(motion, a, now) - x[w, i]) / t
         m = mass[w % mass.shape[0], i]
-        f.impulse[w, a] += (u - v[w, i]) * m - force[w, i] * t - reaction[w, i]
+        f.impulse[w, a] += (u - v[w, i]) * m - reaction[w, i]
         reaction[w, i] = wp.vec3d()
         v[w, i] = u
 

@@ -317,6 +317,7 @@ class Shard:
         self.effects.launch(n, c)
         for stage in self.stages:
             stage.launch_forces(n, c)
+        self.attachments.launch_forces(n, c)
         self._launch(motion.accelerate, n.x.shape, [c.dt, n.inverse_mass, n.active, self._across, n.f, n.v])
         if self.carried is not None:
             self.carried.launch_velocities(c)
