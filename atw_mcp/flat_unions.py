@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 
 from atw_mcp.schemas import inlined
 
+BOUNDS = ("minimum", "exclusiveMinimum", "maximum")
 NESTED = "written as in a world: DescribeTool(tool='BuildWorld', argument='world')"
 
 
@@ -59,5 +60,8 @@ def _simple(schema: dict[str, Any]) -> dict[str, Any]:
     if chosen.get("type") == "object" or "oneOf" in chosen or "properties" in chosen:
         return {"type": "object", "description": f"{schema.get('description', '')}; {NESTED}".lstrip("; ")}
     return {
-        key: value for key, value in chosen.items() if key in ("type", "items", "minItems", "maxItems", "description")
+        key: value
+        for key, value in chosen.items()
+        if key in ("type", "items", "minItems", "maxItems", "description")
+        or (key in BOUNDS and chosen["type"] == "integer")
     }

@@ -54,6 +54,7 @@ EXAMPLES: dict[str, str] = {
     "motor": '{"target_speed":3,"limit":0.5}',
     "region": '{"lower":[x,y,z],"upper":[x,y,z]}',
 }
+LONGEST = 10_000  # items of a list that the engine itself does not bound
 EXAMPLE = {"part": "rope", "name": "cord", "points": [[0, 0, 2], [1, 0, 2]], "linear_density": 0.05}
 
 
@@ -197,13 +198,16 @@ def _more(kind: str) -> str:
 
 
 def _bare(schema: dict[str, Any]) -> dict[str, Any]:
-    """A type without bounds, defaults and the inside of nested objects."""
+    """A type without bounds of numbers, defaults and the inside of nested objects."""
     if "oneOf" in schema or "properties" in schema:
         return {"type": "object"}
     if "anyOf" in schema:
         return _bare(schema["anyOf"][0])
     if schema.get("type") == "array":
-        return {"type": "array", "items": _bare(schema.get("items", {}))}
+        room = {"maxItems": LONGEST, **{key: schema[key] for key in ("minItems", "maxItems") if key in schema}}
+        return {"type": "array", "items": _bare(schema.get("items", {})), **room}
+    if schema.get("type") == "integer":
+        return {"type": "integer", "minimum": schema.get("minimum", 0)}
     if "enum" in schema:
         return {"type": "string", "enum": schema["enum"]}
     return {"type": schema["type"]}

@@ -9,9 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
 
 
 def fixed_length(count: int, item: str = "number") -> WithJsonSchema:
-    """Schema of a list of `count` items of one JSON type."""
+    """Schema of a list of `count` items of one JSON type; integers are numbers of things or of places in a list."""
     # JSON-schema tuples (prefixItems) are refused by some MCP clients; a fixed-length list is not.
-    return WithJsonSchema({"type": "array", "items": {"type": item}, "minItems": count, "maxItems": count})
+    items = {"type": item, "minimum": 0} if item == "integer" else {"type": item}
+    return WithJsonSchema({"type": "array", "items": items, "minItems": count, "maxItems": count})
 
 
 Vec3 = Annotated[tuple[float, float, float], fixed_length(3)]
