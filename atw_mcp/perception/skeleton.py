@@ -84,13 +84,17 @@ def centreline(mask: Mask) -> CentrelineInImage | None:
     height, width = mask.shape
     points = points + np.array([left, top])
     margin = float(np.median(radius)) + 2.0
-    at_border = (points[[0, -1]] < margin) | (points[[0, -1]] > np.array([width, height]) - 1.0 - margin)
+    outside = np.any((points < margin) | (points > np.array([width, height]) - 1.0 - margin), axis=1)
+    truncated = bool(outside[0] or outside[-1])
+    if truncated and not outside.all():  # a cut end runs into a corner of the cut: what is near it is left out
+        inner = np.flatnonzero(~outside)
+        points = points[inner[0] : inner[-1] + 1]
     return CentrelineInImage(
         points=points,
         # The distance of a middle pixel from outside is half a pixel more than half the width.
         width=max(2.0 * float(radius.mean()) - 1.0, 1.0),
         covered=covered,
-        truncated=bool(at_border.any()),
+        truncated=truncated,
         parts=int((sizes > 0.05 * sizes.sum()).sum()) if parts else 0,
     )
 

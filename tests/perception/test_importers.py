@@ -19,7 +19,9 @@ from atw_mcp.perception import (
     import_mesh,
     import_tracks,
 )
+from atw_mcp.perception.import_shapes import import_points, import_series
 from polyworld.camera import Camera
+from polyworld.readouts import Amount, Centreline, Curve, Front, Markers, Tension
 from tests.perception.clips import HEIGHT, WIDTH, Clip, Disc, render
 
 CLEVRER = Path(__file__).parents[3] / "shared" / "data" / "clevrer"
@@ -225,3 +227,80 @@ def test_mesh_keeps_its_vertices_and_takes_a_scale(tmp_path: Path) -> None:
         assert mesh.watertight
     with pytest.raises(ImportDataError, match=r"not a mesh|no triangles"):
         import_mesh(written(tmp_path / "bad.obj", "hello"))
+
+
+# --- shapes ---
+
+
+def write(path: Path, *lines: str) -> Path:
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_marks_are_named_by_where_they_are_first_and_a_late_one_is_left_out(tmp_path: Path) -> None:
+    file = write(
+        tmp_path / "marks.csv",
+        "t,object,point,x,y,z,sigma",
+        "0.0,flag,10,0.1,0,1,0.001",
+        "0.0,flag,9,0.2,0,1,",
+        "0.1,flag,10,0.1,0.05,1,0.002",
+        "0.1,flag,9,,,,",
+        "0.1,flag,late,0.3,0,1,",
+    )
+    found = import_points(file, points_are="markers", position_sigma=0.02)
+    (series,) = found.series
+    assert isinstance(series.readout, Markers)
+    assert series.readout.at == ((0.2, 0.0, 1.0), (0.1, 0.0, 1.0))  # 9 comes before 10
+    assert found.seconds_per_frame == pytest.approx(0.1)
+    assert series.sigma.tolist() == [[0.02, 0.001], [0.02, 0.002]]
+    assert series.confidence.tolist() == [[1.0, 1.0], [0.0, 1.0]]
+    assert found.left_out == ("flag: mark 'late' is not seen in the first frame",)
+
+
+def test_points_along_a_rope_are_spaced_evenly_and_where_one_is_missing_they_are_a_part(tmp_path: Path) -> None:
+    file = write(
+        tmp_path / "rope.csv",
+        "frame,object,point,x,y,z",
+        *(f"0,rope,{k},{x},0,0" for k, x in enumerate((0.0, 0.1, 0.2, 1.0))),
+        *(f"1,rope,{k},{x},0,0" for k, x in enumerate((0.0, 0.1, 0.2))),
+    )
+    found = import_points(file, points_are="centreline", seconds_per_frame=0.04)
+    whole, part = found.series
+    assert isinstance(whole.readout, Centreline)
+    assert whole.values[0, :, 0] == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0])
+    assert whole.confidence.max(axis=1).tolist() == [1.0, 0.0]
+    assert isinstance(part.readout, Curve)
+    assert part.confidence.tolist() == [[0.0] * 4, [1.0, 1.0, 1.0, 0.0]]
+
+
+def test_series_of_numbers_are_told_apart_by_what_they_are_of(tmp_path: Path) -> None:
+    file = write(
+        tmp_path / "levels.csv",
+        "frame,object,quantity,value,sigma,container,at",
+        "0,water,amount,0.001,1e-4,cup,",
+        "1,water,amount,0.002,1e-4,cup,",
+        "0,water,amount,0.1,1e-4,jug,",
+        "1,rope,tension,3.5,0.1,,0.25",
+        "1,water,height,0.3,0.01,,",
+    )
+    found = import_series(file, seconds_per_frame=0.5)
+    by = {series.readout: series for series in found.series}
+    assert by[Amount(object="water", container="cup")].values[:, 0, 0].tolist() == [0.001, 0.002]
+    assert by[Tension(object="rope", at=0.25)].confidence[:, 0].tolist() == [0.0, 1.0]
+    assert by[Front(object="water")].sigma[1, 0] == 0.01
+    assert len(by) == 4
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("0,water,colour,1,1,,", "quantities: amount"),
+        ("0,water,amount,1,1,,", "column container"),
+        ("0,water,height,1,,,", "no accuracy"),
+        ("0,rope,tension,1,1,,1.5", "0..1"),
+    ],
+)
+def test_a_series_that_cannot_be_weighed_or_understood_is_refused(tmp_path: Path, line: str, said: str) -> None:
+    file = write(tmp_path / "bad.csv", "frame,object,quantity,value,sigma,container,at", line)
+    with pytest.raises(ImportDataError, match=said):
+        import_series(file, seconds_per_frame=0.5)
