@@ -6,21 +6,28 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
-from polyworld.geometry import mass_properties, quaternion_matrix
+from polyworld.geometry import hull, mass_properties, plane_axes, quaternion_matrix
 from polyworld.meshing.mesh import DeformableMesh
 from polyworld.meshing.soft_box import box_tetrahedra
-from polyworld.meshing.soft_elements import QuadraticMesh, quadratic_solid
-from polyworld.meshing.soft_round import ball_tetrahedra, cylinder_tetrahedra
+from polyworld.meshing.soft_elements import QuadraticMesh, quadratic_slice, quadratic_solid, with_volume
+from polyworld.meshing.soft_lattice import filled
+from polyworld.meshing.soft_outline import area, nearest_on, outline_triangles, rectangle_triangles, section
+from polyworld.meshing.soft_round import ball_tetrahedra, cylinder_tetrahedra, disc_triangles
+from polyworld.meshing.soft_surface import CapsuleSurface, MeshSurface
+from polyworld.representations.cloth import SurfaceMesh
 from polyworld.representations.soft import Soft
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | SurfaceMesh
 
 CONTACT_RADIUS = 0.01  # of the edge length: nodes are points of the surface, so nearly nothing
 DIVISIONS = 3.0  # elements across the smallest extent, unless a resolution is given
+SECTIONS = 96  # sides of a round body where a slice is cut out of it aslant
 
 
 def soft_mesh(world: World, item: Soft) -> DeformableMesh:
@@ -28,15 +35,21 @@ def soft_mesh(world: World, item: Soft) -> DeformableMesh:
 
     Each 10-node tetrahedron appears as eight linear ones over its nodes, each of its surface faces as four
     triangles; of a soft_planar slice `triangles` fill it and `segments` are its outline, the inside on their left
-    as seen against the motion plane's normal.
+    as seen against the motion plane's normal. Raises ValueError for a shape that holds no elements.
     """
     form = soft_form(world, item)
-    placed = form.nodes @ quaternion_matrix(np.asarray(item.orientation)).T + np.asarray(item.position)
-    measure = form.measure()
+    if form.planar:
+        plane = world.environment.motion_plane
+        axes = plane_axes(plane)
+        place, point = np.asarray(item.position), np.asarray(plane.point)
+        place = place - ((place - point) @ axes[2]) * axes[2]
+        nodes = form.nodes @ axes + place
+    else:
+        nodes = form.nodes @ quaternion_matrix(np.asarray(item.orientation)).T + np.asarray(item.position)
     return DeformableMesh(
-        nodes=placed,
-        measure=measure,
-        radius=np.full(len(placed), CONTACT_RADIUS * edge_length(item)),
+        nodes=nodes,
+        measure=form.measure(),
+        radius=np.full(len(nodes), CONTACT_RADIUS * edge_length(item)),
         segments=form.segments(),
         triangles=form.triangles(),
         tetrahedra=form.tetrahedra(),
@@ -44,40 +57,122 @@ def soft_mesh(world: World, item: Soft) -> DeformableMesh:
 
 
 def soft_form(world: World, item: Soft) -> QuadraticMesh:
-    """The body without forces, in its own axes; elements as `QuadraticMesh` says. Equal bytes on every call."""
-    return _solid(item.shape, edge_length(item))
+    """The body without forces, in its own axes, a slice in those of the motion plane. Equal bytes on every call."""
+    if item.representation == "soft":
+        return _solid(item.name, item.shape, edge_length(item))
+    axes = plane_axes(world.environment.motion_plane)
+    turn = axes @ quaternion_matrix(np.asarray(item.orientation))
+    rows = tuple(float(x) for x in turn.ravel())
+    return _slice(item.name, item.shape, edge_length(item), rows, item.thickness)
 
 
 def edge_length(item: Soft) -> float:
     """Edge length that the elements aim at [m]."""
-    return item.resolution if item.resolution is not None else smallest_extent(item) / DIVISIONS
+    return item.resolution if item.resolution is not None else smallest_extent(item.shape) / DIVISIONS
 
 
-def smallest_extent(item: Soft) -> float:
+def smallest_extent(shape: Shape) -> float:
     """Smallest width of the shape's bounding box in its own axes [m]."""
-    shape = item.shape
-    if isinstance(shape, Sphere):
+    if isinstance(shape, Sphere | Capsule):
         return 2.0 * shape.radius
     if isinstance(shape, Box):
         return 2.0 * min(shape.half_extents)
     if isinstance(shape, Cylinder):
         return 2.0 * min(shape.radius, shape.half_height)
-    raise NotImplementedError(shape.kind)
+    vertices = np.asarray(shape.vertices)
+    return float((vertices.max(axis=0) - vertices.min(axis=0)).min())
 
 
 @lru_cache(maxsize=64)
-def _solid(shape: Sphere | Box | Cylinder, edge: float) -> QuadraticMesh:
+def _solid(name: str, shape: Shape, edge: float) -> QuadraticMesh:
     if isinstance(shape, Box):
         return quadratic_solid(*box_tetrahedra(shape.half_extents, edge))
     if isinstance(shape, Sphere):
         points, cells = ball_tetrahedra(shape.radius, edge)
         mesh = quadratic_solid(points, cells, lambda p: p * (shape.radius / np.linalg.norm(p, axis=1))[:, None])
-        return _with_volume(mesh, mass_properties(shape).volume)
+        return with_volume(mesh, mass_properties(shape).volume)
+    if isinstance(shape, Cylinder):
+        return _cylinder(shape, edge)
+    if isinstance(shape, Capsule):
+        return filled(CapsuleSurface(shape.radius, shape.half_height), edge, mass_properties(shape).volume)
+    closed = _closed(name, shape) if isinstance(shape, SurfaceMesh) else hull(shape)
+    return filled(MeshSurface(closed), edge, float(closed.volume))
+
+
+def _cylinder(shape: Cylinder, edge: float) -> QuadraticMesh:
     points, cells = cylinder_tetrahedra(shape.radius, shape.half_height, edge)
-    return quadratic_solid(points, cells)
+    rings = len(np.unique(np.rint(np.linalg.norm(points[:, :2], axis=1) / (1e-6 * shape.radius)))) - 1
+
+    def snap(middles: Array) -> Array:
+        """Middles of edges round the side moved out to it; those within the caps lie nearer to the axis."""
+        distance = np.linalg.norm(middles[:, :2], axis=1)
+        outer = distance > shape.radius * (np.cos(np.pi / (6 * rings)) - 1e-6)
+        moved = middles.copy()
+        moved[outer, :2] *= (shape.radius / distance[outer])[:, None]
+        return moved
+
+    mesh = quadratic_solid(points, cells, snap)
+    widen = np.sqrt(mass_properties(shape).volume / mesh.measure().sum())
+    return replace(mesh, nodes=mesh.nodes * np.array([widen, widen, 1.0]))
 
 
-def _with_volume(mesh: QuadraticMesh, volume: float) -> QuadraticMesh:
-    """The same, scaled about its origin by the little that its volume lacks."""
-    scale = (volume / mesh.gradients()[1].sum()) ** (1.0 / 3.0)
-    return replace(mesh, nodes=mesh.nodes * scale)
+@lru_cache(maxsize=64)
+def _slice(name: str, shape: Shape, edge: float, turn: tuple[float, ...], thickness: float) -> QuadraticMesh:
+    """What the plane z = 0 cuts out of a shape turned by the matrix with rows `turn`."""
+    rotation = np.asarray(turn).reshape(3, 3)
+    upright = abs(rotation[2, 2]) > 1.0 - 1e-9
+    if isinstance(shape, Sphere) or (isinstance(shape, Cylinder | Capsule) and upright):
+        points, cells = disc_triangles(shape.radius, max(1, round(shape.radius / edge)))
+        rim = shape.radius
+        disc = quadratic_slice(points, cells, thickness, lambda p: p * (rim / np.linalg.norm(p, axis=1))[:, None])
+        return with_volume(disc, np.pi * rim**2 * thickness)
+    if isinstance(shape, Box) and np.abs(rotation[2]).max() > 1.0 - 1e-9:
+        across = int(np.abs(rotation[2]).argmax())
+        one, two = (k for k in range(3) if k != across)
+        size = 2.0 * np.array([shape.half_extents[one], shape.half_extents[two]])
+        points, cells = rectangle_triangles(size, edge)
+        basis = rotation[:2, [one, two]].T
+        if np.linalg.det(basis) < 0.0:
+            cells = cells[:, ::-1].copy()
+        return quadratic_slice(points @ basis, cells, thickness)
+    solid = _tessellated(name, shape)
+    solid.apply_transform(np.block([[rotation, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
+    loops = section(solid)
+    if not loops:
+        raise ValueError(f"soft body {name!r}: the plane through its position misses its shape")
+    points, cells = outline_triangles(loops, edge)
+
+    def snap(middles: Array) -> Array:
+        return np.column_stack([nearest_on(loops, middles[:, :2]), np.zeros(len(middles))])
+
+    return with_volume(quadratic_slice(points, cells, thickness, snap), area(loops) * thickness)
+
+
+def _tessellated(name: str, shape: Box | Cylinder | Capsule | ConvexMesh | SurfaceMesh) -> trimesh.Trimesh:
+    """The shape as a closed triangle mesh, not shared with anybody."""
+    solid: trimesh.Trimesh
+    if isinstance(shape, SurfaceMesh):
+        solid = _closed(name, shape)
+    elif isinstance(shape, ConvexMesh):
+        solid = hull(shape).copy()
+    elif isinstance(shape, Box):
+        solid = trimesh.creation.box(2.0 * np.asarray(shape.half_extents))
+    elif isinstance(shape, Cylinder):
+        solid = trimesh.creation.cylinder(shape.radius, 2.0 * shape.half_height, sections=SECTIONS)
+    else:
+        ball = trimesh.creation.icosphere(subdivisions=4, radius=shape.radius)
+        lift = np.array([0.0, 0.0, shape.half_height])
+        solid = trimesh.convex.convex_hull(np.concatenate([ball.vertices - lift, ball.vertices + lift]))
+    return solid
+
+
+def _closed(name: str, shape: SurfaceMesh) -> trimesh.Trimesh:
+    """The mesh of a closed surface, faces outward; raises ValueError where it has holes."""
+    mesh = trimesh.Trimesh(np.asarray(shape.vertices, dtype=float), np.asarray(shape.faces))
+    if not mesh.is_watertight:
+        raise ValueError(f"soft body {name!r}: its surface mesh is not closed, so that nothing is inside it")
+    if not mesh.is_winding_consistent:
+        raise ValueError(f"soft body {name!r}: faces of its surface mesh are not all counter-clockwise from outside")
+    if mesh.volume < 0.0:
+        mesh.invert()
+    return mesh

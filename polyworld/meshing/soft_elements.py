@@ -52,7 +52,7 @@ class QuadraticMesh:
     @property
     def planar(self) -> bool:
         """Whether it is a slice of triangles."""
-        return self.elements.shape[1] == 6
+        return bool(self.elements.shape[1] == 6)
 
     @property
     def corners(self) -> int:
@@ -204,3 +204,11 @@ def _worst_jacobian(mesh: QuadraticMesh) -> Array:
         edges = slope[:, :, 1:] - slope[:, :, :1]
         worst = np.minimum(worst, np.linalg.det(edges[..., :2] if mesh.planar else edges).min(axis=1))
     return worst
+
+
+def with_volume(mesh: QuadraticMesh, volume: float) -> QuadraticMesh:
+    """The same, scaled about its centre of mass by the little that its volume [m^3] lacks."""
+    measure = mesh.measure()
+    centre = measure @ mesh.nodes / measure.sum()
+    scale = (volume / measure.sum()) ** (0.5 if mesh.planar else 1.0 / 3.0)
+    return replace(mesh, nodes=centre + scale * (mesh.nodes - centre))

@@ -19,7 +19,7 @@ PARAMETERS = ("density", "youngs_modulus", "poisson_ratio", "damping", "yield_st
 POINT_SHARE = 2.25
 
 # Share of the critical step of the body at rest: deformed, it is stiffer, at most about (1 / share)^2 times.
-ELASTIC_SHARE = 0.6
+ELASTIC_SHARE = 0.5
 PLASTIC_SHARE = 0.4
 VISCOUS_MARGIN = 3.3  # of the highest viscous rate of the body at rest, as |F|^2 allows it to grow
 WORTH = 0.6  # damping is integrated with the other forces while that costs no more than this share of the step

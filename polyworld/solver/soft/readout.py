@@ -33,7 +33,8 @@ def read(
 ) -> None:
     """Add one point's share of its element's readings."""
     j = wp.determinant(f)
-    stress = von_mises(f * undo, softened(undo, m)) / wp.max(wp.abs(j), wp.float64(0.05))
+    size = wp.abs(j)
+    stress = von_mises(f * undo, softened(undo, m)) / wp.where(size < wp.float64(0.05), wp.float64(0.05), size)
     out.stress[w, t] = out.stress[w, t] + stress * part
     out.strain[w, t] = out.strain[w, t] + equivalent_strain(f) * part
     out.volume[w, t] = out.volume[w, t] + j * volume
