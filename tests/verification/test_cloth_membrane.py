@@ -211,3 +211,54 @@ def test_stretch_damping_takes_energy_at_its_rate() -> None:
     # From the second period on: the higher modes are gone by then.
     peaks = [float(np.abs(tip[k * 100 : (k + 1) * 100]).max()) for k in (1, 4)]
     assert peaks[1] / peaks[0] == pytest.approx(np.exp(-3 * 2 * np.pi * 0.05 / np.sqrt(1 - 0.05**2)), rel=0.03)
+
+
+@pytest.mark.parametrize("delay", [0.1, 2.0])
+def test_strongly_damped_strip_creeps_to_its_length_with_the_damping_time(delay: float) -> None:
+    """Without inertia a Kelvin-Voigt solid reaches its strain as 1 - exp(-t / tau), whatever its shape; within 2% of
+    the last extension at all times. At tau = 2 s explicit damping would need steps of 0.1 us.
+    """
+    world = World.model_validate(
+        {
+            "deformables": [
+                {
+                    "name": "strip",
+                    "representation": "cloth",
+                    "geometry": scattered((1.0, 0.2), (10, 2), 0.0, seed=5),
+                    "areal_density": 0.02,
+                    "stretch_stiffness": 500.0,
+                    "poisson_ratio": 0.0,
+                    "bending_stiffness": 0.0,
+                    "stretch_damping": delay,
+                    "self_contact": False,
+                }
+            ],
+            "attachments": [
+                {"name": "top", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
+            ],
+            "environment": {"gravity": (50.0, 0.0, 0.0), "air_density": 0.0},
+        }
+    )
+    seconds = min(4.0 * delay, 0.4)
+    run = rollout(world, seconds, sample_interval=seconds / 20)
+    motion = run.trajectory.deformables["strip"]
+    tip = motion.points[:, np.isclose(motion.points[0, :, 0], 1.0), 0].mean(axis=1) - 1.0
+    final = 0.02 * 50.0 / (2 * 500.0)
+    exact = final * (1.0 - np.exp(-run.trajectory.times / delay))
+    assert np.abs(tip - exact).max() < 0.02 * exact[-1]
+
+
+def test_holding_force_includes_what_damping_passes_on() -> None:
+    """The forces on free and held nodes together are no net force: momentum gained is what the held end takes."""
+    loop = ClothLoop({"geometry": sheet((1.0, 0.2), (8, 2)), "bending_stiffness": 0.0, "stretch_damping": 0.1})
+    held = np.isclose(loop.mesh.nodes[:, 0], 0.0)
+    loop.nodes.inverse_mass.numpy()[0, held] = 0.0
+    loop.v[:] = np.random.default_rng(0).normal(0.0, 1.0, loop.v.shape) * (~held)[:, None]
+    before = (loop.mass[:, None] * loop.v).sum(axis=0)
+    f = loop.forces()
+    loop.v[~held] += loop.dt * f[~held] / loop.mass[~held, None]
+    loop.stage.launch_velocities(loop.nodes, loop.clock)
+    taken = loop.nodes.f.numpy()[0, held].sum(axis=0) * loop.dt
+    after = (loop.mass[:, None] * loop.v).sum(axis=0)
+    assert after - before == pytest.approx(-taken, rel=1e-9)
+    assert np.linalg.norm(taken) > 1e-4

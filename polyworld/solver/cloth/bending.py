@@ -13,7 +13,7 @@ The directors follow the nodes like fast light flywheels; see `stability.py` for
 
 import warp as wp
 
-from polyworld.solver.cloth.layout import BLOCK, OPTIONS, Bending, Material, Surface
+from polyworld.solver.cloth.layout import BLOCK, OPTIONS, Bending, Material, Surface, drift
 
 wp.set_module_options(OPTIONS)
 
@@ -24,6 +24,8 @@ def find_normal(
     t: int,
     surface: Surface,
     materials: wp.array2d[Material],
+    h: wp.float64,
+    gravity: wp.vec3d,
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
     inverse_mass: wp.array2d[wp.float64],
@@ -38,14 +40,16 @@ def find_normal(
     spread = wp.float64(1.0) / wp.max(wp.length(n), wp.float64(1.0e-30))
     n = n * spread
     bending.normal[w, t] = n
-    if materials[w, surface.cloth[t]].bend_delay > wp.float64(0.0):
-        turning = (
-            (x2 - x1) * wp.dot(n, v[w, c[0]]) + (x0 - x2) * wp.dot(n, v[w, c[1]]) + (x1 - x0) * wp.dot(n, v[w, c[2]])
-        )
-        bending.turning[w, t] = turning * spread
     r = w % inverse_mass.shape[0]
-    loose = inverse_mass[r, c[0]] + inverse_mass[r, c[1]] + inverse_mass[r, c[2]]
-    if loose == wp.float64(0.0) or surface.fixed[t] == 1:
+    i0 = inverse_mass[r, c[0]]
+    i1 = inverse_mass[r, c[1]]
+    i2 = inverse_mass[r, c[2]]
+    if materials[w, surface.cloth[t]].bend_delay > wp.float64(0.0):
+        turning = (x2 - x1) * wp.dot(n, drift(v[w, c[0]], gravity, i0, h))
+        turning = turning + (x0 - x2) * wp.dot(n, drift(v[w, c[1]], gravity, i1, h))
+        turning = turning + (x1 - x0) * wp.dot(n, drift(v[w, c[2]], gravity, i2, h))
+        bending.turning[w, t] = turning * spread
+    if i0 + i1 + i2 == wp.float64(0.0) or surface.fixed[t] == 1:
         spread = -spread
     bending.spread[w, t] = spread
 
@@ -55,16 +59,19 @@ def find_normals(
     surface: Surface,
     materials: wp.array2d[Material],
     dt: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
     inverse_mass: wp.array2d[wp.float64],
     bending: Bending,
 ) -> None:
     w, k = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    h = dt[w]
+    if h <= wp.float64(0.0):
         return
+    g = gravity[w % gravity.shape[0]]
     for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
-        find_normal(w, t, surface, materials, x, v, inverse_mass, bending)
+        find_normal(w, t, surface, materials, h, g, x, v, inverse_mass, bending)
 
 
 @wp.func

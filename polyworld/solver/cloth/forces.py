@@ -8,11 +8,9 @@ stress S follows from U S + S U = 2 T, solved in closed form for 2 x 2 matrices.
 
 import warp as wp
 
-from polyworld.solver.cloth.layout import BLOCK, OPTIONS, Bending, Material, Surface
+from polyworld.solver.cloth.layout import BLOCK, FLATTEST, OPTIONS, Bending, Damping, Material, Surface, drift
 
 wp.set_module_options(OPTIONS)
-
-FLATTEST = wp.constant(wp.float64(1.0e-9))  # area ratio below which a triangle counts as this flat
 
 
 @wp.func
@@ -41,9 +39,12 @@ def add_force(
     materials: wp.array2d[Material],
     wind: wp.vec3d,
     h: wp.float64,
+    gravity: wp.vec3d,
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
+    inverse_mass: wp.array2d[wp.float64],
     bending: Bending,
+    damping: Damping,
     f: wp.array2d[wp.vec3d],
 ) -> None:
     one = wp.float64(1.0)
@@ -67,29 +68,15 @@ def add_force(
     u11 = (c11 + j) * inverse
     u22 = (c22 + j) * inverse
     u12 = c12 * inverse
+    if damping.stages[w] > 0:
+        damping.first[w, t] = f1
+        damping.second[w, t] = f2
+        damping.stretch[w, t] = wp.vec3d(u11, u22, u12)
     e11 = u11 - one
     e22 = u22 - one
-    e12 = u12
-    v0 = v[w, c[0]]
-    v1 = v[w, c[1]]
-    v2 = v[w, c[2]]
-    if m.stretch_delay > wp.float64(0.0):
-        w1 = v1 - v0
-        w2 = v2 - v0
-        g1 = w1 * g[0, 0] + w2 * g[1, 0]
-        g2 = w1 * g[0, 1] + w2 * g[1, 1]
-        # Half the rate of C, of which the rate of U follows as S does of T.
-        r11 = wp.dot(f1, g1)
-        r22 = wp.dot(f2, g2)
-        r12 = wp.float64(0.5) * (wp.dot(f1, g2) + wp.dot(f2, g1))
-        late = m.stretch_delay * scale
-        cross = u11 * u22 + u12 * u12
-        e11 = e11 + late * (j * r11 + u22 * u22 * r11 - wp.float64(2.0) * u22 * u12 * r12 + u12 * u12 * r22)
-        e22 = e22 + late * (j * r22 + u12 * u12 * r11 - wp.float64(2.0) * u11 * u12 * r12 + u11 * u11 * r22)
-        e12 = e12 + late * (j * r12 - u22 * u12 * r11 + cross * r12 - u11 * u12 * r22)
     t11 = m.stretch * e11 + m.cross * e22
     t22 = m.stretch * e22 + m.cross * e11
-    t12 = m.shear * e12
+    t12 = m.shear * u12
     scale = scale * area
     s11 = scale * (j * t11 + u22 * u22 * t11 - wp.float64(2.0) * u22 * u12 * t12 + u12 * u12 * t22)
     s22 = scale * (j * t22 + u12 * u12 * t11 - wp.float64(2.0) * u11 * u12 * t12 + u11 * u11 * t22)
@@ -113,7 +100,11 @@ def add_force(
     # Air.
     if m.drag_normal + m.drag_tangential > wp.float64(0.0):
         third = wp.float64(1.0 / 3.0)
-        u = wind - (v0 + v1 + v2) * third
+        r = w % inverse_mass.shape[0]
+        u0 = drift(v[w, c[0]], gravity, inverse_mass[r, c[0]], h)
+        u1 = drift(v[w, c[1]], gravity, inverse_mass[r, c[1]], h)
+        u2 = drift(v[w, c[2]], gravity, inverse_mass[r, c[2]], h)
+        u = wind - (u0 + u1 + u2) * third
         drag = air_drag(m, n, j, u, h) * (third * area)
         k0 = k0 + drag
         k1 = k1 + drag
@@ -129,14 +120,18 @@ def add_forces(
     materials: wp.array2d[Material],
     wind: wp.vec3d,
     dt: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
+    inverse_mass: wp.array2d[wp.float64],
     bending: Bending,
+    damping: Damping,
     f: wp.array2d[wp.vec3d],
 ) -> None:
     w, k = wp.tid()
     h = dt[w]
     if h <= wp.float64(0.0):
         return
+    g = gravity[w % gravity.shape[0]]
     for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
-        add_force(w, t, surface, materials, wind, h, x, v, bending, f)
+        add_force(w, t, surface, materials, wind, h, g, x, v, inverse_mass, bending, damping, f)

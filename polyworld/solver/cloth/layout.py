@@ -11,6 +11,7 @@ OPTIONS: dict[str, object] = {"enable_backward": False, "max_unroll": 1, "cpu_co
 
 # Triangles or edges that one thread goes through: on a CPU a loop costs half of what as many threads do.
 BLOCK = wp.constant(256)
+FLATTEST = wp.constant(wp.float64(1.0e-9))  # area ratio below which a triangle counts as this flat
 
 
 @wp.struct
@@ -84,3 +85,37 @@ class Bending:
     share: wp.array2d[wp.float64]
     inverse_length: wp.array2d[wp.float64]
     torque: wp.array2d[wp.float64]
+
+
+@wp.struct
+class Damping:
+    """Scratch of the damping of stretch, for the n nodes of all cloths, in order.
+
+    nodes (n,): the node; corners (T,): of the triangles, counted among these. stages (W,): number of stages. first,
+    second (W, T): rest axes as they lie now, F; stretch (W, T): u_11, u_22, u_12 of U. start, push, rate (W, n):
+    velocity before, acceleration by other forces, change by a part of the step there. last, other (W, n): velocities
+    of the stages by turns. force (W, n) [N].
+    """
+
+    nodes: wp.array[wp.int32]
+    corners: wp.array[wp.vec3i]
+    stages: wp.array[wp.int32]
+    first: wp.array2d[wp.vec3d]
+    second: wp.array2d[wp.vec3d]
+    stretch: wp.array2d[wp.vec3d]
+    start: wp.array2d[wp.vec3d]
+    push: wp.array2d[wp.vec3d]
+    rate: wp.array2d[wp.vec3d]
+    last: wp.array2d[wp.vec3d]
+    other: wp.array2d[wp.vec3d]
+    force: wp.array2d[wp.vec3d]
+
+
+@wp.func
+def drift(v: wp.vec3d, gravity: wp.vec3d, inverse_mass: wp.float64, h: wp.float64) -> wp.vec3d:
+    """Velocity with which the position changes: of a free node the one at the step's end lacks half a step of gravity,
+    see `coupled.motion.move`. Between held and free nodes the difference would damp what does not move.
+    """
+    if inverse_mass > wp.float64(0.0):
+        return v - gravity * (wp.float64(0.5) * h)
+    return v

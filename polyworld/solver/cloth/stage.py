@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from polyworld.meshing import mesh_of
 from polyworld.meshing.mesh import DeformableMesh
 from polyworld.representations.cloth import Cloth
-from polyworld.solver.cloth import bending, forces
+from polyworld.solver.cloth import bending, damping, forces
+from polyworld.solver.cloth.damping import stages_for
 from polyworld.solver.cloth.geometry import ClothGeometry, cloth_geometry
-from polyworld.solver.cloth.layout import BLOCK, Bending, Material, Surface
+from polyworld.solver.cloth.layout import BLOCK, Bending, Damping, Material, Surface
 from polyworld.solver.cloth.readout import cloth_quantities
 from polyworld.solver.cloth.stability import EDGES, ClothFrequencies, director_square, stable_step
 from polyworld.solver.coupled.attachment_targets import held_nodes
@@ -53,6 +54,8 @@ class ClothStage:
         fixed = np.concatenate([_fixed(world, item.name, g) for item, g in zip(items, parts, strict=True)])
         self._surface.fixed = wp.array(fixed, dtype=wp.int32, device="cpu")
         self._bending = _bending(n_worlds, self._triangles, self._edges)
+        self._damping = _damping(n_worlds, parts, list(self._first.values()))
+        self._stages = 0  # that are launched: as many as any world has needed so far
         self._n_worlds = n_worlds
         # One row a world even where all are equal: the kernels need not ask.
         self._materials: Any = wp.zeros((n_worlds, len(items)), dtype=Material, device="cpu")
@@ -70,21 +73,24 @@ class ClothStage:
         self._rows = [{p: np.broadcast_to(v, (count,)) for p, v in row.items()} for row in given]
         values = np.zeros((self._n_worlds, len(self._names)), dtype=Material.numpy_dtype())
         steps = np.full((count, len(self._names)), np.inf)
+        rates = np.zeros((count, len(self._names)))
         for o, (name, row) in enumerate(zip(self._names, self._rows, strict=True)):
-            steps[:, o] = self._material(values[:, o], self._frequencies[name], row)
+            steps[:, o], rates[:, o] = self._material(values[:, o], self._frequencies[name], row)
         self._step = steps.min(axis=1)
         self._materials.numpy()[:] = values
-        return False
+        self._damping.stages.numpy()[:] = stages_for(self._step * rates.max(axis=1))
+        launched, self._stages = self._stages, max(self._stages, int(self._damping.stages.numpy().max()))
+        return self._stages > launched
 
-    def _material(self, out: Any, frequencies: ClothFrequencies, row: dict[str, Array]) -> Array:
-        """Fill the record of one cloth in all worlds; returns its stable step."""
+    def _material(self, out: Any, frequencies: ClothFrequencies, row: dict[str, Array]) -> tuple[Array, Array]:
+        """Fill the record of one cloth in all worlds; returns its stable step and its highest rate of damping."""
         e, nu, g = row["stretch_stiffness"], row["poisson_ratio"], row["shear_stiffness"]
         g = np.where(np.isnan(g), e / (2.0 * (1.0 + nu)), g)
         density, plate = row["areal_density"], row["bending_stiffness"]
         ratios = np.stack([nu, g / e], axis=1)
         membrane = np.array([frequencies.membrane(*ratio) for ratio in ratios.tolist()]) * e / density
         bends = frequencies.bending * (1.0 + np.abs(nu)) * plate / density
-        directors = np.where(plate > 0, director_square(membrane, bends), 0.0)
+        directors = np.where(plate > 0, director_square(membrane, bends, row["bending_damping"]), 0.0)
         out["stretch"] = e / (1.0 - nu**2)
         out["cross"] = out["stretch"] * nu
         out["shear"] = 2.0 * g
@@ -96,7 +102,7 @@ class ClothStage:
         out["inverse_density"] = 1.0 / density
         out["drag_normal"] = 0.5 * self._air_density * row["drag_normal"]
         out["drag_tangential"] = 0.5 * self._air_density * row["drag_tangential"]
-        return stable_step(membrane, bends, directors, row["stretch_damping"], row["bending_damping"])
+        return stable_step(membrane, bends + directors, row["bending_damping"]), row["stretch_damping"] * membrane
 
     def reset(self) -> None:
         """Directors halfway between the normals, and at rest."""
@@ -109,16 +115,32 @@ class ClothStage:
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """Forces of all triangles; the directors take their step here as well."""
-        s, m, b, dt = self._surface, self._materials, self._bending, clock.dt
+        s, m, b, d, dt = self._surface, self._materials, self._bending, self._damping, clock.dt
+        x, v, inverse = nodes.x, nodes.v, nodes.inverse_mass
         triangles, edges = (self._n_worlds, -(-self._triangles // BLOCK)), (self._n_worlds, -(-self._edges // BLOCK))
-        _launch(bending.find_normals, triangles, [s, m, dt, nodes.x, nodes.v, nodes.inverse_mass, b])
-        _launch(bending.find_bends, edges, [s, m, dt, nodes.x, b])
+        _launch(bending.find_normals, triangles, [s, m, dt, clock.gravity, x, v, inverse, b])
+        _launch(bending.find_bends, edges, [s, m, dt, x, b])
         _launch(bending.find_moments, triangles, [s, m, dt, b])
         _launch(bending.turn_directors, edges, [s, m, dt, nodes.active, b])
-        _launch(forces.add_forces, triangles, [s, m, self._wind, dt, nodes.x, nodes.v, b, nodes.f])
+        _launch(forces.add_forces, triangles, [s, m, self._wind, dt, clock.gravity, x, v, inverse, b, d, nodes.f])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
-        """Nothing: all forces are explicit."""
+        """Damping of stretch; the other forces are explicit."""
+        if self._stages == 0:
+            return
+        s, m, d, dt = self._surface, self._materials, self._damping, clock.dt
+        triangles = (self._n_worlds, -(-self._triangles // BLOCK))
+        points = (self._n_worlds, -(-d.nodes.shape[0] // BLOCK))
+        _launch(
+            damping.begin_damping, points, [dt, clock.gravity, nodes.inverse_mass, nodes.active, nodes.f, nodes.v, d]
+        )
+        now, out = d.last, d.other
+        for stage in range(1, self._stages + 1):
+            _launch(damping.add_damping_forces, triangles, [stage, s, m, dt, nodes.inverse_mass, now, d])
+            _launch(damping.take_stage, points, [stage, dt, nodes.mass, now, out, d])
+            now, out = out, now
+        held = [nodes.mass, nodes.inverse_mass, nodes.active]
+        _launch(damping.end_damping, points, [dt, clock.gravity, *held, nodes.v, nodes.f, d])
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """Nothing: the rest shape does not change."""
@@ -180,6 +202,24 @@ def _surface(parts: list[ClothGeometry], first: list[int]) -> Any:
     surface.slots = joined([s.astype(np.int32) for s in slots], wp.vec2i)
     surface.softness = joined([g.softness for g in parts], wp.float64)
     return surface
+
+
+def _damping(w: int, parts: list[ClothGeometry], first: list[int]) -> Any:
+    points = sum(len(g.nodes) for g in parts)
+    offset = np.cumsum([0] + [len(g.nodes) for g in parts])
+    corners = np.concatenate([g.corners + int(o) for g, o in zip(parts, offset, strict=False)])
+    own = np.concatenate([np.arange(n, n + len(g.nodes)) for g, n in zip(parts, first, strict=True)])
+
+    def vectors(count: int) -> Any:
+        return wp.zeros((w, count), dtype=wp.vec3d, device="cpu")
+
+    d = Damping()
+    d.nodes = wp.array(own.astype(np.int32), dtype=wp.int32, device="cpu")
+    d.corners = wp.array(np.ascontiguousarray(corners), dtype=wp.vec3i, device="cpu")
+    d.stages = wp.zeros((w,), dtype=wp.int32, device="cpu")
+    d.first, d.second, d.stretch = vectors(len(corners)), vectors(len(corners)), vectors(len(corners))
+    d.start, d.push, d.rate, d.last, d.other, d.force = (vectors(points) for _ in range(6))
+    return d
 
 
 def _bending(w: int, triangles: int, edges: int) -> Any:
