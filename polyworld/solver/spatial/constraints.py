@@ -5,11 +5,11 @@ Projected Gauss-Seidel over contacts (Moreau 1988; Jourdan, Alart & Jean 1998, C
 fixed point opposes the sliding velocity exactly.
 """
 
+from typing import Any
+
 import warp as wp
 
-from polyworld.solver.spatial.joint_axes import move_axes
 from polyworld.solver.spatial.joint_layout import Joints
-from polyworld.solver.spatial.joint_rows import hold_joints
 from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
 
@@ -101,61 +101,6 @@ def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float6
     return wp.max(wp.abs(sx - x) * kx, wp.abs(sy - y) * ky)
 
 
-@wp.func(inline=False)
-def solve_manifolds(
-    joints: Joints,
-    state: State,
-    w: int,
-    first: int,
-    last: int,
-    offset: int,
-    iterations: int,
-    converged: wp.float64,
-    h: wp.float64,
-) -> None:
-    """Sweep over the manifolds [first, last) and all joints until no velocity changes any more.
-
-    Normal velocities aim at targets. h is the length of the step, 0 for an impact, in which finite forces do nothing.
-    """
-    for _iteration in range(iterations):
-        worst = wp.float64(0.0)
-        for i in range(first, last):
-            a = state.manifolds[w, i].a
-            b = state.manifolds[w, i].b
-            friction = state.manifolds[w, i].friction
-            torsion = state.manifolds[w, i].torsion
-            rolling = state.manifolds[w, i].rolling
-            start = state.manifolds[w, i].first
-            for c in range(start, start + state.manifolds[w, i].count):
-                r = ROWS * (c - offset)
-                k = state.rows[w, r].k
-                before = state.rows[w, r].impulse
-                lack = state.contacts[w, c].target - velocity_along(state, w, a, b, r)
-                normal = wp.max(before + lack / k, wp.float64(0.0))
-                if normal != before:
-                    push(state, w, a, b, r, normal - before)
-                    worst = wp.max(worst, wp.abs(normal - before) * k)
-                if friction > wp.float64(0.0):
-                    coupling = state.contacts[w, c].coupling
-                    worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, friction * normal))
-                if torsion > wp.float64(0.0):
-                    bound = friction * normal * torsion
-                    spin = state.rows[w, r + 3].impulse
-                    rate = velocity_along(state, w, a, b, r + 3)
-                    wanted = wp.clamp(spin - rate / state.rows[w, r + 3].k, -bound, bound)
-                    push(state, w, a, b, r + 3, wanted - spin)
-                    worst = wp.max(worst, wp.abs(wanted - spin) * state.rows[w, r + 3].k * torsion)
-                if rolling > wp.float64(0.0):
-                    coupling = state.contacts[w, c].coupling_rolling
-                    changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
-                    worst = wp.max(worst, changed * rolling)
-        if joints.count > 0:
-            worst = wp.max(worst, hold_joints(joints, state, w))
-            worst = wp.max(worst, move_axes(joints, state, w, h))
-        if worst < converged:
-            break
-
-
 @wp.func
 def clear_impulses(state: State, w: int, r: int) -> None:
     for k in range(ROWS):
@@ -193,15 +138,6 @@ def aim_contacts(state: State, w: int, half: int, h: wp.float64, threshold: wp.f
                     g = state.contacts[w, c].force_roll * h
                     push(state, w, m.a, m.b, r + 4, wp.dot(g, m.t1))
                     push(state, w, m.a, m.b, r + 5, wp.dot(g, m.t2))
-
-
-@wp.func
-def solve_contacts(joints: Joints, state: State, w: int, half: int, h: wp.float64) -> None:
-    """Change the bodies' velocities at the end of a step of length h into admissible ones."""
-    base = half * state.max_manifolds
-    offset = half * state.max_contacts
-    last = base + state.manifold_count[w, half]
-    solve_manifolds(joints, state, w, base, last, offset, ITERATIONS, CONVERGED, h)
 
 
 @wp.func
@@ -261,3 +197,73 @@ def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
                     state.bodies[w, m.a].turn += state.rows[w, r].wa * move
                     state.bodies[w, m.b].shift -= m.normal * (move * state.bodies[w, m.b].inverse_mass)
                     state.bodies[w, m.b].turn -= state.rows[w, r].wb * move
+
+
+def contact_solver(hold: Any) -> tuple[Any, Any]:
+    """The functions `solve_manifolds` and `solve_contacts`, for a function `hold` that does the joints' part.
+
+    hold(joints, state, w, h) is visited in every sweep and returns the largest velocity it changed.
+    """
+
+    @wp.func(inline=False)
+    def solve_manifolds(
+        joints: Joints,
+        state: State,
+        w: int,
+        first: int,
+        last: int,
+        offset: int,
+        iterations: int,
+        converged: wp.float64,
+        h: wp.float64,
+    ) -> None:
+        """Sweep over the manifolds [first, last) and all joints until no velocity changes any more.
+
+        Normal velocities aim at targets. h is the length of the step, 0 for an impact, in which finite forces do
+        nothing.
+        """
+        for _iteration in range(iterations):
+            worst = wp.float64(0.0)
+            for i in range(first, last):
+                a = state.manifolds[w, i].a
+                b = state.manifolds[w, i].b
+                friction = state.manifolds[w, i].friction
+                torsion = state.manifolds[w, i].torsion
+                rolling = state.manifolds[w, i].rolling
+                start = state.manifolds[w, i].first
+                for c in range(start, start + state.manifolds[w, i].count):
+                    r = ROWS * (c - offset)
+                    k = state.rows[w, r].k
+                    before = state.rows[w, r].impulse
+                    lack = state.contacts[w, c].target - velocity_along(state, w, a, b, r)
+                    normal = wp.max(before + lack / k, wp.float64(0.0))
+                    if normal != before:
+                        push(state, w, a, b, r, normal - before)
+                        worst = wp.max(worst, wp.abs(normal - before) * k)
+                    if friction > wp.float64(0.0):
+                        coupling = state.contacts[w, c].coupling
+                        worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, friction * normal))
+                    if torsion > wp.float64(0.0):
+                        bound = friction * normal * torsion
+                        spin = state.rows[w, r + 3].impulse
+                        rate = velocity_along(state, w, a, b, r + 3)
+                        wanted = wp.clamp(spin - rate / state.rows[w, r + 3].k, -bound, bound)
+                        push(state, w, a, b, r + 3, wanted - spin)
+                        worst = wp.max(worst, wp.abs(wanted - spin) * state.rows[w, r + 3].k * torsion)
+                    if rolling > wp.float64(0.0):
+                        coupling = state.contacts[w, c].coupling_rolling
+                        changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
+                        worst = wp.max(worst, changed * rolling)
+            worst = wp.max(worst, hold(joints, state, w, h))
+            if worst < converged:
+                break
+
+    @wp.func
+    def solve_contacts(joints: Joints, state: State, w: int, half: int, h: wp.float64) -> None:
+        """Change the bodies' velocities at the end of a step of length h into admissible ones."""
+        base = half * state.max_manifolds
+        offset = half * state.max_contacts
+        last = base + state.manifold_count[w, half]
+        solve_manifolds(joints, state, w, base, last, offset, ITERATIONS, CONVERGED, h)
+
+    return solve_manifolds, solve_contacts

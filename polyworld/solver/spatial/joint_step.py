@@ -9,8 +9,10 @@ along the axes is halved in the same way.
 
 import warp as wp
 
-from polyworld.solver.spatial.constraints import solve_contacts
-from polyworld.solver.spatial.joint_axes import aim_at_stops, forget, stop_joints
+from polyworld.solver.spatial.advance import Joining
+from polyworld.solver.spatial.constraints import contact_solver
+from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
+from polyworld.solver.spatial.joint_axes import aim_at_stops, forget, let_go, move_axes, stop_joints, time_to_stop
 from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints
 from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forward, hold_joints, joint_error
 from polyworld.solver.spatial.layout import Body, Row, State
@@ -23,6 +25,32 @@ OPEN = wp.float64(1.0e-10)  # what is left open after a step, by overlaps parted
 MENDING = 4
 RESOLVED = wp.float64(0.5)  # radians of a taut joint's swing in a step
 MOST_PARTS = 64  # into which taut joints cut a step
+
+
+@wp.func
+def hold(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+    """Bring all joints and then their axes to their aims. Returns the largest velocity changed."""
+    held = hold_joints(joints, state, k)
+    return wp.max(held, move_axes(joints, state, k, h))
+
+
+@wp.func
+def total_energy(_joints: Joints, state: State, k: int, _a: int, _b: int) -> wp.float64:
+    """Kinetic energy [J]: whatever hangs together may be moved by an impact."""
+    total = wp.float64(0.0)
+    for i in range(state.objects):
+        total += kinetic_energy(state.bodies[k, i])
+    return total
+
+
+@wp.func
+def take_back(joints: Joints, state: State, k: int) -> None:
+    """Undo what the joints did in an impact."""
+    let_go(joints, state, k)
+    hold_joints(joints, state, k)
+
+
+solve_manifolds, solve_contacts = contact_solver(hold)
 
 
 @wp.func
@@ -198,6 +226,12 @@ def longest_part(joints: Joints, state: State, k: int, h: wp.float64) -> wp.floa
 
 
 @wp.func
+def carries(joints: Joints, i: int) -> bool:
+    """Whether a body is held by a joint, and is put in its place with it."""
+    return joints.jointed[i] == 1
+
+
+@wp.func
 def swinging(b: Body, arm: wp.vec3d) -> wp.float64:
     """Arm over moment of inertia about its end, per unit force [1/(kg m)]."""
     square = wp.dot(arm, arm)
@@ -295,3 +329,15 @@ def finish_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64
         joints.joint[k, j].settled = 1
     solve_contacts(joints, state, k, half, h)
     mend_joints(joints, state, k, lock)
+
+
+JOINED = Joining(
+    settle=settle_joints,
+    longest_part=longest_part,
+    time_to_stop=time_to_stop,
+    resolve_impacts=impact_solver(solve_manifolds, total_energy, take_back),
+    begin=begin_joints,
+    solve=solve_joints,
+    carries=carries,
+    finish=finish_joints,
+)

@@ -25,8 +25,8 @@ from polyworld.solver.spatial.buffers import (
 )
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
+from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
-from polyworld.solver.spatial.step import roll_out
 from polyworld.solver.time_table import time_table
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
@@ -109,12 +109,13 @@ class SpatialSimulator:
     def _launch(self, segments: int) -> None:
         if not self.names:
             return
+        kernel = roll_out_kernel(bool(self.world.joints))
         edges = np.linspace(0, self.n_worlds, self._pieces + 1).astype(int)
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
             wp.launch(
-                roll_out,
+                kernel,
                 dim=last - first,
                 inputs=[
                     self._geometry,
@@ -131,7 +132,7 @@ class SpatialSimulator:
                 device="cpu",
             )
 
-        roll_out.module.load("cpu", block_dim=1)  # before the threads ask for it
+        kernel.module.load("cpu", block_dim=1)  # before the threads ask for it
         if self._pieces == 1:
             piece(0)
             return

@@ -22,8 +22,8 @@ from polyworld.solver.spatial.buffers import (
     zeros,
 )
 from polyworld.solver.spatial.joint_scene import write_joints
+from polyworld.solver.spatial.kernels import load_worlds, step_kernel
 from polyworld.solver.spatial.scene import build_geometry
-from polyworld.solver.spatial.single_step import load_worlds, step_worlds
 from polyworld.trajectory import Event
 from polyworld.world import World
 
@@ -51,6 +51,7 @@ class RigidStepper:
         self._start: Any = wp.array([o.start_time for o in world.objects], dtype=wp.float64, device="cpu")
         self._half = zeros((n_worlds,), wp.int32)
         self._lost = zeros((n_worlds,), wp.int32)
+        self._kernel = step_kernel(bool(world.joints))
         self.parameters: Any = None
         self.write(rigid_arrays(world))
 
@@ -84,7 +85,7 @@ class RigidStepper:
         if not self.names:
             return
         wp.launch(
-            step_worlds,
+            self._kernel,
             dim=self.n_worlds,
             inputs=[
                 self.geometry,

@@ -1,0 +1,105 @@
+"""One step of a world, each stage a function of its own module."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from polyworld.solver.spatial.constraints import aim_contacts, build_rows, note_forces, separate_overlaps
+from polyworld.solver.spatial.contacts import find_contacts
+from polyworld.solver.spatial.episodes import record_contacts
+from polyworld.solver.spatial.impacts import time_to_impact
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
+from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, place
+from polyworld.solver.spatial.step import predict, sweep_bodies
+
+MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
+# Approaches slower than one step's fall do not rebound: a body at rest would else never come to rest.
+SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
+
+
+@dataclass(frozen=True)
+class Joining:
+    """What joints do in a step, as Warp functions; see `joint_step` for each, and `free_step` for none.
+
+    Worlds without joints have kernels of their own, which are quicker to compile and to run.
+    """
+
+    settle: Any
+    longest_part: Any
+    time_to_stop: Any
+    resolve_impacts: Any
+    begin: Any
+    solve: Any
+    carries: Any
+    finish: Any
+
+
+def stepping(joining: Joining) -> Any:
+    """The Warp function `advance`."""
+    settle, begin, solve, finish = joining.settle, joining.begin, joining.solve, joining.finish
+    longest_part, time_to_stop, carries = joining.longest_part, joining.time_to_stop, joining.carries
+    resolve_impacts = joining.resolve_impacts
+
+    @wp.func
+    def advance(
+        geometry: Geometry,
+        parameters: Parameters,
+        joints: Joints,
+        state: State,
+        log: Log,
+        w: int,
+        k: int,
+        previous_half: int,
+        gravity: wp.vec3d,
+        start: wp.float64,
+        h: wp.float64,
+    ) -> int:
+        """One step of length h from time `start`, in as many parts as impacts cut it into.
+
+        Returns which half of the contact arrays holds the step's contacts.
+        """
+        fall = wp.length(gravity) * h
+        threshold = fall + SLOWEST_IMPACT
+        time = start
+        left = h
+        impacts = wp.int32(0)
+        half = wp.int32(previous_half)
+        while left > wp.float64(0.0):
+            sweep_bodies(geometry, state, k, fall, left)
+            half = 1 - half
+            settle(joints, state, k, geometry.lock)
+            find_contacts(geometry, state, k, half)
+            build_rows(state, k, half, geometry.lock)
+            part = longest_part(joints, state, k, left)
+            slowest = threshold
+            if impacts < MAX_IMPACTS:
+                if resolve_impacts(joints, state, k, half, threshold) > 0:
+                    impacts += 1
+                    continue  # the bodies now move elsewhere: look again what they may hit
+                whole = part
+                part = time_to_impact(state, k, half, part, threshold, gravity)
+                part = time_to_stop(joints, state, k, part)
+                if part < whole:
+                    impacts += 1
+            else:
+                slowest = FASTEST
+            begin(joints, state, k, time, part)
+            predict(geometry, parameters, state, w, k, gravity, time, part)
+            aim_contacts(state, k, half, part, slowest)
+            solve(joints, state, k, half, part)
+            note_forces(state, k, half, part)
+            separate_overlaps(state, k, half, part)
+            for i in range(state.objects):
+                if state.bodies[k, i].active == 1 and not carries(joints, i):
+                    b = state.bodies[k, i]
+                    state.bodies[k, i] = place(b, end_position(b, part), end_orientation(b, part))
+            finish(joints, state, k, half, part, geometry.lock)
+            if log.record == 1:
+                record_contacts(log, state, w, k, half, time, part)
+            left -= part
+            time += part
+        return half
+
+    return advance

@@ -1,0 +1,63 @@
+"""What a step does where there are no joints: the counterparts of `joint_step`, most of which do nothing."""
+
+import warp as wp
+
+from polyworld.solver.spatial.advance import Joining
+from polyworld.solver.spatial.constraints import contact_solver
+from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.layout import State
+
+
+@wp.func
+def hold(_joints: Joints, _state: State, _k: int, _h: wp.float64) -> wp.float64:
+    return wp.float64(0.0)
+
+
+@wp.func
+def energy(_joints: Joints, state: State, k: int, a: int, b: int) -> wp.float64:
+    return kinetic_energy(state.bodies[k, a]) + kinetic_energy(state.bodies[k, b])
+
+
+@wp.func
+def take_back(_joints: Joints, _state: State, _k: int) -> None:
+    pass
+
+
+@wp.func
+def settle(_joints: Joints, _state: State, _k: int, _lock: wp.vec3d) -> None:
+    pass
+
+
+@wp.func
+def whole(_joints: Joints, _state: State, _k: int, h: wp.float64) -> wp.float64:
+    return h
+
+
+@wp.func
+def begin(_joints: Joints, _state: State, _k: int, _time: wp.float64, _h: wp.float64) -> None:
+    pass
+
+
+@wp.func
+def carries(_joints: Joints, _i: int) -> bool:
+    return False
+
+
+@wp.func
+def finish(_joints: Joints, _state: State, _k: int, _half: int, _h: wp.float64, _lock: wp.vec3d) -> None:
+    pass
+
+
+solve_manifolds, solve_contacts = contact_solver(hold)
+
+FREE = Joining(
+    settle=settle,
+    longest_part=whole,
+    time_to_stop=whole,
+    resolve_impacts=impact_solver(solve_manifolds, energy, take_back),
+    begin=begin,
+    solve=solve_contacts,
+    carries=carries,
+    finish=finish,
+)

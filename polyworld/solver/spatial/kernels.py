@@ -1,0 +1,131 @@
+"""The kernels: one thread a world; a whole run with the time loop inside, or one step of each world."""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from polyworld.solver.spatial.advance import stepping
+from polyworld.solver.spatial.free_step import FREE
+from polyworld.solver.spatial.joint_layout import Joints
+from polyworld.solver.spatial.joint_step import JOINED, load_joints
+from polyworld.solver.spatial.layout import OPTIONS, Geometry, Log, Parameters, Samples, Schedule, State
+from polyworld.solver.spatial.step import first_diverged, load_bodies
+
+wp.set_module_options(OPTIONS)
+
+SLACK = wp.float64(1.0e-9)  # times of steps and starts differ by rounding [s]
+
+
+@cache
+def roll_out_kernel(jointed: bool) -> Any:
+    """The kernel that runs worlds from start to end, for worlds with joints or without."""
+    return _roll_out(stepping(JOINED if jointed else FREE))
+
+
+@cache
+def step_kernel(jointed: bool) -> Any:
+    """The kernel that advances worlds by one step, for worlds with joints or without."""
+    return _step_worlds(stepping(JOINED if jointed else FREE))
+
+
+@wp.func
+def let_in(parameters: Parameters, state: State, start: wp.array[wp.float64], w: int, time: wp.float64) -> None:
+    """Objects take part from their start time on."""
+    scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
+    for i in range(state.objects):
+        if time >= start[i] * scale - SLACK:
+            state.bodies[w, i].active = 1
+
+
+@wp.kernel
+def load_worlds(
+    geometry: Geometry, parameters: Parameters, joints: Joints, state: State, start: wp.array[wp.float64]
+) -> None:
+    """Put the bodies of world w in row w of the state, where they start."""
+    w = wp.tid()
+    load_bodies(geometry, parameters, state, w, w)
+    load_joints(joints, state, w, w)
+    let_in(parameters, state, start, w, wp.float64(0.0))
+
+
+def _roll_out(advance: Any) -> Any:
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def roll_out(
+        geometry: Geometry,
+        parameters: Parameters,
+        schedule: Schedule,
+        joints: Joints,
+        state: State,
+        samples: Samples,
+        log: Log,
+        first: int,
+        slot: int,
+        segments: int,
+    ) -> None:
+        """Roll world first + tid out through the given number of segments, working in row `slot` of the state.
+
+        On a CPU the threads of a launch run one after the other, so one row serves them all and stays in the cache.
+        """
+        w = first + wp.tid()
+        k = slot
+        scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
+        gravity = parameters.gravity[w % parameters.gravity.shape[0]]
+        load_bodies(geometry, parameters, state, w, k)
+        load_joints(joints, state, w, k)
+        time = wp.float64(0.0)
+        half = wp.int32(0)
+        for segment in range(segments):
+            for i in range(state.objects):
+                if schedule.joins[i] == segment:
+                    state.bodies[k, i].active = 1
+            end = schedule.end[segment] * scale
+            steps = schedule.steps[segment]
+            for step in range(steps):
+                h = (end - time) / wp.float64(steps - step)
+                half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, time, h)
+                time += h
+                lost = first_diverged(state, k)
+                if lost >= 0:
+                    samples.diverged_object[w] = lost
+                    samples.diverged_time[w] = time
+                    return
+                if state.crowded[k] == 1:
+                    samples.crowded[w] = 1
+                    return
+            time = end
+            sample = schedule.sample[segment]
+            if sample >= 0:
+                for i in range(state.objects):
+                    samples.position[w, sample, i] = state.bodies[k, i].x
+                    samples.orientation[w, sample, i] = state.bodies[k, i].q
+                    samples.velocity[w, sample, i] = state.bodies[k, i].v
+                    samples.angular_velocity[w, sample, i] = state.bodies[k, i].w
+
+    return roll_out
+
+
+def _step_worlds(advance: Any) -> Any:
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def step_worlds(
+        geometry: Geometry,
+        parameters: Parameters,
+        joints: Joints,
+        state: State,
+        log: Log,
+        start: wp.array[wp.float64],
+        time: wp.array[wp.float64],
+        h: wp.array[wp.float64],
+        half: wp.array[wp.int32],
+        lost: wp.array[wp.int32],
+    ) -> None:
+        """One step of world w; half says which half of its contact arrays holds the last step's contacts."""
+        w = wp.tid()
+        if h[w] <= wp.float64(0.0) or lost[w] >= 0 or state.crowded[w] == 1:
+            return
+        gravity = parameters.gravity[w % parameters.gravity.shape[0]]
+        half[w] = advance(geometry, parameters, joints, state, log, w, w, half[w], gravity, time[w], h[w])
+        lost[w] = first_diverged(state, w)
+        let_in(parameters, state, start, w, time[w] + h[w])
+
+    return step_worlds
