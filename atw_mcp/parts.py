@@ -204,8 +204,8 @@ def _bare(schema: dict[str, Any]) -> dict[str, Any]:
     if "anyOf" in schema:
         return _bare(schema["anyOf"][0])
     if schema.get("type") == "array":
-        room = {"maxItems": LONGEST, **{key: schema[key] for key in ("minItems", "maxItems") if key in schema}}
-        return {"type": "array", "items": _bare(schema.get("items", {})), **room}
+        room = {key: value for key, value in schema.items() if key in ("minItems", "maxItems")}
+        return {"type": "array", "items": _bare(schema.get("items", {})), "maxItems": LONGEST, **room}
     if schema.get("type") == "integer":
         return {"type": "integer", "minimum": schema.get("minimum", 0)}
     if "enum" in schema:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -58,11 +58,16 @@ def find_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout] 
     return None if found is None else (found.id, _from_content(found))
 
 
-def compute_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout]:
-    """Roll a world out, or find it rolled out before; returns its id too. Raises ValueError where it cannot be run."""
+def compute_rollout(
+    app: App, world: World, horizon: float, progress: Callable[[float], None] | None = None
+) -> tuple[str, Rollout]:
+    """Roll a world out, or find it rolled out before; returns its id too. Raises ValueError where it cannot be run.
+
+    progress: told the share done; what it raises ends the run.
+    """
     try:
         content, _ = app.store.rollouts.get_or_compute(
-            KIND, _inputs(world, horizon), lambda: _to_content(rollout(world, horizon))
+            KIND, _inputs(world, horizon), lambda: _to_content(rollout(world, horizon, progress=progress))
         )
     except RuntimeError as error:  # more contacts at once than there is room for
         raise ValueError(f"the rollout could not be finished: {error}") from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -40,12 +40,14 @@ def simulator(
     n_worlds: int = 1,
     record_events: bool = False,
     threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Simulator:
     """The simulator fitting the world's representations.
 
     sample_times (T,): increasing, >= 0 [s], at the world's own seconds_per_frame; a variant with another
     seconds_per_frame is sampled at proportionally other times. threads: default all cores; the result does
-    not depend on it, to the bit.
+    not depend on it, to the bit. progress: told the share done, 0 to 1, while worlds with deformable objects run
+    (others are done before anyone asks); what it raises ends the run.
     """
     times = np.array(sample_times, dtype=float)
     if times.ndim != 1 or len(times) == 0:
@@ -58,7 +60,9 @@ def simulator(
     if world.coupled:
         from polyworld.solver.coupled.simulator import CoupledSimulator
 
-        return CoupledSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+        return CoupledSimulator(
+            world, times, n_worlds=n_worlds, record_events=record_events, threads=threads, progress=progress
+        )
     if world.planar:
         from polyworld.solver.planar import PlanarSimulator
 
@@ -68,11 +72,17 @@ def simulator(
     return SpatialSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
 
 
-def rollout(world: World, horizon: float, *, sample_interval: float | None = None) -> Rollout:
+def rollout(
+    world: World,
+    horizon: float,
+    *,
+    sample_interval: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Rollout:
     """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
 
-    Samples are taken at 0, one interval, two, ... and at the horizon. Raises ValueError for a horizon that is
-    not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples.
+    Samples are taken at 0, one interval, two, ... and at the horizon. progress: as for `simulator`. Raises
+    ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples.
     """
     interval = world.time.seconds_per_frame if sample_interval is None else sample_interval
     if not (np.isfinite(interval) and interval > 0):
@@ -93,7 +103,7 @@ def rollout(world: World, horizon: float, *, sample_interval: float | None = Non
     times: Array = np.arange(whole + 1, dtype=np.float64) * interval
     if horizon - times[-1] > 1e-9 * interval:
         times = np.append(times, horizon)
-    batch = simulator(world, times, record_events=True, threads=1).run()
+    batch = simulator(world, times, record_events=True, threads=1, progress=progress).run()
     trajectory = batch.world(0)
     diverged = bool(batch.diverged[0])
     return Rollout(

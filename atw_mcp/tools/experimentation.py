@@ -16,6 +16,7 @@ from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name, with_own_names
 from atw_mcp.results import Answer, explained
+from atw_mcp.rollout_cost import cost, size_in_words
 from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
 from atw_mcp.shape_reading import EXAMPLE as READOUT_EXAMPLE
 from atw_mcp.shape_reading import readout_schema, shape_rows
@@ -87,13 +88,17 @@ def roll_out(
     if known is not None:
         return _rollout_answer(found, base, branched, edited, *known)
 
+    size = size_in_words(branched, horizon)
+
     def work(progress: Progress) -> Answer:
-        progress.report(0, 1, f"running {len(branched.moving_names)} objects for {horizon:g} s")
+        message = f"running {len(branched.moving_names)} objects for {horizon:g} s{size}"
+        progress.report(0, 1, message)
         with explained():
-            return _rollout_answer(found, base, branched, edited, *compute_rollout(app, branched, horizon))
+            found_or_made = compute_rollout(app, branched, horizon, lambda share: progress.report(share, 1, message))
+            return _rollout_answer(found, base, branched, edited, *found_or_made)
 
     draft = Answer(
-        summary=f"running {branched.id} for {horizon:g} s",
+        summary=f"running {branched.id} for {horizon:g} s{size}",
         data={},
         case=found.id,
         world=branched.id,
@@ -150,6 +155,7 @@ def _rollout_answer(
             "base_world": base.id,
             "edits": edits,
             "horizon": span.shown(),
+            **({"points": cost(world, result.horizon).points} if world.deformables else {}),
             "observed_until": {"seconds": observed, "frame": world.time.frame_count - 1} if observed > 0 else None,
             "diverged": None
             if result.status == "completed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydantic import Field
 from atw_mcp import readouts
 from atw_mcp.app import App
 from atw_mcp.intervals import FrameRange, Seconds, chosen_span
+from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name
 from atw_mcp.observing import latest_image_observation, video_file
 from atw_mcp.overlay import Canvas, encoded
@@ -18,11 +20,13 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
 from atw_mcp.picture_rows import EVERY_FRAME, observed_rows, simulated_rows
 from atw_mcp.results import Answer, explained
+from atw_mcp.rollout_cost import size_in_words
 from atw_mcp.rollout_view import RolloutView, case_tracks, draw_observed
-from atw_mcp.rollouts import checked_horizon, compute_rollout, stored_rollout
+from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
 from polyworld.tracks import ObservedTracks
+from polyworld.trajectory import Rollout
 from polyworld.world import World
 
 GROUP = ToolGroup("world inspection")
@@ -35,6 +39,7 @@ Frames = Annotated[
 ]
 Pictures = Annotated[int, Field(ge=1, le=12, description="how many pictures when frames are not given")]
 FILE_TIME = "times are the file's: BuildWorld(seconds_per_frame=...) or FitWorld gives physical ones"
+PATIENCE = 40.0  # [s]
 BORDER = 2  # [px] a mask this near to the image's edge touches it
 
 
@@ -171,7 +176,7 @@ def inspect_rollout(
             "where the world should follow it, rendered for branches and beyond the video"
         ),
     ] = "auto",
-) -> Answer:
+) -> Answer | LongWork:
     """See whether a world follows the video: the simulated objects outlined in magenta, with names and paths, over the
     real frames, the observed ones dashed in white, and beside each picture the plan seen straight down, to scale: it
     shows what touches and what is only behind. The text has the distance between the two for each object. Works on
@@ -179,29 +184,60 @@ def inspect_rollout(
     found = app.case(case)
     if rollout is not None and world is not None:
         raise ToolError("give rollout or world, not both: a rollout belongs to its world")
+
+    def answer(identifier: str, shown: World, result: Rollout) -> Answer:
+        wanted = _Wanted(frames, interval, objects, pictures, background)
+        return _rollout_pictures(app, found, wanted, identifier, shown, result, given=rollout)
+
     if rollout is not None:
         of_case, shown_world, result = stored_rollout(app, rollout)
         if of_case.content != found.content:
             raise ToolError(f"{rollout} belongs to case {of_case.id!r}, not to {found.id!r}")
-        identifier = rollout
-    else:
-        shown_world = app.world(found, world)
-        horizon = checked_horizon(shown_world, _unobserved_horizon(shown_world, interval, frames))
+        return answer(rollout, shown_world, result)
+    shown_world = app.world(found, world)
+    horizon = checked_horizon(shown_world, _unobserved_horizon(shown_world, interval, frames))
+    known = find_rollout(app, shown_world, horizon)
+    if known is not None:
+        return answer(known[0], shown_world, known[1])
+    message = f"running {shown_world.id} for {horizon:g} s{size_in_words(shown_world, horizon)}"
+
+    def work(progress: Progress) -> Answer:
         with explained():
-            identifier, result = compute_rollout(app, shown_world, horizon)
-    view = RolloutView(app, found, shown_world, result, background)
-    further = _further(found, shown_world, rollout)
+            made = compute_rollout(app, shown_world, horizon, lambda share: progress.report(share, 1, message))
+        return answer(made[0], shown_world, made[1])
+
+    draft = Answer(summary=message, data={}, case=found.id, world=shown_world.id, objects=shown_world.moving_names)
+    asked = (frames, interval, objects, pictures, background)
+    return LongWork(f"pictures of {shown_world.id} {horizon!r} {asked!r}", work, draft, PATIENCE)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Which pictures of a rollout were asked for."""
+
+    frames: list[int] | None
+    interval: list[float] | None
+    objects: list[str] | None
+    pictures: int
+    background: str
+
+
+def _rollout_pictures(
+    app: App, found: Case, wanted: _Wanted, identifier: str, shown_world: World, result: Rollout, given: str | None
+) -> Answer:
+    view = RolloutView(app, found, shown_world, result, wanted.background)
+    further = _further(found, shown_world, given)
     span = chosen_span(
-        interval,
+        wanted.interval,
         None,
         covered=(0.0, view.last_frame * view.frame_time),
         seconds_per_frame=view.frame_time,
         further=further,
     )
-    names = chosen_names(app, found, objects, list(result.trajectory.names))
+    names = chosen_names(app, found, wanted.objects, list(result.trajectory.names))
     first = int(np.ceil(span.start / view.frame_time - 1e-6))
     last = int(np.floor(span.end / view.frame_time + 1e-6))
-    chosen = _chosen_frames(frames, pictures, first, last, "the rollout", further)
+    chosen = _chosen_frames(wanted.frames, wanted.pictures, first, last, "the rollout", further)
     drawn, rows = view.draw(chosen, names)
     fit = view.accuracy()
     facts = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -35,8 +35,10 @@ class CoupledSimulator:
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> None:
         self.world = world
+        self.progress = progress
         self.names = world.moving_names
         self.n_worlds = n_worlds
         self.sample_times = np.asarray(sample_times, dtype=float)
@@ -67,6 +69,8 @@ class CoupledSimulator:
 
         def run(record: Record) -> None:
             for segment in range(segments):
+                if self.progress is not None and record is records[0]:
+                    self.progress(segment / segments)
                 record.shard.advance(segment)
                 if self._table.sample[segment] >= 0:
                     record.take(int(self._table.sample[segment]))
