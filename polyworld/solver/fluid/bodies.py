@@ -6,8 +6,11 @@ B^T M^-1 B, with B the pressures' wrench on it, so that bodies of any lightness 
 
 import warp as wp
 
-from polyworld.solver.fluid.layout import Grid, Solids, System, Wetted
+from polyworld.solver.fluid.layout import OPTIONS, Grid, Pace, Solids, System, Wetted
+from polyworld.solver.fluid.stencil import ZERO
 from polyworld.solver.spatial.layout import Body
+
+wp.set_module_options(OPTIONS)
 
 
 @wp.func(inline=False)
@@ -90,3 +93,53 @@ def keep_touching(wetted: Wetted, fields_unknown: wp.array2d[wp.int32], stride: 
         wetted.arm[w, kept] = wetted.arm[w, e]
         kept += 1
     wetted.count[w] = kept
+
+
+@wp.kernel
+def push_bodies(
+    grid: Grid, solids: Solids, system: System, wetted: Wetted, bodies: wp.array2d[Body], h: wp.array[wp.float64], pace: Pace
+) -> None:
+    """Velocity change of the bodies by the pressure on them, kept as the forecast of the next coupling step's."""
+    w = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    gather_wrench(grid, wetted, system, w, wetted.count[w], system.x[w])
+    respond(grid, solids, bodies, wetted, w, dt)
+    for b in range(solids.bodies):
+        if bodies[w, b].active == 1:
+            bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+            wetted.forecast[w, b] = wetted.forecast[w, b] + wetted.force[w, b] * (dt / h[w])
+            wetted.forecast_torque[w, b] = wetted.forecast_torque[w, b] + wetted.torque[w, b] * (dt / h[w])
+
+
+@wp.kernel
+def lend_forecast(
+    grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[Body], h: wp.array[wp.float64]
+) -> None:
+    """Give the bodies what the fluid gave them in the last coupling step, so that joints and contacts can hold it."""
+    w = wp.tid()
+    for b in range(solids.bodies):
+        wetted.force[w, b] = wetted.forecast[w, b]
+        wetted.torque[w, b] = wetted.forecast_torque[w, b]
+    respond(grid, solids, bodies, wetted, w, h[w])
+    for b in range(solids.bodies):
+        if bodies[w, b].active == 1:
+            wetted.lent[w, b] = wetted.push[w, b]
+            wetted.lent_turn[w, b] = wetted.turn[w, b]
+            bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+
+
+@wp.kernel
+def take_back(solids: Solids, wetted: Wetted, bodies: wp.array2d[Body]) -> None:
+    """Take what was lent, and begin the next forecast."""
+    w = wp.tid()
+    for b in range(solids.bodies):
+        bodies[w, b].v = bodies[w, b].v - wetted.lent[w, b]
+        bodies[w, b].w = bodies[w, b].w - wetted.lent_turn[w, b]
+        wetted.lent[w, b] = wp.vec3d()
+        wetted.lent_turn[w, b] = wp.vec3d()
+        wetted.forecast[w, b] = wp.vec3d()
+        wetted.forecast_torque[w, b] = wp.vec3d()

@@ -54,7 +54,7 @@ class Particles:
 class Fields:
     """On the grid, (W, C) or (W, 3, C) by axis of a face.
 
-    momentum becomes velocity; old: velocity before forces. mass, bulk: mass and volume that the face's neighbourhood
+    velocity: at first momentum. push: impulse per volume that pressure gave [N s/m^3]. mass, bulk: mass and volume that the face's neighbourhood
     holds. open: fraction of a face that is not solid. room: fraction of a cell and its surroundings that is not
     solid. content: liquid volume around a cell's centre; filled: over
     the room there. shift: move of the particles that evens out the content [m]. level: signed distance to the free surface, negative in the liquid [m].
@@ -62,7 +62,7 @@ class Fields:
     """
 
     velocity: wp.array3d[wp.float64]
-    old: wp.array3d[wp.float64]
+    push: wp.array3d[wp.float64]
     mass: wp.array3d[wp.float64]
     bulk: wp.array3d[wp.float64]
     open: wp.array3d[wp.float64]
@@ -143,7 +143,9 @@ class Wetted:
     """Faces that rigid bodies cover, count[w] of (W, E): what pressure pushes on.
 
     lower, upper: rows of the cells on both sides. cover: covered fraction. arm: offset from the centre of mass
-    crossed with the axis. total (W, 6 n): scratch.
+    crossed with the axis. force, torque (W, n): of the pressure, per metre in a plane; push, turn: what they do to
+    the velocities. forecast, forecast_torque: mean force and torque over the last coupling step;
+    lent, lent_turn: velocities that bodies were given in advance.
     """
 
     count: wp.array[wp.int32]
@@ -158,6 +160,10 @@ class Wetted:
     torque: wp.array2d[wp.vec3d]
     push: wp.array2d[wp.vec3d]
     turn: wp.array2d[wp.vec3d]
+    forecast: wp.array2d[wp.vec3d]
+    forecast_torque: wp.array2d[wp.vec3d]
+    lent: wp.array2d[wp.vec3d]
+    lent_turn: wp.array2d[wp.vec3d]
     capacity: int
 
 
@@ -190,6 +196,17 @@ class Viscous:
     diagonal: wp.array3d[wp.float64]
     active: wp.array[wp.int32]
     iterations: wp.array[wp.int32]
+
+
+@wp.struct
+class Tension:
+    """jump (W, C): pressure above the air's that the surface holds [Pa]; the others are room to work in."""
+
+    jump: wp.array2d[wp.float64]
+    smooth: wp.array2d[wp.float64]
+    other: wp.array2d[wp.float64]
+    strength: wp.array2d[wp.float64]
+    normal: wp.array3d[wp.float64]
 
 
 @wp.struct

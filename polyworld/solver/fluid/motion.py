@@ -175,7 +175,7 @@ def _keep_out(
 
 @wp.kernel
 def move_particles(
-    grid: Grid, solids: Solids, particles: Particles, fields: Fields, bodies: wp.array2d[Body], pace: Pace, flip: wp.float64
+    grid: Grid, solids: Solids, particles: Particles, fields: Fields, bodies: wp.array2d[Body], pace: Pace
 ) -> None:
     """Particles take the grid's velocity and its gradient, and move with it (midpoint rule)."""
     w = wp.tid()
@@ -187,7 +187,6 @@ def move_particles(
         if particles.fluid[w, p] < 0:
             continue
         x = particles.x[w, p]
-        was = particles.v[w, p]
         v = wp.vec3d()
         gradient = wp.mat33d()
         shift = wp.vec3d()
@@ -201,10 +200,6 @@ def move_particles(
                 gradient[a, b] = slope[b]
             shift[a] = gather(grid, fields.shift[w, a], s)
         u = _velocity(grid, fields, w, x + v * (HALF * dt))
-        if flip > ZERO:
-            for a in range(3):
-                if grid.wide[a] == 1:
-                    v[a] += flip * (was[a] - gather(grid, fields.old[w, a], stencil(grid, x, a)))
         x = x + u * dt + shift
         gone = int(0)
         for a in range(3):

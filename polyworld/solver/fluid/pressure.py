@@ -17,8 +17,8 @@ from polyworld.solver.fluid.conjugate_gradient import (
     step_along,
     step_back,
 )
-from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, System, Wetted
-from polyworld.solver.fluid.stencil import ONE, ZERO
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, System, Tension, Wetted
+from polyworld.solver.fluid.stencil import ONE, ZERO, gather, stencil
 from polyworld.solver.spatial.layout import Body
 
 wp.set_module_options(OPTIONS)
@@ -29,8 +29,17 @@ TOLERANCE = wp.float64(1.0e-6)  # largest divergence left, relative to the large
 ITERATIONS = 400
 
 
+@wp.func
+def surface_pressure(tension: Tension, w: int, inner: int, outer: int, gap: wp.float64) -> wp.float64:
+    """Pressure of the liquid at its surface, a part `gap` of the way from the inner cell to the outer one."""
+    t = wp.min(gap, ONE)
+    return (ONE - t) * tension.jump[w, inner] + t * tension.jump[w, outer]
+
+
 @wp.kernel
-def build_pressure(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
+def build_pressure(
+    grid: Grid, fields: Fields, system: System, wetted: Wetted, tension: Tension, tense: int, pace: Pace
+) -> None:
     """The equations: row i is the divergence at cell i that pressures take away."""
     w = wp.tid()
     dt = pace.dt[w]
@@ -99,7 +108,10 @@ def build_pressure(grid: Grid, fields: Fields, system: System, wetted: Wetted, p
                     if side == 1:
                         system.coupling[w, a, i] = -weight
                 else:
-                    diagonal += weight / wp.max(level / (level - fields.level[w, beyond]), NEAREST)
+                    gap = wp.max(level / (level - fields.level[w, beyond]), NEAREST)
+                    diagonal += weight / gap
+                    if tense == 1:
+                        divergence -= weight / gap * surface_pressure(tension, w, c, beyond, gap)
         if diagonal <= ZERO:
             diagonal = ONE
             divergence = ZERO
@@ -168,14 +180,36 @@ def solve_pressure(
         fields.pressure[w, system.cell[w, i]] = x[i]
 
 
+@wp.func(inline=False)
+def _difference(fields: Fields, tension: Tension, tense: int, w: int, low: int, high: int) -> wp.float64:
+    """Pressure of the upper cell less that of the lower one, a ghost value beyond the free surface."""
+    above = fields.unknown[w, high]
+    below = fields.unknown[w, low]
+    if above >= 0 and below >= 0:
+        return fields.pressure[w, high] - fields.pressure[w, low]
+    inner = high
+    outer = low
+    sign = wp.float64(-1.0)
+    if above < 0:
+        inner = low
+        outer = high
+        sign = wp.float64(1.0)
+    if fields.level[w, outer] < ZERO:
+        return ZERO
+    gap = wp.max(fields.level[w, inner] / (fields.level[w, inner] - fields.level[w, outer]), NEAREST)
+    held = wp.float64(0.0)
+    if tense == 1:
+        held = surface_pressure(tension, w, inner, outer, gap)
+    return sign * (held - fields.pressure[w, inner]) / gap
+
+
 @wp.kernel
-def push_liquid(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
-    """Velocity change by the pressure gradient on all faces beside an unknown; marks them as known."""
+def push_liquid(grid: Grid, fields: Fields, tension: Tension, tense: int, pace: Pace) -> None:
+    """Velocity change by the pressure gradient on all faces beside an unknown; marks the faces that are known."""
     w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
-    h = grid.cell
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
@@ -185,44 +219,22 @@ def push_liquid(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
                     known = int(0)
+                    push = wp.float64(0.0)
                     if fields.mass[w, a, c] > ZERO and fields.open[w, a, c] > OPEN:
                         known = 1
                         if index[a] > lo[a] and grid.wide[a] == 1:
                             d = c - grid.stride[a]
-                            high = fields.unknown[w, c]
-                            low = fields.unknown[w, d]
-                            if high >= 0 or low >= 0:
-                                above = fields.pressure[w, c]
-                                below = fields.pressure[w, d]
-                                near = fields.level[w, c]
-                                far = fields.level[w, d]
-                                if low < 0:
-                                    near = far
-                                    far = fields.level[w, c]
-                                difference = above - below
-                                if high < 0 or low < 0:
-                                    if near < ZERO:
-                                        difference = ZERO
-                                    else:
-                                        difference /= wp.max(far / (far - near), NEAREST)
-                                fields.velocity[w, a, c] += (
-                                    -dt * difference * fields.bulk[w, a, c] / (fields.mass[w, a, c] * h)
-                                )
+                            if fields.unknown[w, c] >= 0 or fields.unknown[w, d] >= 0:
+                                push = -dt * _difference(fields, tension, tense, w, d, c) / grid.cell
+                                fields.velocity[w, a, c] += push * fields.bulk[w, a, c] / fields.mass[w, a, c]
+                    fields.push[w, a, c] = push
                     fields.known[w, a, c] = known
 
 
 @wp.kernel
-def push_bodies(
-    grid: Grid, solids: Solids, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
+def read_pressure(
+    grid: Grid, fields: Fields, points: wp.array[wp.vec3d], out: wp.array2d[wp.float64]
 ) -> None:
-    """Velocity change of the bodies by the pressure on them."""
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO or wetted.count[w] == 0:
-        return
-    gather_wrench(grid, wetted, system, w, wetted.count[w], system.x[w])
-    respond(grid, solids, bodies, wetted, w, dt)
-    for b in range(solids.bodies):
-        if bodies[w, b].active == 1:
-            bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
-            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+    """out: pressure at points, linear between cells."""
+    w, i = wp.tid()
+    out[w, i] = gather(grid, fields.pressure[w], stencil(grid, points[i], 3))

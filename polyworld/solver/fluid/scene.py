@@ -146,12 +146,8 @@ def build_solids(world: World) -> tuple[layout.Solids, list[Any]]:
     table = _Table(world)
     for body, item in enumerate(world.objects):
         pose = geometry.quaternion_matrix(np.asarray(item.orientation, dtype=float))
-        if isinstance(item.shape, Compound):
-            for part, place in zip(item.shape.parts, compound_places(item.shape), strict=True):
-                turn = geometry.quaternion_matrix(np.asarray(part.orientation, dtype=float))
-                table.add(part.shape, body, place, turn, pose)
-        else:
-            table.add(item.shape, body, np.zeros(3), np.eye(3), pose)
+        for piece in geometry.pieces(item.shape):
+            table.add(piece.shape, body, piece.position, piece.rotation, pose)
     moving = len(table.rows)
     for static in world.statics:
         position = np.asarray(static.position, dtype=float)
@@ -175,14 +171,6 @@ def build_solids(world: World) -> tuple[layout.Solids, list[Any]]:
         table.rows[-1]["rotation"] = turn
     _add_cut_sides(world, table)
     return _solids(world, table, moving), table.meshes
-
-
-def compound_places(shape: Compound) -> Array:
-    """Places (parts, 3) of the pieces of a compound from its centre of mass."""
-    places = np.array([p.position for p in shape.parts], dtype=float)
-    volumes = np.array([geometry.mass_properties(p.shape).volume for p in shape.parts])
-    centred: Array = places - (volumes @ places) / volumes.sum()
-    return centred
 
 
 def _add_cut_sides(world: World, table: _Table) -> None:

@@ -10,67 +10,147 @@ from numpy.typing import NDArray
 
 from polyworld.meshing.fluid import fluid_particles
 from polyworld.representations.fluid import Fluid
-from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.fluid import covering, drift, layout, motion, pressure, surface, transfer, viscosity
+from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
+from polyworld.solver.fluid import (
+    bodies,
+    covering,
+    drift,
+    immersed,
+    motion,
+    pressure,
+    sources,
+    storage,
+    surface,
+    tension,
+    transfer,
+    viscosity,
+)
+from polyworld.solver.fluid.sampling import build_samples
 from polyworld.solver.fluid.scene import build_grid, build_solids
+from polyworld.solver.fluid.supply import build_sources, particles_needed
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-FLIP = 0.0
 FLUID_PARAMETERS = ("density", "viscosity", "surface_tension")
 
 
 class FluidSolver:
-    """The fluids of a world in `n_worlds` variants over at most `horizon` seconds."""
+    """The fluids of a world in `n_worlds` variants over at most `horizon` seconds.
+
+    A coupling step is `lend` before the rigid step (so that joints and contacts hold against the fluid's push), the
+    rigid step, then `step`. Both are launches of kernels alone and may be captured in a graph.
+    """
 
     def __init__(self, world: World, n_worlds: int, horizon: float) -> None:
+        """Raises ValueError for a plane across the axes, and for more particles than fit."""
         self.world, self.n_worlds, self.horizon = world, n_worlds, horizon
         self.fluids: tuple[Fluid, ...] = tuple(d for d in world.deformables if isinstance(d, Fluid))
         self.names = tuple(f.name for f in self.fluids)
         self.grid = build_grid(world)
         self.solids, self._meshes = build_solids(world)
         self._seeds = [fluid_particles(world, f) for f in self.fluids]
-        self._allocate()
-        self._bodies: Any = _zeros((n_worlds, max(len(world.objects), 1)), Body)
-        self._nodes: Nodes | None = None
-        wp.launch(
-            covering.cover_by_statics, dim=self.grid.cells, inputs=[self.grid, self.solids, self._fields], device="cpu"
-        )
-        self.write({f.name: {p: np.array([getattr(f, p)]) for p in FLUID_PARAMETERS} for f in self.fluids})
+        g, w = self.grid, n_worlds
+        self._rates = {e.name: e.rate for e in world.emitters}
+        self._particles = storage.particle_arrays(g, w, 1)
+        self._fields = storage.field_arrays(g, w)
+        self._system = storage.system_arrays(g, w)
+        self._wetted = storage.wetted_arrays(g, self.solids, w)
+        self._viscous = storage.viscous_arrays(g, w)
+        self._pace = storage.pace_arrays(w)
+        self._tense = -1
+        self._tension: Any = None
+        self._sources = build_sources(world, self.names, w, g.thin)
+        self._liquids = _liquids(self.fluids)
+        self._bodies: Any = storage.zeros((w, max(len(world.objects), 1)), Body)
+        self._samples: Any = None
+        self._nodes: Any = None
+        wp.launch(covering.cover_by_statics, dim=g.cells, inputs=[g, self.solids, self._fields], device="cpu")
+        self.write({})
         self.reset()
 
     def bind(self, bodies: Any, nodes: Nodes | None = None) -> None:
-        """Take part with the bodies (W, n + s) `layout.Body`, or None, and the nodes of another solver's state."""
+        """Take part with bodies (W, n + s) `spatial.layout.Body` (None where there are none) and nodes, in place."""
         if bodies is not None:
             self._bodies = bodies
-        self._nodes = nodes
+        if nodes is None or not nodes.first:
+            return
+        arrays = immersed.NodeArrays()
+        arrays.x, arrays.v, arrays.active = nodes.x, nodes.v, nodes.active
+        arrays.mass, arrays.inverse_mass = nodes.mass, nodes.inverse_mass
+        self._node_source, self._nodes = nodes, arrays
+        self._samples = build_samples(self.world, nodes.first, self.n_worlds, self.grid.cells, self.grid.thin)
 
-    def write(self, fields: Fields) -> None:
-        """Parameter values: fluid or emitter -> parameter -> (1,) or (W,)."""
-        names = self.names
-        for name in FLUID_PARAMETERS:
-            setattr(self._liquids, name, parameter_row(fields, names, name))
+    def write(self, fields: Fields) -> bool:
+        """Take values (1,) or (W,): fluid -> density, viscosity, surface_tension; emitter -> rate; else the world's.
+
+        True where arrays were made anew, so that a captured graph must be captured again.
+        """
+        anew = False
+        for parameter in FLUID_PARAMETERS:
+            rows = [fields.get(f.name, {}).get(parameter, np.array([getattr(f, parameter)])) for f in self.fluids]
+            anew |= _write(self._liquids, parameter, rows)
+        rates = [fields.get(e.name, {}).get("rate", np.array([e.rate])) for e in self.world.emitters]
+        if rates:
+            anew |= _write(self._sources, "rate", rates)
+        self._rates = {e.name: float(np.max(r)) for e, r in zip(self.world.emitters, rates, strict=True)}
+        seeded = sum(len(s.nodes) for s in self._seeds)
+        needed = particles_needed(self.world, seeded, self._rates, self.particle_volume, self.horizon)
+        if needed > self._particles.x.shape[1]:
+            self._particles = storage.particle_arrays(self.grid, self.n_worlds, needed)
+            self.reset()
+            anew = True
+        tense = int(bool((self._liquids.surface_tension.numpy() > 0.0).any()))
+        if tense != self._tense:
+            self._tense, anew = tense, True
+            self._tension = storage.tension_arrays(self.grid, self.n_worlds, bool(tense))
+        return anew
 
     def reset(self) -> None:
         """Back to the initial state."""
         p = self._particles
-        x = np.concatenate([s.nodes for s in self._seeds])
-        count = len(x)
-        p.x.numpy()[:, :count] = x
-        p.v.numpy()[:, :count] = np.concatenate(
-            [np.tile(f.velocity, (len(s.nodes), 1)) for f, s in zip(self.fluids, self._seeds, strict=True)]
-        )
-        p.gradient.zero_()
+        counts = [len(s.nodes) for s in self._seeds]
+        seeded = sum(counts)
+        if p.x.shape[1] < seeded:
+            return  # the first `write` makes room
         p.fluid.fill_(-1)
-        p.fluid.numpy()[:, :count] = np.repeat(np.arange(len(self.fluids)), [len(s.nodes) for s in self._seeds])
-        p.used.fill_(count)
+        p.gradient.zero_()
+        if seeded:
+            p.x.numpy()[:, :seeded] = np.concatenate([s.nodes for s in self._seeds])
+            v = np.repeat(np.array([f.velocity for f in self.fluids]), counts, axis=0)
+            if self.grid.thin >= 0:
+                v[:, self.grid.thin] = 0.0
+            p.v.numpy()[:, :seeded] = v
+            p.fluid.numpy()[:, :seeded] = np.repeat(np.arange(len(counts)), counts)
+        p.used.fill_(seeded)
         self._fields.pressure.zero_()
+        wet, s = self._wetted, self._sources
+        for array in (wet.forecast, wet.forecast_torque, wet.lent, wet.lent_turn, self._system.overflow):
+            array.zero_()
+        for array in (s.due, s.allowed, s.emitted, s.drained, s.full):
+            array.zero_()
+
+    def lend(self, clock: Clock) -> None:
+        """Before the rigid step: bodies get the impulse that the fluid gave them in the last one; `step` takes it back.
+
+        Joints and contacts then bear the weight of the fluid. Without it a light body held under a heavy fluid
+        gives way.
+        """
+        if self.solids.bodies:
+            self._launch(bodies.lend_forecast, self.grid, self.solids, self._wetted, self._bodies, clock.h)
 
     def step(self, clock: Clock) -> None:
-        """Advance by clock.h; bodies and nodes take the fluid's impulses."""
+        """Advance by clock.h, in sub-steps; bodies and nodes take the fluid's impulses."""
         self._liquids.gravity = clock.gravity
+        self._h = clock.h
+        if self._nodes is not None:  # their masses may have been made anew
+            self._nodes.mass, self._nodes.inverse_mass = self._node_source.mass, self._node_source.inverse_mass
+        if self._sources.emitters or self._sources.drains:
+            inputs = (self.grid, self._particles, self._sources, clock.time, clock.h)
+            self._launch(sources.emit_and_drain, *inputs)
+        if self.solids.bodies:
+            self._launch(bodies.take_back, self.solids, self._wetted, self._bodies)
         self._launch(transfer.begin_step, self._pace, clock.h)
         wp.capture_while(self._pace.go, self._substep)
 
@@ -82,106 +162,98 @@ class FluidSolver:
         x[fluid < 0], v[fluid < 0] = np.nan, np.nan
         return x, v, fluid
 
+    def amount(self, lower: Array, upper: Array) -> Array:
+        """Volume (W, F) of each fluid inside a box [m^3]; per metre of thickness in a plane [m^2]."""
+        x, _, fluid = self.particles()
+        low, high = np.array(lower, dtype=float), np.array(upper, dtype=float)
+        if self.grid.thin >= 0:
+            low[self.grid.thin], high[self.grid.thin] = -np.inf, np.inf
+        inside = ((x >= low) & (x <= high)).all(axis=2)
+        counts = [(inside & (fluid == f)).sum(axis=1) for f in range(len(self.fluids))]
+        return np.stack(counts, axis=1) * self.particle_volume
+
+    def flow(self) -> dict[str, Array]:
+        """Volume (W,) that each emitter has sent, and each drain has taken, so far [m^3]; [m^2] in a plane."""
+        sent = self._sources.emitted.numpy() * self.particle_volume
+        taken = self._sources.drained.numpy() * self.particle_volume
+        flows = {e.name: sent[:, i].copy() for i, e in enumerate(self.world.emitters)}
+        flows.update({d.name: taken[:, i].copy() for i, d in enumerate(self.world.drains)})
+        return flows
+
+    def pressure_at(self, points: Array) -> Array:
+        """Pressure (W, k) above the air's at points (k, 3) [Pa], linear between the centres of cells."""
+        out = storage.zeros((self.n_worlds, len(points)), wp.float64)
+        at = wp.array(np.ascontiguousarray(points, dtype=float), dtype=wp.vec3d, device="cpu")
+        wp.launch(pressure.read_pressure, dim=out.shape, inputs=[self.grid, self._fields, at, out], device="cpu")
+        result: Array = out.numpy()
+        return result
+
     @property
     def particle_volume(self) -> float:
         """Volume of a particle [m^3]; per metre in a plane [m^2]."""
         return float(self._particles.volume)
 
+    @property
+    def full(self) -> NDArray[np.bool_]:
+        """Worlds (W,) in which an emitter found no room for a particle."""
+        result: NDArray[np.bool_] = self._sources.full.numpy() > 0
+        return result
+
     def _substep(self) -> None:
         g, f, s, pace, b = self.grid, self._fields, self.solids, self._pace, self._bodies
-        p, q, wet, sys = self._particles, self._liquids, self._wetted, self._system
+        p, q, wet, rows = self._particles, self._liquids, self._wetted, self._system
         go = self._launch
         go(transfer.choose_step, g, p, q, f, pace, b, len(self.world.objects))
         go(transfer.clear, g, f, pace)
         go(transfer.particles_to_grid, g, p, q, f, pace)
+        immersed_soft = self._samples is not None and self._samples.solid_mass.shape[2] > 1
+        if immersed_soft:
+            go(immersed.immerse_soft, g, f, self._samples, self._nodes, pace)
         go(transfer.momentum_to_velocity, g, f, pace)
+        if self._samples is not None:
+            go(immersed.drag_thin, g, f, self._samples, self._nodes, pace)
         go(covering.cover_by_bodies, g, s, f, b, pace, wet)
         go(surface.find_surface, g, f, pace)
-        go(transfer.add_gravity, g, q, f, pace)
-        if self._has_viscosity:
-            go(viscosity.gather_viscosity, g, p, q, s, f, self._viscous, b, pace)
-            go(viscosity.diffuse, g, f, self._viscous, pace)
-        go(pressure.build_pressure, g, f, sys, wet, pace)
-        go(pressure.solve_pressure, g, s, f, sys, wet, b, pace)
-        go(pressure.push_liquid, g, f, sys, pace)
-        go(pressure.push_bodies, g, s, sys, wet, b, pace)
+        if self._tense:
+            go(tension.find_tension, g, p, q, f, self._tension, pace)
+        go(viscosity.gather_viscosity, g, p, q, s, f, self._viscous, b, pace)
+        go(viscosity.diffuse, g, f, self._viscous, pace)
+        go(pressure.build_pressure, g, f, rows, wet, self._tension, self._tense, pace)
+        go(pressure.solve_pressure, g, s, f, rows, wet, b, pace)
+        go(pressure.push_liquid, g, f, self._tension, self._tense, pace)
+        if s.bodies:
+            go(bodies.push_bodies, g, s, rows, wet, b, self._h, pace)
+        if immersed_soft:
+            go(immersed.lift_soft, g, f, self._samples, self._nodes, pace)
+        if self._samples is not None:
+            go(immersed.lift_thin, g, f, self._samples, self._nodes, pace)
         go(motion.continue_velocity, g, f, pace)
         go(motion.slide_along_solids, g, s, f, b, pace)
-        if self._has_viscosity:
-            go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
-        go(drift.find_shift, g, f, sys, pace)
-        go(motion.move_particles, g, s, p, f, b, pace, wp.float64(FLIP))
+        go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
+        go(drift.find_shift, g, f, rows, pace)
+        go(motion.move_particles, g, s, p, f, b, pace)
 
     def _launch(self, kernel: Any, *inputs: Any) -> None:
         wp.launch(kernel, dim=self.n_worlds, inputs=list(inputs), device="cpu")
 
-    def _allocate(self) -> None:
-        w, c = self.n_worlds, self.grid.cells
-        particles = max(sum(len(s.nodes) for s in self._seeds), 1)
-        p = layout.Particles()
-        p.x, p.v = _zeros((w, particles), wp.vec3d), _zeros((w, particles), wp.vec3d)
-        p.gradient, p.fluid = _zeros((w, particles), wp.mat33d), _zeros((w, particles), wp.int32)
-        p.used, p.volume = _zeros((w,), wp.int32), self.grid.volume / layout.PER_AXIS ** (3 if self.grid.thin < 0 else 2)
-        f = layout.Fields()
-        for name in ("velocity", "old", "mass", "bulk", "open", "shift"):
-            setattr(f, name, _zeros((w, 3, c), wp.float64))
-        for name in ("room", "content", "filled", "level", "pressure"):
-            setattr(f, name, _zeros((w, c), wp.float64))
-        f.known, f.unknown = _zeros((w, 3, c), wp.int32), _zeros((w, c), wp.int32)
-        f.static_open, f.static_room = _zeros((3, c), wp.float64), _zeros((c,), wp.float64)
-        f.static_distance, f.window = _zeros((c,), wp.float64), _zeros((w, 6), wp.int32)
-        rows = min(c, 4 * particles + 1000)
-        s = layout.System()
-        s.rows = rows
-        s.n, s.iterations, s.overflow = (_zeros((w,), wp.int32) for _ in range(3))
-        s.cell = _zeros((w, rows + 1), wp.int32)
-        s.plus, s.minus = _zeros((w, 3, rows + 1), wp.int32), _zeros((w, 3, rows + 1), wp.int32)
-        s.coupling = _zeros((w, 3, rows + 1), wp.float64)
-        for name in ("diagonal", "precondition", "x", "residual", "z", "search", "product"):
-            setattr(s, name, _zeros((w, rows + 1), wp.float64))
-        f.unknown.fill_(-1)
-        self._particles, self._fields, self._system = p, f, s
-        self._wetted = self._allocate_wetted()
-        pace = layout.Pace()
-        pace.left, pace.dt, pace.fastest = (_zeros((w,), wp.float64) for _ in range(3))
-        pace.go, pace.steps = _zeros((1,), wp.int32), _zeros((w,), wp.int32)
-        self._pace = pace
-        self._viscous = self._allocate_viscous()
-        q = layout.Liquids()
-        q.slip = wp.array([int(f.slip) for f in self.fluids] or [1], dtype=wp.int32, device="cpu")
-        q.gravity = wp.array([self.world.environment.gravity], dtype=wp.vec3d, device="cpu")
-        self._liquids = q
 
-    def _allocate_viscous(self) -> layout.Viscous:
-        w, c = self.n_worlds, self.grid.cells
-        self._has_viscosity = True
-        v = layout.Viscous()
-        v.amount, v.sticky = _zeros((w, c), wp.float64), _zeros((w, c), wp.float64)
-        v.kind = _zeros((w, 3, c), wp.int32)
-        for name in ("mass", "residual", "search", "product", "diagonal"):
-            setattr(v, name, _zeros((w, 3, c), wp.float64))
-        v.active, v.iterations = _zeros((w,), wp.int32), _zeros((w,), wp.int32)
-        return v
+def _liquids(fluids: tuple[Fluid, ...]) -> Any:
+    from polyworld.solver.fluid.layout import Liquids
 
-    def _allocate_wetted(self) -> layout.Wetted:
-        w, n = self.n_worlds, max(len(self.world.objects), 1)
-        rows = self.solids.solids.numpy()[: self.solids.moving]
-        capacity = 1
-        for solid in rows:
-            # Cells of three layers around a ball that holds the solid, three faces each.
-            r = min(float(solid["bound"]), 1e3) / self.grid.cell + 2.0
-            layers = 4.0 * np.pi * r**2 * 3.0 if self.grid.thin < 0 else 2.0 * np.pi * r * 3.0
-            capacity += int(min(layers, self.grid.cells) * 3)
-        wet = layout.Wetted()
-        wet.capacity = capacity
-        wet.count = _zeros((w,), wp.int32)
-        for name in ("lower", "upper", "body", "axis", "face"):
-            setattr(wet, name, _zeros((w, capacity), wp.int32))
-        wet.cover, wet.arm = _zeros((w, capacity), wp.float64), _zeros((w, capacity), wp.vec3d)
-        for name in ("force", "torque", "push", "turn"):
-            setattr(wet, name, _zeros((w, n), wp.vec3d))
-        return wet
+    q = Liquids()
+    q.slip = wp.array([int(f.slip) for f in fluids], dtype=wp.int32, device="cpu")
+    for name in FLUID_PARAMETERS:
+        setattr(q, name, storage.zeros((0, 0), wp.float64))
+    return q
 
 
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
+def _write(holder: Any, name: str, columns: list[Array]) -> bool:
+    """Write columns of (1,) or (W,) values as (R, n) in place; True where the array was made anew."""
+    rows = max(len(np.atleast_1d(c)) for c in columns)
+    values = np.stack([np.broadcast_to(c, (rows,)) for c in columns], axis=1)
+    kept = getattr(holder, name)
+    if tuple(kept.shape) == values.shape:
+        kept.numpy()[:] = values
+        return False
+    setattr(holder, name, wp.array(np.ascontiguousarray(values, dtype=float), dtype=wp.float64, device="cpu"))
+    return True

@@ -12,6 +12,7 @@ from polyworld.solver.spatial.layout import Body
 wp.set_module_options(OPTIONS)
 
 COURANT = wp.float64(1.0)  # edges that the fastest particle crosses in a sub-step
+CAPILLARY = wp.float64(0.28)  # 1 / sqrt(4 pi)
 MARGIN = 3  # cells of the window around the particles
 
 
@@ -65,7 +66,14 @@ def choose_step(
             fastest = wp.max(fastest, wp.length(bodies[w, b].v))
     fastest += wp.length(liquids.gravity[w % liquids.gravity.shape[0]]) * left
     pace.fastest[w] = fastest
-    parts = wp.ceil(left * fastest / (COURANT * grid.cell))
+    parts = left * fastest / (COURANT * grid.cell)
+    for f in range(liquids.density.shape[1]):
+        # Capillary waves of two cells' length (Brackbill, Kothe, Zemach 1992).
+        sigma = liquids.surface_tension[w % liquids.surface_tension.shape[0], f]
+        rho = liquids.density[w % liquids.density.shape[0], f]
+        shortest = CAPILLARY * wp.sqrt(rho * grid.cell * grid.cell * grid.cell)
+        parts = wp.max(parts, left * wp.sqrt(sigma) / shortest)
+    parts = wp.ceil(parts)
     parts = wp.max(parts, ONE)
     pace.dt[w] = left / parts
     pace.steps[w] = pace.steps[w] + 1
@@ -96,11 +104,12 @@ def clear(grid: Grid, fields: Fields, pace: Pace) -> None:
 
 @wp.kernel
 def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace) -> None:
-    """Adds the particles' volume, mass and momentum to the faces, and their volume to the cells."""
+    """Adds the particles' volume, mass and momentum, gravity's included, to the faces, their volume to the cells."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     volume = particles.volume
+    fall = liquids.gravity[w % liquids.gravity.shape[0]] * pace.dt[w]
     content = fields.content[w]
     for p in range(particles.used[w]):
         f = particles.fluid[w, p]
@@ -108,7 +117,7 @@ def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields
             continue
         mass = volume * liquids.density[w % liquids.density.shape[0], f]
         x = particles.x[w, p]
-        v = particles.v[w, p]
+        v = particles.v[w, p] + fall
         gradient = particles.gradient[w, p]
         for a in range(3):
             if grid.wide[a] == 0:
@@ -123,7 +132,7 @@ def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields
 
 @wp.kernel
 def momentum_to_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
-    """Faces' velocity from their momentum; `old` keeps it as it was before any force."""
+    """Faces' velocity from their momentum."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
@@ -137,20 +146,3 @@ def momentum_to_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
                     if m > ZERO:
                         u = fields.velocity[w, a, c] / m
                     fields.velocity[w, a, c] = u
-                    fields.old[w, a, c] = u
-
-
-@wp.kernel
-def add_gravity(grid: Grid, liquids: Liquids, fields: Fields, pace: Pace) -> None:
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO:
-        return
-    g = liquids.gravity[w % liquids.gravity.shape[0]]
-    for i in range(fields.window[w, 0], fields.window[w, 3]):
-        for j in range(fields.window[w, 1], fields.window[w, 4]):
-            for k in range(fields.window[w, 2], fields.window[w, 5]):
-                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                for a in range(3):
-                    if fields.mass[w, a, c] > ZERO:
-                        fields.velocity[w, a, c] += dt * g[a]

@@ -165,19 +165,22 @@ def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int,
             viscous.amount[w, c] + viscous.amount[w, ca] + viscous.amount[w, cb] + viscous.amount[w, cab]
         )
     else:
-        s.weight = HALF * _mean_sticky(fields, viscous, w, c, ca, cb, cab)  # half of the edge's volume is solid
+        s.weight = _mean_sticky(fields, viscous, w, c, ca, cb, cab)
     if s.weight <= ZERO:
         return s
-    ga = ONE / grid.cell
-    gb = ONE / grid.cell
+    da = wp.float64(1.0)  # distances between the two samples, or between one and the wall, in edges
+    db = wp.float64(1.0)
     if k0 == LIQUID and k1 == SOLID:
-        ga /= _reach(grid, fields, a, c)
+        da = _reach(grid, fields, a, c)
     if k0 == SOLID and k1 == LIQUID:
-        ga /= _reach(grid, fields, a, cb)
+        da = _reach(grid, fields, a, cb)
     if k2 == LIQUID and k3 == SOLID:
-        gb /= _reach(grid, fields, b, c)
+        db = _reach(grid, fields, b, c)
     if k2 == SOLID and k3 == LIQUID:
-        gb /= _reach(grid, fields, b, ca)
+        db = _reach(grid, fields, b, ca)
+    s.weight *= da * db  # the part of the edge's volume that is liquid
+    ga = ONE / (grid.cell * da)
+    gb = ONE / (grid.cell * db)
     s.a_above = ga
     s.a_below = -ga
     s.b_above = gb

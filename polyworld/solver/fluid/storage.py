@@ -1,0 +1,98 @@
+"""Arrays of the fluid solver, allocated once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from polyworld.solver.fluid import layout
+
+
+def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
+    """A Warp array of zeros on the CPU."""
+    return wp.zeros(shape, dtype=dtype, device="cpu")
+
+
+def particle_arrays(grid: layout.Grid, worlds: int, rows: int) -> layout.Particles:
+    p = layout.Particles()
+    p.x, p.v = zeros((worlds, rows), wp.vec3d), zeros((worlds, rows), wp.vec3d)
+    p.gradient, p.fluid = zeros((worlds, rows), wp.mat33d), zeros((worlds, rows), wp.int32)
+    p.used = zeros((worlds,), wp.int32)
+    p.volume = grid.volume / layout.PER_AXIS ** (3 if grid.thin < 0 else 2)
+    return p
+
+
+def field_arrays(grid: layout.Grid, worlds: int) -> layout.Fields:
+    w, c = worlds, grid.cells
+    f = layout.Fields()
+    for name in ("velocity", "push", "mass", "bulk", "open", "shift"):
+        setattr(f, name, zeros((w, 3, c), wp.float64))
+    for name in ("room", "content", "filled", "level", "pressure"):
+        setattr(f, name, zeros((w, c), wp.float64))
+    f.known, f.unknown = zeros((w, 3, c), wp.int32), wp.full((w, c), -1, dtype=wp.int32, device="cpu")
+    f.static_open, f.static_room = zeros((3, c), wp.float64), zeros((c,), wp.float64)
+    f.static_distance, f.window = zeros((c,), wp.float64), zeros((w, 6), wp.int32)
+    return f
+
+
+def system_arrays(grid: layout.Grid, worlds: int) -> layout.System:
+    """Equations for as many cells as the box has: a few thin splashes fill many cells with few particles."""
+    w = worlds
+    rows = int(np.prod(np.array(list(grid.upper)) - np.array(list(grid.lower))))
+    s = layout.System()
+    s.rows = rows
+    s.n, s.iterations, s.overflow = (zeros((w,), wp.int32) for _ in range(3))
+    s.cell = zeros((w, rows + 1), wp.int32)
+    s.plus, s.minus = zeros((w, 3, rows + 1), wp.int32), zeros((w, 3, rows + 1), wp.int32)
+    s.coupling = zeros((w, 3, rows + 1), wp.float64)
+    for name in ("diagonal", "precondition", "x", "residual", "z", "search", "product"):
+        setattr(s, name, zeros((w, rows + 1), wp.float64))
+    return s
+
+
+def wetted_arrays(grid: layout.Grid, solids: layout.Solids, worlds: int) -> layout.Wetted:
+    """Room for the faces that bodies cover: three layers of cells around a ball that holds each solid."""
+    w, n = worlds, max(solids.bodies, 1)
+    capacity = 1
+    for solid in solids.solids.numpy()[: solids.moving]:
+        r = min(float(solid["bound"]), 1e3) / grid.cell + 2.0
+        layers = 4.0 * np.pi * r**2 * 4.0 if grid.thin < 0 else 2.0 * np.pi * r * 4.0
+        capacity += int(min(layers, grid.cells) * 3)
+    wet = layout.Wetted()
+    wet.capacity = capacity
+    wet.count = zeros((w,), wp.int32)
+    for name in ("lower", "upper", "body", "axis", "face"):
+        setattr(wet, name, zeros((w, capacity), wp.int32))
+    wet.cover, wet.arm = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.vec3d)
+    for name in ("force", "torque", "push", "turn", "forecast", "forecast_torque", "lent", "lent_turn"):
+        setattr(wet, name, zeros((w, n), wp.vec3d))
+    return wet
+
+
+def viscous_arrays(grid: layout.Grid, worlds: int) -> layout.Viscous:
+    w, c = worlds, grid.cells
+    v = layout.Viscous()
+    v.amount, v.sticky = zeros((w, c), wp.float64), zeros((w, c), wp.float64)
+    v.kind = zeros((w, 3, c), wp.int32)
+    for name in ("mass", "residual", "search", "product", "diagonal"):
+        setattr(v, name, zeros((w, 3, c), wp.float64))
+    v.active, v.iterations = zeros((w,), wp.int32), zeros((w,), wp.int32)
+    return v
+
+
+def tension_arrays(grid: layout.Grid, worlds: int, tense: bool) -> layout.Tension:
+    w, c = (worlds, grid.cells) if tense else (1, 1)
+    t = layout.Tension()
+    for name in ("jump", "smooth", "other", "strength"):
+        setattr(t, name, zeros((w, c), wp.float64))
+    t.normal = zeros((w, 3, c), wp.float64)
+    return t
+
+
+def pace_arrays(worlds: int) -> layout.Pace:
+    p = layout.Pace()
+    p.left, p.dt, p.fastest = (zeros((worlds,), wp.float64) for _ in range(3))
+    p.go, p.steps = zeros((1,), wp.int32), zeros((worlds,), wp.int32)
+    return p
