@@ -9,10 +9,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import mesh_of
+from polyworld.meshing.soft import soft_form
 from polyworld.representations.soft import Soft
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.soft import SoftStage
-from polyworld.world import World
+from polyworld.world import Environment, World
 
 Array = NDArray[np.float64]
 PARAMETERS = ("density", "youngs_modulus", "poisson_ratio", "damping", "yield_stress")
@@ -47,10 +48,15 @@ class Bench:
     """
 
     def __init__(
-        self, *items: Soft, worlds: int = 1, parameters: dict[str, dict[str, Array]] | None = None, step: float = 1.0
+        self,
+        *items: Soft,
+        worlds: int = 1,
+        parameters: dict[str, dict[str, Array]] | None = None,
+        environment: Environment | None = None,
     ) -> None:
-        world = World(deformables=items)
+        world = World(deformables=items, environment=environment or Environment())
         self.mesh = {item.name: mesh_of(world, item) for item in items}
+        self.forms = {item.name: soft_form(world, item) for item in items}
         self.first, count = {}, 0
         for item in items:
             self.first[item.name] = count
@@ -82,7 +88,7 @@ class Bench:
         self.mass, self.inverse_mass = self.nodes.mass.numpy(), self.nodes.inverse_mass.numpy()
         self.x[:] = start
         self.rest = self.x.copy()
-        self.dt = np.broadcast_to(np.minimum(self.stage.stable_step(), step), (worlds,)).copy()
+        self.dt = np.broadcast_to(self.stage.stable_step(), (worlds,)).copy()
         dt = scalars(self.dt)
         self.rate = scalars(np.zeros(worlds))
         self.clock = Clock(
@@ -98,6 +104,32 @@ class Bench:
     def damp(self, rate: float) -> None:
         """Slow everything at a rate [1/s], to find rest."""
         self.rate.numpy()[:] = rate
+
+    def press(self, traction: Callable[[Array, Array], Array]) -> None:
+        """Load the surface of the one body: traction(centre, normal) [Pa] of each face or outline edge at rest.
+
+        A uniform traction on a straight face of six nodes acts on its three middles alike, and not on its corners; on
+        an edge of three nodes by Simpson's rule.
+        """
+        (form,) = self.forms.values()
+        faces = form.boundary
+        x = self.rest[0]
+        if form.planar:
+            along = x[faces[:, 1]] - x[faces[:, 0]]
+            area = np.linalg.norm(along, axis=1) * form.thickness
+            across = np.cross(x[form.elements[0, 1]] - x[form.elements[0, 0]], x[form.elements[0, 2]] - x[form.elements[0, 0]])
+            normal = np.cross(along, across)
+            shares = {0: 1 / 6, 1: 1 / 6, 2: 2 / 3}
+        else:
+            normal = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+            area = 0.5 * np.linalg.norm(normal, axis=1)
+            shares = {3: 1 / 3, 4: 1 / 3, 5: 1 / 3}
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        corners = faces[:, : 2 if form.planar else 3]
+        force = traction(x[corners].mean(axis=1), normal) * area[:, None]
+        for node, share in shares.items():
+            for w in range(len(self.load)):
+                np.add.at(self.load[w], faces[:, node], share * force)
 
     def _launch(self) -> None:
         n, dim = self.nodes, self.nodes.x.shape
