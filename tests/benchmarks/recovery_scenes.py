@@ -127,6 +127,7 @@ def _atwood(fine: bool) -> World:
         segments=40 if fine else 16,
         linear_density=0.02,
         stretch_stiffness=2e4,
+        stretch_damping=0.002,
     )
     return World(
         environment=SIDE,
@@ -156,7 +157,7 @@ def _atwood(fine: bool) -> World:
 
 
 def _flag(fine: bool) -> World:
-    cells = 16 if fine else 8
+    cells = 20 if fine else 10
     cloth = Cloth(
         name="cloth",
         geometry=Sheet(
@@ -172,7 +173,7 @@ def _flag(fine: bool) -> World:
     return World(
         deformables=(cloth,),
         attachments=(
-            Attachment(name="edge", object="cloth", region=Region(lower=(-1.0, -1.0, -1.0), upper=(0.051, 1.0, 1.0))),
+            Attachment(name="edge", object="cloth", region=Region(lower=(-1.0, -1.0, -1.0), upper=(0.001, 1.0, 1.0))),
         ),
         time=_time(fine, 0.02, 0.002),
     )
@@ -350,12 +351,12 @@ def scenes() -> list[Scene]:
             _flag,
             {
                 "objects.cloth.stretch_stiffness": 41.0,
-                "objects.cloth.bending_stiffness": 6e-4,
+                "objects.cloth.bending_stiffness": 2e-3,
                 "objects.cloth.linear_damping": 0.8,
             },
             [
                 log("objects.cloth.stretch_stiffness", 10.0, 300.0, 60.0),
-                log("objects.cloth.bending_stiffness", 1e-6, 1e-2, 1e-4),
+                log("objects.cloth.bending_stiffness", 1e-5, 1e-1, 1e-3),
                 linear("objects.cloth.linear_damping", 0.0, 3.0, 1.5),
             ],
             40,
