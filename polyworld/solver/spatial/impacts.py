@@ -66,8 +66,8 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
     """
 
     @wp.func(inline=False)
-    def rebound(joints: Joints, state: State, w: int, i: int, offset: int) -> wp.float64:
-        """Resolve the impact of one pair; returns its normal impulse [N s].
+    def rebound(joints: Joints, state: State, w: int, i: int, last: int, offset: int) -> wp.float64:
+        """Resolve the impact of one pair, whose manifolds are [i, last); returns its normal impulse [N s].
 
         All points rebound with the restitution times their own approach speed (Moreau's form of Newton's law, which
         for frictionless bodies keeps the energy where it is 1). With friction Newton's law can create energy in
@@ -77,17 +77,20 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         a = state.manifolds[w, i].a
         b = state.manifolds[w, i].b
         start = state.manifolds[w, i].first
-        end = start + state.manifolds[w, i].count
+        end = state.manifolds[w, last - 1].first + state.manifolds[w, last - 1].count
         restitution = state.manifolds[w, i].restitution
         allowed = energy(joints, state, w, a, b) * ENERGY_ROUNDING
         for trial in range(TRIALS):
-            for c in range(start, end):
-                r = ROWS * (c - offset)
-                clear_impulses(state, w, r)
-                state.contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
-                if state.contacts[w, c].gap > state.manifolds[w, i].close:
-                    state.contacts[w, c].target = NO_TARGET
-            solve_manifolds(joints, state, w, i, i + 1, offset, ITERATIONS, CONVERGED, wp.float64(0.0))
+            for m in range(i, last):
+                close = state.manifolds[w, m].close
+                first = state.manifolds[w, m].first
+                for c in range(first, first + state.manifolds[w, m].count):
+                    r = ROWS * (c - offset)
+                    clear_impulses(state, w, r)
+                    state.contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
+                    if state.contacts[w, c].gap > close:
+                        state.contacts[w, c].target = NO_TARGET
+            solve_manifolds(joints, state, w, i, last, offset, ITERATIONS, CONVERGED, wp.float64(0.0))
             if energy(joints, state, w, a, b) <= allowed or trial == TRIALS - 1:
                 break
             restitution = restitution * LESS
@@ -124,21 +127,25 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         while active == 1 and sweep < 8 + 4 * count:
             active = wp.int32(0)
             sweep += 1
-            for i in range(base, base + count):
+            last = wp.int32(base)
+            while last < base + count:
+                i = last  # the pair's manifolds, one of each piece or triangle, are [i, last)
                 a = state.manifolds[w, i].a
                 b = state.manifolds[w, i].b
-                close = state.manifolds[w, i].close
-                start = state.manifolds[w, i].first
                 fastest = wp.float64(0.0)
-                for c in range(start, start + state.manifolds[w, i].count):
-                    if state.contacts[w, c].gap <= close:
-                        fastest = wp.max(fastest, -velocity_along(state, w, a, b, ROWS * (c - offset)))
+                while last < base + count and state.manifolds[w, last].a == a and state.manifolds[w, last].b == b:
+                    close = state.manifolds[w, last].close
+                    start = state.manifolds[w, last].first
+                    for c in range(start, start + state.manifolds[w, last].count):
+                        if state.contacts[w, c].gap <= close:
+                            fastest = wp.max(fastest, -velocity_along(state, w, a, b, ROWS * (c - offset)))
+                    last += 1
                 if fastest <= threshold:
                     continue
                 state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
                 active = wp.int32(1)
                 resolved += 1
-                state.manifolds[w, i].impact += rebound(joints, state, w, i, offset)
+                state.manifolds[w, i].impact += rebound(joints, state, w, i, last, offset)
         return resolved
 
     return resolve_impacts
