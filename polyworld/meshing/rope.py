@@ -71,19 +71,21 @@ def threading(world: World, rope: Rope) -> Threading:
     wrap = np.array([angle for _, angle, _ in arcs])
     hidden = np.array([angle * radius for _, angle, radius in arcs])
     total = straight + float(hidden.sum())
-    length = total if rope.length is None else rope.length
-    # A stretched rope is stretched everywhere alike; a slack one lies full length on its wheels.
-    stretch = max(total / length, 1.0)
-    on_wheels = hidden / stretch
-    segment_length = (length - float(on_wheels.sum())) / rope.segments
     wheels = [float(along[k]) for k, _, _ in arcs]
     places = _places(straight, rope.segments, wheels)
+    nodes = np.stack([np.interp(places, along, corners[:, k]) for k in range(3)], axis=1)
+    length = rope.length
+    if length is None:  # of the chain itself, which cuts the corners: it begins without tension
+        length = total if pulleys else float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum())
+    # A stretched rope is stretched everywhere alike; a slack one lies full length on its wheels.
+    stretch = max(total / length, 1.0) if pulleys else 1.0
+    on_wheels = hidden / stretch
+    segment_length = (length - float(on_wheels.sum())) / rope.segments
     order, gaps = _order(rope, places, wheels)
     rest = gaps * (segment_length * rope.segments / straight)
     for p in range(len(pulleys)):
         k = int(np.flatnonzero(order == -1 - p)[0])
         rest[[k - 1, k]] += 0.5 * on_wheels[p]
-    nodes = np.stack([np.interp(places, along, corners[:, k]) for k in range(3)], axis=1)
     return Threading(nodes, pulleys, order, rest, segment_length, wrap)
 
 

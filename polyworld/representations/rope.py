@@ -27,7 +27,8 @@ class Rope(Description):
     )
     segments: int = Field(default=40, ge=1, le=5_000, description="number of segments it is divided into")
     length: Positive | None = Field(
-        default=None, description="length without tension [m]; default: that of the line through `points`"
+        default=None,
+        description="length without tension [m]; default: as long as its segments along `points` are at the start",
     )
     radius: Positive = Field(default=0.005, description="radius of the round cross-section, for contact [m]")
     linear_density: Positive = Field(default=0.05, description="mass per rest length [kg/m]")

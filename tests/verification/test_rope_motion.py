@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from tests.verification.rope_world import G, Array, ball, frequency, held, rope, run, world
+from tests.verification.rope_world import Array, G, ball, frequency, held, rope, run, world
 
 
 def bounce(stiffness: float, damping: float, segments: int = 20) -> tuple[float, float, float]:

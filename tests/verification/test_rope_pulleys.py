@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from polyworld import World
-from tests.verification.rope_world import G, Array, ball, held, rope, run, world
+from tests.verification.rope_world import Array, G, ball, held, rope, run, world
 
 RADIUS = 0.1
 DENSITY = 0.01
@@ -24,9 +24,7 @@ def atwood(m1: float, m2: float, segments: int = 30, density: float = DENSITY, *
         stretch_damping=0.005,
     )
     wheel = {"name": "wheel", "rope": "rope", "centre": [0, 0, 0], "radius": RADIUS, "after": 0, **pulley}
-    return world(
-        cord, objects=loads, attachments=[held("start", "left"), held("end", "right")], pulleys=[wheel]
-    )
+    return world(cord, objects=loads, attachments=[held("start", "left"), held("end", "right")], pulleys=[wheel])
 
 
 def fall(m1: float, m2: float, horizon: float, extra: float = 0.0, push: float = 0.0) -> float:
@@ -167,9 +165,7 @@ def test_swinging_atwood_machine(segments: int, tolerance: float) -> None:
         [start, [0, 0.5, 0], [0, 1, -1]], segments, linear_density=0.002, stretch_stiffness=2e4, stretch_damping=0.002
     )
     bodies = [ball("light", start, light), ball("heavy", [0, 1, -1], heavy)]
-    eyes = [
-        {"name": f"eye-{k}", "rope": "rope", "centre": [0, float(k), 0], "radius": 0.0, "after": k} for k in (0, 1)
-    ]
+    eyes = [{"name": f"eye-{k}", "rope": "rope", "centre": [0, float(k), 0], "radius": 0.0, "after": k} for k in (0, 1)]
     scene = world(cord, objects=bodies, attachments=[held("start", "light"), held("end", "heavy")], pulleys=eyes)
     trajectory, _ = run(scene, horizon)
     place = [exact[0] * np.sin(exact[2]), 0.0, -exact[0] * np.cos(exact[2])]

@@ -65,6 +65,8 @@ def bend(
     stiffness = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
     if h <= wp.float64(0.0) or stiffness <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
         return
+    if ropes.curved[r] == 1:
+        return
     damping = ropes.bending_damping[w % ropes.bending_damping.shape[0], r]
     rest = ropes.segment_length[r]
     shortest = rest * wp.float64(0.1)

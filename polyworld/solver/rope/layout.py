@@ -41,6 +41,8 @@ class Ropes:
     end_strength: wp.array2d[wp.float64]
     end_share: wp.array2d[wp.float64]
     twist_at_start: wp.array[wp.float64]  # angle from one clamped end to the other that makes no moment [rad]
+    curved: wp.array[wp.int32]  # 1 where the initial curve is the shape without moments
+    curvature: wp.array[wp.vec2d]  # of that shape before each link, in its material frames
     wheel_body: wp.array[wp.int32]
     wheel_centre: wp.array[wp.vec3d]  # in the carrier's or the world's axes
     wheel_axis: wp.array[wp.vec3d]  # unit, the rope goes round it counter-clockwise
@@ -103,6 +105,11 @@ class RopeState:
     attached: wp.array3d[wp.int32]
     wheels: wp.array2d[Wheel]
     twist: wp.array2d[wp.float64]  # (W, n) angle from one clamped end to the other [rad]
+    reference: wp.array2d[wp.vec3d]  # direction across a link of a curved rope, carried along in time
+    heading: wp.array2d[wp.vec3d]  # direction of the link when it was
+    theta: wp.array2d[wp.float64]  # angle from it to the material's direction [rad]
+    reference_twist: wp.array2d[wp.float64]  # angle from the link's before to the link's own [rad]
+    mean_tension: wp.array2d[wp.float64]  # over the coupling step so far
     direction: wp.array2d[wp.vec3d]
     compliance: wp.array2d[wp.float64]  # velocity per impulse that a link gives by its own stretch [1/kg]
     target: wp.array2d[wp.float64]

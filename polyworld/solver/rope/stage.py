@@ -14,9 +14,9 @@ from polyworld.meshing.rope import Threading, threading, unit_axis
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.rope import bending, passing, stretch, twist
+from polyworld.solver.rope import bending, curve, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends
-from polyworld.solver.rope.frames import across, parallel_angle
+from polyworld.solver.rope.frames import across, curvatures, parallel_angle, reference_frames
 from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
@@ -92,10 +92,15 @@ class RopeStage:
                 centre, axis = self._into_axes(pulley.object, centre), self._turn_into(pulley.object, axis)
             centres.append(centre)
             axes.append(axis)
-        angles = [
-            parallel_angle(t.nodes, e[0]["held"], e[1]["held"]) for t, e in zip(self.threads, ends, strict=True)
-        ]
+        angles = [parallel_angle(t.nodes, e[0]["held"], e[1]["held"]) for t, e in zip(self.threads, ends, strict=True)]
         ropes.twist_at_start = _floats(angles)
+        ropes.curved = _ints([int(r.curved_at_rest) for r in self.items])
+        self._frames = [
+            reference_frames(t.nodes, e[0]["held"]) if rope.curved_at_rest else (np.zeros((len(t.rest), 3)),) * 2
+            for rope, t, e in zip(self.items, self.threads, ends, strict=True)
+        ]
+        curves = np.concatenate([curvatures(*frames) for frames in self._frames])
+        ropes.curvature = wp.array(curves, dtype=wp.vec2d, device="cpu")
         ropes.wheel_body = _ints(carriers)
         ropes.wheel_centre = wp.array(np.array(centres).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
         ropes.wheel_axis = wp.array(np.array(axes).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
@@ -178,6 +183,8 @@ class RopeStage:
         state.attached = _zeros((w, n, 2), wp.int32)
         state.held = _zeros((w, links), wp.int32)
         state.direction = _zeros((w, links), wp.vec3d)
+        state.reference = _zeros((w, links), wp.vec3d)
+        state.heading = _zeros((w, links), wp.vec3d)
         state.before = _zeros((w, n), wp.float64)
         state.twist = _zeros((w, n), wp.float64)
         state.wheels = _zeros((w, pulleys), Wheel)
@@ -196,6 +203,9 @@ class RopeStage:
             "right",
             "forward",
             "change",
+            "theta",
+            "reference_twist",
+            "mean_tension",
         ):
             setattr(state, name, _zeros((w, links), wp.float64))
         return state
@@ -206,6 +216,10 @@ class RopeStage:
         """See `MaterialStage.write`."""
         self._fields = fields
         for rope, thread in zip(self.items, self.threads, strict=True):
+            if thread.pulleys and rope.curved_at_rest:
+                raise ValueError(
+                    f"rope {rope.name!r} runs over pulleys and cannot be curved_at_rest: give it curved_at_rest false"
+                )
             if thread.pulleys and np.any(fields[rope.name]["twist_stiffness"] > 0.0):
                 raise ValueError(
                     f"rope {rope.name!r} runs over pulleys: twist is not computed for it; give twist_stiffness 0"
@@ -232,7 +246,9 @@ class RopeStage:
         s.rest.numpy()[:] = np.concatenate([t.rest for t in self.threads])
         s.attached.numpy()[:] = self._ropes.end_body.numpy() >= 0
         s.elongation.numpy()[:] = np.nan
-        for name in ("tension", "held", "change"):
+        s.heading.numpy()[:] = np.concatenate([headings for headings, _ in self._frames])
+        s.reference.numpy()[:] = np.concatenate([frames for _, frames in self._frames])
+        for name in ("tension", "mean_tension", "held", "change", "theta", "reference_twist"):
             getattr(s, name).numpy()[:] = 0
         s.twist.numpy()[:] = self._ropes.twist_at_start.numpy()
         s.before.numpy()[:] = 1.0
@@ -305,6 +321,9 @@ class RopeStage:
         if self._clamped:
             arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.v, nodes.f]
             self._launch(bending.bend_clamped_ends, [*state, *arrays])
+        if any(rope.curved_at_rest for rope in self.items):
+            arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.v, nodes.f]
+            self._launch(curve.bend_curved, [*state, *arrays])
         if self._twists:
             arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.f]
             self._launch(twist.twist, [*state, *arrays])
@@ -318,6 +337,12 @@ class RopeStage:
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_positions`."""
+        wp.launch(
+            stretch.average_tensions,
+            dim=self._state.tension.shape,
+            inputs=[clock.dt, clock.inner, self._state.tension, self._state.mean_tension],
+            device="cpu",
+        )
         if self._state.wheels.shape[1] > 0:
             inputs = [self._ropes, self._state, self._bodies, clock.dt, nodes.active]
             self._launch(passing.pass_wheels, [*inputs, nodes.inverse_mass, nodes.x, nodes.v])
@@ -325,10 +350,10 @@ class RopeStage:
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """Tension of each segment [N], positive in pull: {rope: {"tension": (W, segments)}}.
 
-        A segment that runs over wheels has the mean of its parts' tensions.
+        It is the mean over the last coupling step, which the bodies' motion is computed in. A segment that runs over wheels has the mean of its parts' tensions.
         """
         found: dict[str, dict[str, Array]] = {}
-        tension, order = self._state.tension.numpy(), self._state.order.numpy()
+        tension, order = self._state.mean_tension.numpy(), self._state.order.numpy()
         elements = self._state.elements.numpy()
         first = self._ropes.first_link.numpy()
         for r, (rope, thread) in enumerate(zip(self.items, self.threads, strict=True)):

@@ -126,10 +126,7 @@ def prepare_links(
         elif k > 0:
             state.coupled[w, first + k - 1] = -ma * wp.dot(last, n)
         last = n
-        if b >= 0:
-            xa = xb
-        else:
-            xa = state.wheels[w, ropes.first_wheel[r] - 1 - b].leaves
+        xa = xb if b >= 0 else state.wheels[w, ropes.first_wheel[r] - 1 - b].leaves
         ma = mb
         state.target[w, first + k] = (elongation - beta * h * rate) / gain
         state.elongation[w, first + k] = elongation
@@ -386,3 +383,16 @@ def apply_tensions(
             v[w, i] = v[w, i] + impulse * inverse_mass[row, i]
         before = after
     push_end(ropes, state, bodies, v, w, r, 1, -before)
+
+
+@wp.kernel
+def average_tensions(
+    dt: wp.array[wp.float64],
+    inner: wp.array[wp.int32],
+    tension: wp.array2d[wp.float64],
+    mean: wp.array2d[wp.float64],
+) -> None:
+    """Mean tension over the inner steps of a coupling step."""
+    w, k = wp.tid()
+    if dt[w] > wp.float64(0.0):
+        mean[w, k] = mean[w, k] + (tension[w, k] - mean[w, k]) / wp.float64(inner[0] + 1)

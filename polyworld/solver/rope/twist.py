@@ -45,9 +45,7 @@ def end_vector(
 
 
 @wp.func
-def is_clamped(
-    ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float64], w: int, r: int, end: int
-) -> bool:
+def is_clamped(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float64], w: int, r: int, end: int) -> bool:
     """Whether an end's direction is held at this moment."""
     if ropes.clamped[r, end] == 0:
         return False
@@ -91,7 +89,14 @@ def twist(
     w, r = wp.tid()
     h = dt[w]
     stiffness = ropes.twist_stiffness[w % ropes.twist_stiffness.shape[0], r]
-    if h <= wp.float64(0.0) or stiffness <= wp.float64(0.0) or ropes.wheels[r] > 0 or active[w, ropes.first_node[r]] == 0:
+    if (
+        h <= wp.float64(0.0)
+        or stiffness <= wp.float64(0.0)
+        or ropes.wheels[r] > 0
+        or active[w, ropes.first_node[r]] == 0
+    ):
+        return
+    if ropes.curved[r] == 1:
         return
     if not (is_clamped(ropes, state, inverse_mass, w, r, 0) and is_clamped(ropes, state, inverse_mass, w, r, 1)):
         return

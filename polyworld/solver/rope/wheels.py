@@ -10,7 +10,7 @@ the square of the difference in strain between two neighbouring links.
 import warp as wp
 
 from polyworld.solver.rope.ends import point_mobility, point_velocity, push_body
-from polyworld.solver.rope.layout import Ropes, RopeState, Wheel
+from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
 wp.set_module_options(OPTIONS)
