@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.meshing.mesh import DeformableMesh
+from polyworld.representations.cloth import SurfaceMesh
 from polyworld.representations.fluid import Fluid, FluidVolume
+from polyworld.representations.soft import Soft
 from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.solver.fluid.clearance import clearance
 from polyworld.solver.fluid.layout import PER_AXIS
@@ -20,8 +22,8 @@ Array = NDArray[np.float64]
 def fluid_particles(world: World, item: Fluid) -> DeformableMesh:
     """Particles of one fluid at the start: nodes (k, 3), measure (k,) their equal volumes, radius (k,).
 
-    Lattice points inside its volumes and the fluid grid, outside statics and rigid objects that are there from the
-    start, and outside the volumes of fluids listed before it. The same world gives the same particles.
+    Lattice points inside its volumes and the fluid grid, outside statics, rigid objects and soft bodies that are there
+    from the start, and outside the volumes of fluids listed before it. The same world gives the same particles.
     """
     box = world.fluid_grid
     if box is None:
@@ -41,6 +43,10 @@ def fluid_particles(world: World, item: Fluid) -> DeformableMesh:
         if isinstance(other, Fluid):
             for part in other.volumes:
                 points = points[~_inside(part, points, thin)]
+    for solid in world.deformables:
+        if isinstance(solid, Soft) and solid.start_time == 0.0 and not isinstance(solid.shape, SurfaceMesh):
+            body = FluidVolume(shape=solid.shape, position=solid.position, orientation=solid.orientation)
+            points = points[~_inside(body, points, thin)]
     points = points[clearance(world, points) > 0.0]
     count = len(points)
     return DeformableMesh(nodes=points, measure=np.full(count, volume), radius=np.full(count, spacing / 2))

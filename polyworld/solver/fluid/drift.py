@@ -23,12 +23,14 @@ wp.set_module_options(OPTIONS)
 OPEN = wp.float64(1.0e-3)
 LARGEST = wp.float64(0.5)  # excess of content that is looked at
 NEGLIGIBLE = wp.float64(1.0e-4)
+PURE = wp.float64(0.05)  # a cell with less liquid than this belongs to a soft body
+SMALLEST = wp.float64(1.0e-12)
 TOLERANCE = wp.float64(1.0e-2)
 ITERATIONS = 50
 
 
 @wp.kernel
-def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace) -> None:
     """shift of every face [m]; its flow out of a cell is the share of the excess that this sub-step takes away."""
     w = wp.tid()
     dt = pace.dt[w]
@@ -38,7 +40,10 @@ def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
     n = system.n[w]
     none = system.rows
     # In the time that the liquid takes to cross half a cell, its content is put right.
-    rate = wp.min(ONE, wp.float64(2.0) * dt * pace.fastest[w] / h)
+    rate = wp.float64(2.0) * dt * pace.fastest[w] / h
+    if soft == 1:
+        rate *= wp.float64(5.0)  # soft bodies and liquid creep into each other: their samples move apart
+    rate = wp.min(ONE, rate)
     x = system.x[w]
     r = system.residual[w]
     z = system.z[w]
@@ -68,8 +73,9 @@ def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
         excess = wp.clamp(fields.filled[w, c] - ONE, -LARGEST, LARGEST)
         if surface == 1:
             excess = wp.max(excess, ZERO)
-        if diagonal <= ZERO:
-            diagonal = ONE
+        # Inside a soft body elasticity keeps the volume; its samples are no measure of it.
+        if diagonal <= ZERO or (soft == 1 and fields.liquid[w, c] < PURE * fields.content[w, c]):
+            diagonal = wp.max(diagonal, SMALLEST)
             excess = ZERO
         system.diagonal[w, i] = diagonal
         r[i] = rate * excess

@@ -84,6 +84,7 @@ def immerse_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays
         for j in range(fields.window[w, 1], fields.window[w, 4]):
             for k in range(fields.window[w, 2], fields.window[w, 5]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                fields.liquid[w, c] = fields.content[w, c]
                 for a in range(3):
                     samples.solid_mass[w, a, c] = ZERO
                     samples.solid_momentum[w, a, c] = ZERO
@@ -159,14 +160,37 @@ def lift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
             x = _place(samples, nodes, w, s)
             if _inside(grid, x) == 0 or _in_window(grid, fields, w, x) == 0:
                 continue
-            change = wp.vec3d()
+            gained = wp.vec3d()
             for a in range(3):
                 if grid.wide[a] == 1:
-                    change[a] = gather(grid, samples.solid_momentum[w, a], stencil(grid, x, a))
+                    gained[a] = gather(grid, samples.solid_momentum[w, a], stencil(grid, x, a))
             for n in range(4):
                 node = samples.node[s, n]
                 if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], node] > ZERO:
-                    nodes.v[w, node] = nodes.v[w, node] + samples.part[s, n] * change
+                    nodes.v[w, node] = nodes.v[w, node] + samples.part[s, n] * gained
+
+
+@wp.kernel
+def shift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+    """Soft bodies take their part in the shift that evens out the content where they and liquid overlap or part."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    for o in range(samples.kind.shape[0]):
+        if samples.wet[w, o] == 0:
+            continue
+        for s in range(samples.first[o], samples.last[o]):
+            x = _place(samples, nodes, w, s)
+            if _inside(grid, x) == 0 or _in_window(grid, fields, w, x) == 0:
+                continue
+            move = wp.vec3d()
+            for a in range(3):
+                if grid.wide[a] == 1:
+                    move[a] = gather(grid, fields.shift[w, a], stencil(grid, x, a))
+            for n in range(4):
+                node = samples.node[s, n]
+                if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], node] > ZERO:
+                    nodes.x[w, node] = nodes.x[w, node] + samples.part[s, n] * move
 
 
 @wp.func

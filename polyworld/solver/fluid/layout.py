@@ -56,8 +56,8 @@ class Fields:
 
     velocity: at first momentum. push: impulse per volume that pressure gave [N s/m^3]. mass, bulk: mass and volume that the face's neighbourhood
     holds. open: fraction of a face that is not solid. room: fraction of a cell and its surroundings that is not
-    solid. content: liquid volume around a cell's centre; filled: over
-    the room there. shift: move of the particles that evens out the content [m]. level: signed distance to the free surface, negative in the liquid [m].
+    solid. content: volume of liquid and soft bodies around a cell's centre,
+    liquid: of liquid alone; filled: content over the room there. shift: move of the particles that evens out the content [m]. level: signed distance to the free surface, negative in the liquid [m].
     pressure [Pa]. unknown: row of the pressure system, -1 for none. known: whether a face's velocity is.
     """
 
@@ -69,6 +69,7 @@ class Fields:
     known: wp.array3d[wp.int32]
     room: wp.array2d[wp.float64]
     content: wp.array2d[wp.float64]
+    liquid: wp.array2d[wp.float64]
     level: wp.array2d[wp.float64]
     pressure: wp.array2d[wp.float64]
     shift: wp.array3d[wp.float64]

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 CYLINDER_DRAG = 1.2  # across a line, on its diameter: circular cylinder at Re 1e3 to 1e5 (Hoerner 1965)
 CYLINDER_FRICTION = 0.02  # along a line, on its diameter
 SEALED = -1.0
+FINER = 1.5  # samples of soft bodies lie less evenly than particles: so many times closer
 
 
 class _Rows:
@@ -147,12 +148,12 @@ def _add_soft(rows: _Rows, item: Soft, mesh: DeformableMesh, first: int, spacing
     if thin >= 0:
         elements, share = mesh.triangles, item.thickness
         measure = _triangle_areas(mesh.nodes[elements]) * share
-        counts = measure / share / spacing**2
+        counts = measure / share / (spacing / FINER) ** 2
     else:
         elements, share = mesh.tetrahedra, 1.0
         p = mesh.nodes[elements]
         measure = np.abs(np.linalg.det(p[:, 1:] - p[:, :1])) / 6.0
-        counts = measure / spacing**3
+        counts = measure / (spacing / FINER) ** 3
     rows.add(
         first,
         elements,

@@ -230,7 +230,9 @@ class FluidSolver:
         go(motion.continue_velocity, g, f, pace)
         go(motion.slide_along_solids, g, s, f, b, pace)
         go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
-        go(drift.find_shift, g, f, rows, pace)
+        go(drift.find_shift, g, f, rows, int(immersed_soft), pace)
+        if immersed_soft:
+            go(immersed.shift_soft, g, f, self._samples, self._nodes, pace)
         go(motion.move_particles, g, s, p, f, b, pace)
 
     def _launch(self, kernel: Any, *inputs: Any) -> None:

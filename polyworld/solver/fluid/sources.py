@@ -140,7 +140,7 @@ def emit_and_drain(
         speed = rate * factor / mouth
         v = sources.direction[e] * speed
         k = int(0)
-        while due >= ONE:
+        while due >= ONE - wp.float64(1.0e-9):  # rounding must not hold a particle back
             while row < capacity:
                 if row >= particles.used[w] or particles.fluid[w, row] < 0:
                     break

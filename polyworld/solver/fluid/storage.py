@@ -29,7 +29,7 @@ def field_arrays(grid: layout.Grid, worlds: int) -> layout.Fields:
     f = layout.Fields()
     for name in ("velocity", "push", "mass", "bulk", "open", "shift"):
         setattr(f, name, zeros((w, 3, c), wp.float64))
-    for name in ("room", "content", "filled", "level", "pressure"):
+    for name in ("room", "content", "liquid", "filled", "level", "pressure"):
         setattr(f, name, zeros((w, c), wp.float64))
     f.known, f.unknown = zeros((w, 3, c), wp.int32), wp.full((w, c), -1, dtype=wp.int32, device="cpu")
     f.static_open, f.static_room = zeros((3, c), wp.float64), zeros((c,), wp.float64)
