@@ -14,12 +14,14 @@ from polyworld.solver.coupled.contact_events import ContactLog
 from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies
 from polyworld.solver.coupled.contact_search import (
     bound_objects,
+    keep_acting,
     near_parts,
+    recall_acting,
     search_corners,
     search_edges,
     search_nodes,
 )
-from polyworld.solver.coupled.contact_solve import solve_contacts
+from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface import SurfacePairs
 from polyworld.solver.spatial.layout import Body, Geometry
@@ -74,6 +76,10 @@ class Contacts:
         # Left unwritten, so that room which is not needed takes no memory.
         self.found.contacts = wp.empty((w, room), dtype=layout.Contact, device="cpu")
         self.found.acting = wp.empty((w, room), dtype=wp.int32, device="cpu")
+        self.found.kept = wp.empty((w, room), dtype=layout.Kept, device="cpu")
+        self.found.kept_node = wp.empty((w, room), dtype=wp.int32, device="cpu")
+        self.found.kept_count = _zeros((w,), wp.int32)
+        self.found.latest = wp.full((w, n), -1, dtype=wp.int32, device="cpu")
         self.found.count = _zeros((w,), wp.int32)
         self.found.crowded = _zeros((w,), wp.int32)
         self.found.falling = wp.ones((w, n), dtype=wp.float64, device="cpu")
@@ -88,6 +94,8 @@ class Contacts:
         self.found.count.numpy()[:] = 0
         self.found.crowded.numpy()[:] = 0
         self.found.reaction.numpy()[:] = 0.0
+        self.found.kept_count.numpy()[:] = 0
+        self.found.latest.numpy()[:] = -1
         self._pairs.reset()
         self._log.reset()
 
@@ -116,10 +124,15 @@ class Contacts:
     def launch_search(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the search for all that may touch within the coupling step."""
         w, d, parts = self.bounds.near.shape
-        _launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds, self.found.count])
+        _launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds])
+        _launch(keep_acting, self.n_worlds, [clock.h, self.found])
         self._pairs.launch(nodes, clock, self.bounds, self.found)
-        if parts == 0:
-            return
+        if parts > 0:
+            self._search_bodies(nodes, clock)
+        _launch(recall_acting, self.n_worlds, [clock.h, self.found])
+
+    def _search_bodies(self, nodes: Nodes, clock: Clock) -> None:
+        w, d, parts = self.bounds.near.shape
         moving = [clock.h, clock.gravity]
         solids = [self._geometry, self.obstacles, self._bodies]
         of_nodes = [nodes.x, nodes.v, nodes.radius, nodes.owner, nodes.active, nodes.friction, nodes.restitution]
@@ -132,6 +145,11 @@ class Contacts:
             (w, self.surface.triangles.shape[0]),
             [*moving, *solids[1:], nodes.x, *of_nodes[2:], *rest],
         )
+
+    def launch_push(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch the impulses of the inner step before, which the next solution starts from."""
+        solids = [self._inverse_inertia, self._bodies]
+        _launch(push_on, self.n_worlds, [clock.dt, nodes.inverse_mass, *solids, nodes.v, self.found])
 
     def launch_solve(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of one inner step."""

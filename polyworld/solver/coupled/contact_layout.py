@@ -43,6 +43,7 @@ class Contact:
     wait: int  # inner steps for which it cannot touch
     gap: wp.float64
     approach: wp.float64
+    rebound: wp.float64  # way from where the step would end to where a rebound within it ends [m]
     target: wp.float64
     k: wp.float64  # velocity per impulse, along the normal
     k11: wp.float64
@@ -50,6 +51,7 @@ class Contact:
     k22: wp.float64
     impulse: wp.float64
     tangential: wp.vec3d
+    given: wp.vec3d  # impulse that the sides already have at the start of the inner step
 
 
 @wp.struct
@@ -103,11 +105,29 @@ class Bounds:
 
 
 @wp.struct
+class Kept:
+    """A contact that acted, until the next search has found it again; next: another one of the same node, or -1."""
+
+    kind: int
+    n1: int
+    n2: int
+    n3: int
+    part: int
+    next: int
+    impulse: wp.float64
+    tangential: wp.vec3d
+    normal: wp.vec3d
+    weight: wp.vec4d
+    arm: wp.vec3d
+
+
+@wp.struct
 class Found:
     """Contacts (W, C) of each world, how many there are (W,), those that act in this inner step (W, C).
 
     crowded (W,): 1 where one found no room. falling (W, N): 1, and 0 while a node that rests on something is being
-    looked at. reaction (W, N): impulses on nodes that are held, since they were last read [N s].
+    looked at. reaction (W, N): impulses on nodes that are held, since they were last read [N s]. kept (W, K): what
+    acted before the search, of which nodes, kept_count (W,), latest (W, N): the last one of a node, or -1.
     """
 
     contacts: wp.array2d[Contact]
@@ -116,6 +136,10 @@ class Found:
     crowded: wp.array[wp.int32]
     falling: wp.array2d[wp.float64]
     reaction: wp.array2d[wp.vec3d]
+    kept: wp.array2d[Kept]
+    kept_node: wp.array2d[wp.int32]
+    kept_count: wp.array[wp.int32]
+    latest: wp.array2d[wp.int32]
 
 
 @wp.struct

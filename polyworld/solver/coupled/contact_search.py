@@ -4,11 +4,13 @@ import warp as wp
 
 from polyworld.solver.coupled.contact_layout import (
     CORNER,
+    CROSSING,
     ON_SHAPE,
     ON_TRIANGLE,
     Bounds,
     Contact,
     Found,
+    Kept,
     Obstacles,
     Part,
     Surface,
@@ -32,12 +34,9 @@ def bound_objects(
     v: wp.array2d[wp.vec3d],
     surface: Surface,
     bounds: Bounds,
-    count: wp.array[wp.int32],
 ) -> None:
-    """Boxes around the deformable objects and their highest speeds; the list of contacts is emptied."""
+    """Boxes around the deformable objects and their highest speeds."""
     w, d = wp.tid()
-    if d == 0:
-        count[w] = 0
     low = wp.vec3d(wp.float64(1.0e30), wp.float64(1.0e30), wp.float64(1.0e30))
     high = -low
     fastest = wp.float64(0.0)
@@ -382,3 +381,57 @@ def mark_overlaps(
     kind = geometry.shapes[part.shape].kind
     if shape_distance(geometry, kind, geometry.shapes[part.shape], local)[3] < radius[i]:
         excluded[i, part.body] = 1
+
+
+@wp.kernel
+def keep_acting(h: wp.array[wp.float64], found: Found) -> None:
+    """Set aside the contacts that act, for the search that follows, and empty the list."""
+    w = wp.tid()
+    if h[w] <= wp.float64(0.0):
+        return
+    for k in range(found.kept_count[w]):
+        found.latest[w, found.kept_node[w, k]] = -1
+    count = wp.int32(0)
+    for k in range(found.count[w]):
+        if found.contacts[w, k].impulse > wp.float64(0.0):
+            c = found.contacts[w, k]
+            old = Kept()
+            old.kind = c.kind
+            old.n1 = c.n1
+            old.n2 = c.n2
+            old.n3 = c.n3
+            old.part = c.part
+            old.impulse = c.impulse
+            old.tangential = c.tangential
+            old.normal = c.normal
+            old.weight = c.weight
+            old.arm = c.arm
+            old.next = found.latest[w, c.n0]
+            found.kept[w, count] = old
+            found.kept_node[w, count] = c.n0
+            found.latest[w, c.n0] = count
+            count += 1
+    found.kept_count[w] = count
+    found.count[w] = 0
+
+
+@wp.kernel
+def recall_acting(h: wp.array[wp.float64], found: Found) -> None:
+    """Contacts found again push on as they did."""
+    w = wp.tid()
+    if h[w] <= wp.float64(0.0) or found.kept_count[w] == 0:
+        return
+    for k in range(found.count[w]):
+        m = found.latest[w, found.contacts[w, k].n0]
+        while m >= 0:
+            old = found.kept[w, m]
+            same = old.kind == found.contacts[w, k].kind and old.part == found.contacts[w, k].part
+            same = same and old.n1 == found.contacts[w, k].n1 and old.n2 == found.contacts[w, k].n2
+            if same and old.n3 == found.contacts[w, k].n3:
+                found.contacts[w, k].impulse = old.impulse
+                found.contacts[w, k].tangential = old.tangential
+                found.contacts[w, k].normal = old.normal
+                found.contacts[w, k].arm = old.arm
+                if old.kind == CORNER or old.kind == CROSSING:
+                    found.contacts[w, k].weight = old.weight
+            m = old.next

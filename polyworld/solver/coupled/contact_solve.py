@@ -322,7 +322,7 @@ def settle(
     """
     zero = wp.float64(0.0)
     lift = wp.vec3d()
-    if c.impulse > zero:
+    if c.impulse > zero and c.rebound == zero:
         rest = pull
         if c.body >= 0:
             rest = pull - acceleration[w, c.body]
@@ -330,7 +330,9 @@ def settle(
     deeper = -c.gap - wp.max(wp.dot(c.normal, relative_velocity(c, bodies, v, w)), zero) * dt
     mobility = node_mobility(c, inverse_mass, w)
     shift = wp.vec3d()
-    if deeper > zero and mobility > zero:
+    if c.impulse > zero and c.rebound != zero:
+        shift = c.normal * (c.rebound / c.k)  # the nodes' share
+    elif deeper > zero and mobility > zero:
         way = wp.min(deeper * wp.min(dt / RECOVERY, wp.float64(1.0)), OVERLAP_SPEED * dt)
         shift = c.normal * (way / mobility)
     for m in range(4):
@@ -367,6 +369,8 @@ def act(
     c: Contact,
     dt: wp.float64,
     threshold: wp.float64,
+    pull: wp.vec3d,
+    acceleration: wp.array2d[wp.vec3d],
     inverse_mass: wp.array2d[wp.float64],
     inverse_inertia: wp.array2d[wp.mat33d],
     bodies: wp.array2d[Body],
@@ -387,14 +391,45 @@ def act(
     if c.k <= zero:
         c.gap = FAR
         return c
+    fall = wp.float64(0.0)
+    if c.body >= 0:
+        fall = wp.dot(c.normal, acceleration[w, c.body] - pull)
     c.grip = c.friction
     if c.body < 0 and c.gap > wp.float64(0.1) * c.reach:
         c.grip = zero  # impulses along two nodes that are apart would turn them
     c.target = -wp.max(c.gap, zero) / dt
-    if c.approach > threshold and end < zero:
-        c.target = wp.max(c.target, c.restitution * c.approach)
+    c.rebound = zero
+    if c.impulse == zero and c.approach > threshold and end < zero and c.restitution > zero:
+        # It hits after a part of the step, at the speed of then, and flies back for the rest.
+        before = wp.clamp(c.gap / c.approach, zero, dt)
+        after = dt - before
+        back = c.restitution * c.approach - (wp.float64(1.0) + c.restitution) * fall * after
+        if back > zero:
+            c.target = back
+            c.rebound = -wp.max(c.gap, zero) - back * before - wp.float64(0.5) * fall * before * (dt + after)
     c.tangential = c.tangential - c.normal * wp.dot(c.normal, c.tangential)
     return c
+
+
+@wp.kernel
+def push_on(
+    clock_dt: wp.array[wp.float64],
+    inverse_mass: wp.array2d[wp.float64],
+    inverse_inertia: wp.array2d[wp.mat33d],
+    bodies: wp.array2d[Body],
+    v: wp.array2d[wp.vec3d],
+    found: Found,
+) -> None:
+    """Contacts push as in the inner step before, so that implicit parts of a material see what rests at rest."""
+    w = wp.tid()
+    if clock_dt[w] <= wp.float64(0.0):
+        return
+    for k in range(found.count[w]):
+        if found.contacts[w, k].impulse > wp.float64(0.0):
+            c = found.contacts[w, k]
+            c.given = c.normal * c.impulse + c.tangential
+            found.contacts[w, k].given = c.given
+            push(c, c.given, inverse_mass, inverse_inertia, bodies, v, w)
 
 
 @wp.kernel
@@ -431,7 +466,7 @@ def solve_contacts(
             continue
         c = follow(found.contacts[w, k], geometry, obstacles, bodies, x, w)
         if c.gap < FAR:
-            c = act(c, dt, threshold, inverse_mass, inverse_inertia, bodies, v, w)
+            c = act(c, dt, threshold, pull, acceleration, inverse_mass, inverse_inertia, bodies, v, w)
         if c.gap < FAR:
             found.acting[w, count] = k
             count += 1
@@ -441,6 +476,8 @@ def solve_contacts(
                 sweeps = SWEEPS
             last = c.n0
         else:
+            if c.impulse > zero:
+                push(c, -c.given, inverse_mass, inverse_inertia, bodies, v, w)
             c.impulse = zero
             c.tangential = wp.vec3d()
         found.contacts[w, k] = c
@@ -449,7 +486,8 @@ def solve_contacts(
     for a in range(count):
         if found.contacts[w, found.acting[w, a]].impulse > zero:
             c = found.contacts[w, found.acting[w, a]]
-            push(c, c.normal * c.impulse + c.tangential, inverse_mass, inverse_inertia, bodies, v, w)
+            lack = c.normal * c.impulse + c.tangential - c.given
+            push(c, lack, inverse_mass, inverse_inertia, bodies, v, w)
     solve(found.contacts, found.acting, count, sweeps, inverse_mass, inverse_inertia, bodies, v, w)
     now = clock_time[w] + wp.float64(inner[0]) * dt
     for a in range(count):
