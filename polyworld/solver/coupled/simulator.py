@@ -92,10 +92,10 @@ class CoupledSimulator:
         deformables: dict[str, PointMotion] = {}
         columns = [rigid]
         for item in self.world.deformables:
-            points = np.concatenate([r.points[item.name] for r in records])
-            velocities = np.concatenate([r.velocities[item.name] for r in records])
+            points = _joined([r.points[item.name] for r in records])
+            velocities = _joined([r.velocities[item.name] for r in records])
             quantities = {
-                name: np.concatenate([r.quantities[item.name][name] for r in records])
+                name: _joined([r.quantities[item.name][name] for r in records])
                 for name in records[0].quantities.get(item.name, {})
             }
             deformables[item.name] = PointMotion(points, velocities, quantities)
@@ -126,6 +126,17 @@ class CoupledSimulator:
             events=tuple(events),
             deformables=deformables,
         )
+
+
+def _joined(parts: list[Array]) -> Array:
+    """Arrays (W, T, k, ...) one after the other; k is made the largest with NaN, as shards whose emitters run at other
+    rates have room for other numbers of particles."""
+    most = max(p.shape[2] for p in parts)
+    padded = [
+        np.pad(p, [(0, most - n if a == 2 else 0) for a, n in enumerate(p.shape)], constant_values=np.nan)
+        for p in parts
+    ]
+    return np.concatenate(padded)
 
 
 def _rows(arrays: RigidArrays, span: slice) -> RigidArrays:
