@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from polyworld.description import Description, Name, NonNegative, Positive, Quaternion, Vec3
-from polyworld.joints import check_hinges_hold
+from polyworld.joints import check_joints_hold, with_stops_kept
 from polyworld.parameters import with_parameters
 from polyworld.relocation import moved
 from polyworld.removal import PARTS, without
@@ -176,8 +176,8 @@ def _edited(world: World, edit: Intervention) -> World:
         return _restarted(world, edit)
     if isinstance(edit, SetParameter):
         after = with_parameters(world, {edit.path: edit.value})
-        check_hinges_hold(world, after)
-        return after
+        check_joints_hold(world, after)
+        return with_stops_kept(world, after)
     if isinstance(edit, ToggleEffect):
         return _toggled(world, edit)
     if isinstance(edit, Release):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.joints import check_hinges_hold, turned_about
+from polyworld.joints import check_joints_hold, turned_about, with_stops_kept
 from polyworld.meshing import mesh_of
 from polyworld.meshing.rope import threading
 from polyworld.parameters import shift_deformable
@@ -86,7 +86,8 @@ def moved(world: World, name: str, position: Vector | None, orientation: Turn | 
     ropes = [_follow(world, data, attachment, carried) for attachment in world.attachments if attachment.to == name]
     # Hinges hold at a place; springs were carried along and hold anywhere.
     result = World.model_validate(data)
-    check_hinges_hold(_without_springs(world), _without_springs(result))
+    check_joints_hold(world, result)
+    result = with_stops_kept(world, result)
     for rope in ropes:
         _check_length(result, rope)
     return result
@@ -180,10 +181,6 @@ def _turn(item: dict[str, Any], centre: Array, quaternion: Array) -> None:
             volume["position"] = turned(volume["position"])
             product = geometry.quaternion_product(quaternion, np.asarray(volume["orientation"]))
             volume["orientation"] = tuple(float(x) for x in product)
-
-
-def _without_springs(world: World) -> World:
-    return world.model_copy(update={"joints": tuple(j for j in world.joints if j.kind != "spring")})
 
 
 def _vector(values: Any) -> Vector:

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from polyworld.interventions import Add, Move, Remove, SetParameter, SetVelocity, branch
 from polyworld.parameters import parameter_paths
-from polyworld.representations.joint import Hinge
+from polyworld.representations.joint import Ball, Fixed, Hinge, Slider, Spring
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import rollout
 from polyworld.shapes import Box, Sphere, Wall
 from polyworld.world import Environment, StaticObject, World
@@ -123,3 +124,63 @@ def test_a_move_that_would_leave_a_hinge_is_refused(edit: Move | SetParameter) -
 
 def test_what_is_not_hinged_moves_as_before() -> None:
     assert branch(chain(), [Move(object="ball", position=(4.0, 0.0, 0.0))]).object("ball").position == (4.0, 0.0, 0.0)
+
+
+Y_AXIS = (0.0, 1.0, 0.0)
+
+
+def spatial(joint: Hinge | Slider | Ball | Fixed | Spring) -> World:
+    """A rod hanging from the origin, held there in space."""
+    rod = RigidObject(name="rod", shape=ROD, position=(0.0, 0.0, -0.5))
+    return World(objects=(rod,), joints=(joint,))
+
+
+def turned(axis: int, angle: float) -> tuple[float, float, float, float]:
+    q = [np.cos(angle / 2), 0.0, 0.0, 0.0]
+    q[1 + axis] = np.sin(angle / 2)
+    return (float(q[0]), float(q[1]), float(q[2]), float(q[3]))
+
+
+def test_a_spatial_hinge_turns_about_its_axis_and_its_stops_stay_where_they_were() -> None:
+    hinge = Hinge(name="j", object="rod", anchor=(0, 0, 0), axis=Y_AXIS, lower=-0.5, upper=0.7)
+    after = branch(spatial(hinge), [Move(object="rod", orientation=turned(1, 0.3))])
+    np.testing.assert_allclose(after.object("rod").position, (-0.5 * np.sin(0.3), 0, -0.5 * np.cos(0.3)), atol=1e-12)
+    joint = after.joints[0]
+    assert isinstance(joint, Hinge)
+    assert joint.lower == pytest.approx(-0.8)
+    assert joint.upper == pytest.approx(0.4)
+    with pytest.raises(ValueError, match=r"turns on joint 'j' about .* would be tilted"):
+        branch(spatial(hinge), [Move(object="rod", orientation=turned(0, 0.3))])
+
+
+def test_a_ball_joint_turns_every_way_but_keeps_its_point() -> None:
+    ball = Ball(name="j", object="rod", anchor=(0, 0, 0))
+    after = branch(spatial(ball), [Move(object="rod", orientation=turned(0, 0.3))])
+    np.testing.assert_allclose(after.object("rod").position, (0, 0.5 * np.sin(0.3), -0.5 * np.cos(0.3)), atol=1e-12)
+    with pytest.raises(ValueError, match="would leave it"):
+        branch(spatial(ball), [Move(object="rod", position=(0.1, 0, -0.5))])
+
+
+def test_a_slider_moves_along_its_axis_only_and_its_stops_stay_where_they_were() -> None:
+    slider = Slider(name="j", object="rod", anchor=(0, 0, 0), axis=(0, 0, 2.0), upper=1.0)
+    after = branch(spatial(slider), [Move(object="rod", position=(0, 0, -0.2))])
+    joint = after.joints[0]
+    assert isinstance(joint, Slider)
+    assert joint.upper == pytest.approx(0.7)
+    assert joint.lower is None
+    with pytest.raises(ValueError, match="slides on joint 'j' along"):
+        branch(spatial(slider), [Move(object="rod", position=(0.1, 0, -0.5))])
+    with pytest.raises(ValueError, match="cannot turn against what joint 'j'"):
+        branch(spatial(slider), [Move(object="rod", position=(0, 0, -0.5), orientation=turned(2, 0.1))])
+
+
+def test_what_is_fixed_cannot_be_moved_and_a_spring_can_be_stretched() -> None:
+    fixed = Fixed(name="j", object="rod", anchor=(0, 0, 0))
+    with pytest.raises(ValueError, match="is fixed by joint 'j' to the world"):
+        branch(spatial(fixed), [Move(object="rod", position=(0, 0, -0.6))])
+    spring = Spring(name="j", object="rod", anchor=(0, 0, 0), other_anchor=(0, 0, 1.0), stiffness=10.0)
+    after = branch(spatial(spring), [Move(object="rod", position=(0, 0, -0.6))])
+    joint = after.joints[0]
+    assert isinstance(joint, Spring)
+    assert joint.rest_length == pytest.approx(1.0)
+    np.testing.assert_allclose(joint.anchor, (0, 0, -0.1), atol=1e-12)
