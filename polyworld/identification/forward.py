@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from polyworld.identification.free_parameters import SearchSpace
 from polyworld.identification.objective import Objective
 from polyworld.readouts import object_mesh
+from polyworld.representations.fluid import Fluid
 from polyworld.rollout import Simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Deformable, World
@@ -49,7 +50,7 @@ class ForwardModel:
         self.objective = objective
         self.space = space
         self.rollouts = 0
-        self._batch = min(batch, most_worlds(world, len(objective.sample_times)))
+        self._batch = min(batch, most_worlds(world, objective.sample_times))
         self._prior_weight = prior_weight
         self._make_simulator = make_simulator
         self._simulators: dict[int, Simulator] = {}
@@ -99,13 +100,18 @@ class ForwardModel:
         return self._simulators[size]
 
 
-def most_worlds(world: World, samples: int) -> int:
+def most_worlds(world: World, sample_times: Array) -> int:
     """Worlds of which one run may keep the motion: a power of two, at least 1."""
-    points = sum(_most_points(world, item) for item in world.deformables)
+    samples, horizon = len(sample_times), float(sample_times[-1]) if len(sample_times) else 0.0
+    points = sum(_most_points(world, item, horizon) for item in world.deformables)
     worlds = MOST_BYTES // max(48 * points * samples, 1)
     return 1 << max(int(worlds).bit_length() - 1, 0)
 
 
-def _most_points(world: World, item: Deformable) -> int:
-    count = len(object_mesh(world, item.name).nodes)
-    return count * 2 if any(e.fluid == item.name for e in world.emitters) else count  # emitted particles come on top
+def _most_points(world: World, item: Deformable, horizon: float) -> int:
+    """Points that a motion of one object may have room for; particles of all fluids are kept together."""
+    if not isinstance(item, Fluid) or world.fluid_grid is None:
+        return len(object_mesh(world, item.name).nodes)
+    volume = (world.fluid_grid.cell / 2.0) ** (2 if item.representation == "fluid_planar" else 3)
+    there = sum(len(object_mesh(world, d.name).nodes) for d in world.deformables if isinstance(d, Fluid))
+    return there + int(sum(e.rate for e in world.emitters) * horizon / volume)

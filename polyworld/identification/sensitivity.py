@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 UNIFORM = 1.0 / np.sqrt(12.0)
 # A parameter is undetermined when the data leave more than this share of what its bounds allowed.
 UNDETERMINED = 0.7
+# Quotients of two steps that differ in size by more than this factor: the response is not smooth.
+ROUGH = 1.5
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def sensitivity(forward: ForwardModel, optimum: Array, samples: int) -> Sensitiv
     residuals of each object and kind have the variance they show, times their correlation time, since
     residuals correlated in time carry less information than their number says (Priestley, Spectral Analysis
     and Time Series, 5.3.2). A flat belief within the bounds keeps what the data leave open finite.
-    Costs 4 P + 2 rollouts.
+    Costs 4 P + 2 rollouts, and 2 P more where the response is rough.
     """
     space = forward.space
     width = space.upper - space.lower
@@ -60,6 +62,7 @@ def sensitivity(forward: ForwardModel, optimum: Array, samples: int) -> Sensitiv
     _, error = _posterior(first * flat, weights, noise)
     steps = np.clip(error * flat, 1e-5 * width, 0.02 * width)
     jacobian = difference_quotients(forward, optimum, steps, samples)
+    jacobian = _smoothed(forward, optimum, samples, [(1e-3 * width, first), (steps, jacobian)], weights)
     information, error = _posterior(jacobian * flat, weights, noise)
     insensitive = np.sqrt(np.diag(information)) < 0.1
     return Sensitivity(
@@ -87,6 +90,27 @@ def difference_quotients(forward: ForwardModel, at: Array, steps: Array, samples
     residuals = forward.residuals(candidates, samples)
     jacobian = (residuals[: len(at)] - residuals[len(at) :]).T / (up - down)
     return np.where(np.isfinite(jacobian), jacobian, 0.0)
+
+
+def _smoothed(
+    forward: ForwardModel, at: Array, samples: int, tried: list[tuple[Array, Array]], weights: Array
+) -> Array:
+    """The last Jacobian (r, P) of `tried` (steps (P,), Jacobian), or one from wider steps where the response is rough.
+
+    A turbulent fluid or a contact that comes and goes answers a tiny step with a jump: its quotient grows without
+    bound as the step shrinks, and would pass for knowledge. Where quotients of two steps differ in size by more than
+    `ROUGH`, one across a fiftieth of the range is taken too, and the middle one of the three in size counts.
+    """
+    width = forward.space.upper - forward.space.lower
+    (_, first), (_, last) = tried
+    sizes = [np.sqrt((weights[:, None] * j**2).sum(axis=0)) for j in (first, last)]
+    rough = np.maximum(*sizes) > ROUGH * np.maximum(np.minimum(*sizes), 1e-300)
+    if not rough.any():
+        return last
+    wide = difference_quotients(forward, at, 0.02 * width, samples)
+    options = np.stack([first, last, wide])
+    middle = np.argsort((weights[None, :, None] * options**2).sum(axis=1), axis=0)[1]
+    return np.where(rough, np.take_along_axis(options, middle[None, None, :], axis=0)[0], last)
 
 
 @dataclass(frozen=True)

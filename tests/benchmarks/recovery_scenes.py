@@ -402,7 +402,7 @@ def scenes() -> list[Scene]:
             0.025,
             [
                 (Amount(object="water", container="basin"), 0.001),
-                (GridOccupancy(object="water", lower=(0.0, -0.1, 0.0), upper=(0.4, 0.1, 0.4), cells=(4, 1, 4)), 0.05),
+                (GridOccupancy(object="water", lower=(0.0, -0.1, 0.0), upper=(0.4, 0.1, 0.4), cells=(4, 1, 4)), 0.1),
             ],
         ),
         Scene(
