@@ -189,7 +189,7 @@ def flow(elastic: wp.mat33d, undo: wp.mat33d, m: Law) -> wp.mat33d:
 
 @wp.func
 def flowed_strain(before: wp.mat33d, after: wp.mat33d) -> wp.float64:
-    """Equivalent plastic strain [1] by which `flow` changed the inverse plastic deformation: sqrt(2/3) |change|."""
-    change = wp.inverse(before) * after
-    e = (change + wp.transpose(change)) * wp.float64(0.5) - wp.identity(n=3, dtype=wp.float64)
+    """Equivalent plastic strain [1] by which `flow` changed the inverse plastic deformation: sqrt(2/3) |log change|,
+    with (change - 1 / change) / 2 for the logarithm."""
+    e = (wp.inverse(before) * after - wp.inverse(after) * before) * wp.float64(0.5)
     return wp.sqrt(wp.float64(2.0 / 3.0) * wp.ddot(e, e))

@@ -117,7 +117,9 @@ class Bench:
         if form.planar:
             along = x[faces[:, 1]] - x[faces[:, 0]]
             area = np.linalg.norm(along, axis=1) * form.thickness
-            across = np.cross(x[form.elements[0, 1]] - x[form.elements[0, 0]], x[form.elements[0, 2]] - x[form.elements[0, 0]])
+            across = np.cross(
+                x[form.elements[0, 1]] - x[form.elements[0, 0]], x[form.elements[0, 2]] - x[form.elements[0, 0]]
+            )
             normal = np.cross(along, across)
             shares = {0: 1 / 6, 1: 1 / 6, 2: 2 / 3}
         else:
