@@ -50,9 +50,11 @@ class SurfaceMesh(Description):
 class Cloth(Description):
     """A thin elastic sheet: resists stretching and shearing in its surface, and bending.
 
-    For a homogeneous sheet of thickness t: stretch_stiffness = E t, bending_stiffness = E t^3 / 12 (1 - nu^2);
-    a woven fabric bends more easily than that. Its shape without forces is the initial one, flat where
-    `flat_at_rest`.
+    For a homogeneous sheet of thickness t: stretch_stiffness = E t, bending_stiffness D = E t^3 / 12 (1 - nu^2); a
+    woven fabric bends more easily than that. Force per width is proportional to extension at any stretch; a strip
+    much longer than wide bends with D (1 - nu^2) per width. A shear_stiffness of its own is that between a sheet's
+    edge_u and the direction across it (of a mesh: its longest extent). Its shape without forces is the initial
+    one, flat where `flat_at_rest`.
     """
 
     name: Name
