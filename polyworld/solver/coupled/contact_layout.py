@@ -81,7 +81,8 @@ class Obstacles:
 class Surface:
     """What of the nodes may touch: edges (E, 2) and triangles (T, 3) as node rows.
 
-    exposed (N,): 1 for nodes that may touch. one_sided (D,): 1 for a deformable object with an inside. excluded
+    exposed (N,): 1 for nodes that may touch. one_sided (D,): 1 for a deformable object with an inside. yielding
+    (D,): share of its radius by which an edge may be pressed in between its nodes. excluded
     (N, B): 1 where a node must not touch a body. first, count (D,): nodes of each deformable object.
     """
 
@@ -89,6 +90,7 @@ class Surface:
     triangles: wp.array2d[wp.int32]
     exposed: wp.array[wp.int32]
     one_sided: wp.array[wp.int32]
+    yielding: wp.array[wp.float64]
     excluded: wp.array2d[wp.int32]
     first: wp.array[wp.int32]
     count: wp.array[wp.int32]

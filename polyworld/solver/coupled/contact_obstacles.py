@@ -10,12 +10,17 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
+from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
 from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.spatial import layout
 from polyworld.world import World
+
+# Of its radius. A rope that lay on a wheel with the middles of its segments could swing in zigzag about them; where
+# the nodes touch, it cannot.
+ROPE_YIELDS = 0.5
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -75,11 +80,13 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
     begin = np.zeros(len(world.deformables), dtype=np.int32)
     count = np.zeros(len(world.deformables), dtype=np.int32)
     one_sided = np.zeros(len(world.deformables), dtype=np.int32)
+    yielding = np.zeros(len(world.deformables))
     for d, item in enumerate(world.deformables):
         if item.name not in first:
             continue
         mesh = meshes[item.name]
         begin[d], count[d] = first[item.name], len(mesh.nodes)
+        yielding[d] = ROPE_YIELDS if isinstance(item, Rope) else 0.0
         one_sided[d] = item.representation.startswith("soft")
         edges.append(begin[d] + surface_edges(mesh))
         if not item.representation.endswith("_planar"):
@@ -91,6 +98,7 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
     surface.triangles = wp.array(np.concatenate(triangles).astype(np.int32), dtype=wp.int32, device="cpu")
     surface.exposed = wp.array(exposed, dtype=wp.int32, device="cpu")
     surface.one_sided = wp.array(one_sided, dtype=wp.int32, device="cpu")
+    surface.yielding = wp.array(yielding, dtype=wp.float64, device="cpu")
     surface.excluded = wp.array(np.ascontiguousarray(excluded), dtype=wp.int32, device="cpu")
     surface.first = wp.array(begin, dtype=wp.int32, device="cpu")
     surface.count = wp.array(count, dtype=wp.int32, device="cpu")

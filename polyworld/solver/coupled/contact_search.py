@@ -288,7 +288,9 @@ def search_edges(
             else:
                 low = t
         nearest = shape_distance(geometry, kind, shape, begin + way * t)[3]
-        if nearest > reach or nearest > wp.min(at_begin[3], at_end[3]) - LEAST_SAGITTA * wp.float64(2.0) * half:
+        sagitta = wp.min(at_begin[3], at_end[3]) - nearest
+        least = wp.max(LEAST_SAGITTA * wp.float64(2.0) * half, surface.yielding[d] * radius[i])
+        if nearest > reach or sagitta < least:
             continue
         c = against_body(bodies, friction, restitution, w, d, b)
         c.kind = ON_SHAPE
@@ -297,7 +299,7 @@ def search_edges(
         c.weight[0] = wp.float64(1.0) - t
         c.weight[1] = t
         c.part = s
-        c.reach = radius[i]
+        c.reach = radius[i] * (wp.float64(1.0) - surface.yielding[d])
         add(found, w, c)
 
 
