@@ -30,7 +30,7 @@ LEAST_CONFIDENCE = 0.3  # of a frame that is measured
 ELONGATED = 10.0  # length over width from which a shape is taken for a rope
 CHANGING = 0.12  # spread of the logarithm of an outline's slenderness from which a shape is said to deform
 HOLLOW = 0.08  # spread of the share of its hull that a shape fills, likewise
-LOOKED_AT = 24  # frames
+LOOKED_AT = 16  # frames
 
 
 @dataclass(frozen=True)
@@ -70,15 +70,17 @@ def deforming(observation: ImageObservation) -> list[Deforming]:
             continue
         picked = rows[np.unique(np.rint(np.linspace(0, len(rows) - 1, LOOKED_AT)).astype(int))]
         masks = [_mask(observed, int(t)) for t in picked]
-        lines = [centreline(m) for m in masks]
-        ratio = float(np.median([line.length / line.width for line in lines if line is not None] or [0.0]))
         slender = np.array([_slenderness(m) for m in masks])
         spread = float(np.std(np.log(np.maximum(slender, 1.0))))
         hull = float(np.std([_filled_share(m) for m in masks]))
+        if hull <= 0.5 * HOLLOW:  # it fills its hull alike all the time, as rigid things do
+            continue
+        lines = [centreline(m) for m in masks]
+        ratio = float(np.median([line.length / line.width for line in lines if line is not None] or [0.0]))
         # A rigid bar is drawn out too, but stays straight: its outline fills its hull whatever it does.
-        if ratio > ELONGATED and hull > 0.5 * HOLLOW:
+        if ratio > ELONGATED:
             found.append(Deforming(observed.name, "rope", ratio, spread, hull))
-        elif hull > HOLLOW or (spread > CHANGING and hull > 0.5 * HOLLOW):
+        elif hull > HOLLOW or spread > CHANGING:
             found.append(Deforming(observed.name, "cloth, soft or fluid", ratio, spread, hull))
     return found
 
