@@ -76,6 +76,7 @@ class Attachments:
         self._target: Any = wp.array(np.array(held.target, dtype=np.int32).reshape(-1, 3), dtype=wp.vec3i, device="cpu")
         self._weight: Any = wp.array(np.array(held.weight).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
         self._offset: Any = wp.array(np.array(held.offset).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+        self._body_last: Any = _zeros((w, self._body_node.shape[0]), wp.vec3d)
         self._last: Any = _zeros((w, len(held.node)), wp.vec3d)
         self._wanted = _zeros((w, len(held.node)), wp.vec3d)
 
@@ -108,7 +109,7 @@ class Attachments:
         f = self.fastenings
         f.released.numpy()[:] = 0
         f.when.numpy()[:] = np.nan
-        kept: tuple[Any, ...] = (f.impulse, f.force, self._last, self._last_h)
+        kept: tuple[Any, ...] = (f.impulse, f.force, self._last, self._body_last, self._last_h)
         for values in kept:
             values.numpy()[:] = 0.0
         x = nodes.x.numpy()
@@ -149,6 +150,18 @@ class Attachments:
             held = [self._world_node, self._world_attachment]
             _launch(kernels.resist_forces, self._w, [clock.dt, *held, nodes.active, nodes.f, self.fastenings])
 
+    def launch_push(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch the impulses of the inner step before, which the next solution starts from."""
+        if self._body.shape[0]:
+            held = [self._body, self._body_first, self._body_node, self._body_attachment]
+            state = [nodes.inverse_mass, nodes.active, self._bodies, nodes.x, nodes.v, self._body_last]
+            dim = (self._w, self._body.shape[0])
+            _launch(kernels.push_on_bodies, dim, [clock.dt, *held, *state, self.fastenings])
+        if self._to_nodes.node:
+            held = [self._node_node, self._node_attachment, self._target, self._weight]
+            state = [nodes.inverse_mass, nodes.active, nodes.v, self._last]
+            _launch(kernels.push_on_nodes, self._w, [clock.dt, *held, *state, self.fastenings])
+
     def launch_velocities(self, nodes: Nodes, clock: Clock, reaction: Any) -> None:
         """Launch what holds the nodes in one inner step. reaction (W, N): impulses of contacts on held nodes."""
         f = self.fastenings
@@ -169,6 +182,7 @@ class Attachments:
                     self._bodies,
                     nodes.x,
                     nodes.v,
+                    self._body_last,
                     f,
                 ],
             )

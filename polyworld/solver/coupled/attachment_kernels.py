@@ -165,6 +165,70 @@ def inertia_of(arm: wp.vec3d, mass: wp.float64) -> wp.mat33d:
 
 
 @wp.kernel
+def push_on_bodies(
+    dt: wp.array[wp.float64],
+    body: wp.array[wp.int32],
+    first: wp.array[wp.int32],
+    node: wp.array[wp.int32],
+    attachment: wp.array[wp.int32],
+    inverse_mass: wp.array2d[wp.float64],
+    active: wp.array2d[wp.int32],
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    last: wp.array2d[wp.vec3d],
+    f: Fastenings,
+) -> None:
+    """Nodes and bodies push each other as in the inner step before, so that damping sees what is held at rest."""
+    w, g = wp.tid()
+    b = body[g]
+    if dt[w] <= wp.float64(0.0) or bodies[w, b].active == 0:
+        return
+    rotation = bodies[w, b].rotation
+    ease = rotation * bodies[w, b].inverse_inertia * wp.transpose(rotation) * bodies[w, b].inverse_mass
+    for k in range(first[g], first[g + 1]):
+        i = node[k]
+        if f.released[w, attachment[k]] == 1 or active[w, i] == 0:
+            last[w, k] = wp.vec3d()
+            continue
+        impulse = last[w, k]
+        v[w, i] += impulse * inverse_mass[w % inverse_mass.shape[0], i]
+        bodies[w, b].v -= impulse * bodies[w, b].inverse_mass
+        bodies[w, b].w -= ease * wp.cross(x[w, i] - bodies[w, b].x, impulse)
+
+
+@wp.kernel
+def push_on_nodes(
+    dt: wp.array[wp.float64],
+    node: wp.array[wp.int32],
+    attachment: wp.array[wp.int32],
+    target: wp.array[wp.vec3i],
+    weight: wp.array[wp.vec3d],
+    inverse_mass: wp.array2d[wp.float64],
+    active: wp.array2d[wp.int32],
+    v: wp.array2d[wp.vec3d],
+    last: wp.array2d[wp.vec3d],
+    f: Fastenings,
+) -> None:
+    """The same for nodes held to other nodes."""
+    w = wp.tid()
+    if dt[w] <= wp.float64(0.0):
+        return
+    r = w % inverse_mass.shape[0]
+    for k in range(node.shape[0]):
+        i = node[k]
+        n = target[k]
+        if f.released[w, attachment[k]] == 1 or active[w, i] == 0 or active[w, n[0]] == 0:
+            last[w, k] = wp.vec3d()
+            continue
+        third = wp.max(n[2], 0)
+        v[w, i] += last[w, k] * inverse_mass[r, i]
+        v[w, n[0]] -= last[w, k] * (weight[k][0] * inverse_mass[r, n[0]])
+        v[w, n[1]] -= last[w, k] * (weight[k][1] * inverse_mass[r, n[1]])
+        v[w, third] -= last[w, k] * (weight[k][2] * inverse_mass[r, third])
+
+
+@wp.kernel
 def hold_to_bodies(
     dt: wp.array[wp.float64],
     body: wp.array[wp.int32],
@@ -178,6 +242,7 @@ def hold_to_bodies(
     bodies: wp.array2d[Body],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
+    last: wp.array2d[wp.vec3d],
     f: Fastenings,
 ) -> None:
     """Body and nodes held to it move on as one rigid body, with the linear and angular momentum they have together.
@@ -230,7 +295,8 @@ def hold_to_bodies(
             continue
         arm = x[w, i] - centre
         u = velocity + wp.cross(turning, arm) + (rotation * place[w, k] - arm) * (DRIFT_SHARE / t)
-        f.impulse[w, attachment[k]] += (u - v[w, i]) * mass[w % mass.shape[0], i]
+        last[w, k] += (u - v[w, i]) * mass[w % mass.shape[0], i]
+        f.impulse[w, attachment[k]] += last[w, k]
         v[w, i] = u
 
 
@@ -267,13 +333,12 @@ def hold_to_nodes(
         return
     zero = wp.float64(0.0)
     r = w % inverse_mass.shape[0]
-    for sweep in range(SWEEPS + 1):
+    for sweep in range(SWEEPS):
         worst = wp.float64(0.0)
         for k in range(node.shape[0]):
             i = node[k]
             n = target[k]
             if f.released[w, attachment[k]] == 1 or active[w, i] == 0 or active[w, n[0]] == 0:
-                last[w, k] = wp.vec3d()
                 continue
             b = weight[k]
             third = wp.max(n[2], 0)
@@ -281,21 +346,18 @@ def hold_to_nodes(
             ease += b[2] * b[2] * inverse_mass[r, third]
             if ease <= zero:
                 continue
-            change = wp.vec3d()
             if sweep == 0:
                 place = x[w, n[0]] * b[0] + x[w, n[1]] * b[1] + x[w, third] * b[2] + offset_of(x, w, n, offset[k])
                 wanted[w, k] = (place - x[w, i]) * (DRIFT_SHARE / t)
-                change = last[w, k]
-            else:
-                u = v[w, i] - v[w, n[0]] * b[0] - v[w, n[1]] * b[1] - v[w, third] * b[2]
-                change = (wanted[w, k] - u) / ease
-                last[w, k] += change
-                worst = wp.max(worst, wp.length(change) * ease)
+            u = v[w, i] - v[w, n[0]] * b[0] - v[w, n[1]] * b[1] - v[w, third] * b[2]
+            change = (wanted[w, k] - u) / ease
+            last[w, k] += change
+            worst = wp.max(worst, wp.length(change) * ease)
             v[w, i] += change * inverse_mass[r, i]
             v[w, n[0]] -= change * (b[0] * inverse_mass[r, n[0]])
             v[w, n[1]] -= change * (b[1] * inverse_mass[r, n[1]])
             v[w, third] -= change * (b[2] * inverse_mass[r, third])
-        if sweep > 0 and worst < CONVERGED:
+        if worst < CONVERGED:
             break
     for k in range(node.shape[0]):
         f.impulse[w, attachment[k]] += last[w, k]

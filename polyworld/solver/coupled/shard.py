@@ -321,6 +321,7 @@ class Shard:
         self._launch(motion.accelerate, n.x.shape, [c.dt, n.inverse_mass, n.active, self._across, n.f, n.v])
         if self.carried is not None:
             self.carried.launch_velocities(c)
+        self.attachments.launch_push(n, c)
         self.contacts.launch_push(n, c)
         for stage in self.stages:
             stage.launch_velocities(n, c)
