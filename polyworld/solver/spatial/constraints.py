@@ -202,7 +202,8 @@ def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
 def contact_solver(hold: Any) -> tuple[Any, Any]:
     """The functions `solve_manifolds` and `solve_contacts`, for a function `hold` that does the joints' part.
 
-    hold(joints, state, w, h) is visited in every sweep and returns the largest velocity it changed.
+    hold(joints, state, w, h, contacts) is visited in every sweep over so many manifolds and returns the largest
+    velocity it changed.
     """
 
     @wp.func(inline=False)
@@ -254,7 +255,7 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
                         coupling = state.contacts[w, c].coupling_rolling
                         changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
                         worst = wp.max(worst, changed * rolling)
-            worst = wp.max(worst, hold(joints, state, w, h))
+            worst = wp.max(worst, hold(joints, state, w, h, last - first))
             if worst < converged:
                 break
 

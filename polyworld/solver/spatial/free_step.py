@@ -10,7 +10,7 @@ from polyworld.solver.spatial.layout import State
 
 
 @wp.func
-def hold(_joints: Joints, _state: State, _k: int, _h: wp.float64) -> wp.float64:
+def hold(_joints: Joints, _state: State, _k: int, _h: wp.float64, _contacts: int) -> wp.float64:
     return wp.float64(0.0)
 
 

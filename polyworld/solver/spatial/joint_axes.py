@@ -1,7 +1,7 @@
 """What acts along a joint's axis: dry friction, damping, motors, stops and springs.
 
-Each is an impulse within its bounds, found in turn by Gauss-Seidel while all joints hold: the velocity that an
-impulse adds is that of the whole chain (`Joints.compliance`), not that of the two bodies alone.
+Each is an impulse within its bounds, found in turn by Gauss-Seidel while all joints hold: the velocities that an
+impulse adds are those of the whole chain (`Joints.yields`), not those of the two bodies alone.
 """
 
 import warp as wp
@@ -13,7 +13,8 @@ from polyworld.solver.spatial.rows import push, velocity_along
 
 STOPPED = wp.float64(1.0e-7)  # a stop is reached within this [m or rad]
 UNREACHED = wp.float64(-1.0e30)  # a velocity that is always reached
-STOP_SWEEPS = 50
+SWEEPS = 400
+SETTLED = wp.float64(1.0e-12)  # largest velocity change in a sweep over the axes that counts as none [m/s or rad/s]
 RUBBING_HALVINGS = 60
 
 
@@ -57,18 +58,28 @@ def rubbing_torque(c: wp.mat33d, free: wp.vec3d, bound: wp.float64) -> wp.vec3d:
     return p * (-bound / wp.length(p))
 
 
+@wp.func
+def push_axis(joints: Joints, k: int, axis: int, impulse: wp.float64) -> None:
+    """Note an impulse along an axis, and what it does to all."""
+    joints.pushed[k, axis] += impulse
+    at = axis * joints.axes
+    for i in range(joints.axes):
+        joints.rate[k, i] += joints.yields[k, at + i] * impulse
+
+
 @wp.func(inline=False)
-def rub_ball(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp.float64:
+def rub_ball(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
     """Friction and damping of a ball joint: a torque against the turning, of a bounded length and of its rate."""
-    d = joints.kinds[j]
-    row = joints.base + joints.equalities + d.axis
+    first = joints.kinds[j].axis
     joint = joints.joint[k, j]
-    c = joints.turning[k, j]
-    if c[0, 0] <= wp.float64(0.0) or c[1, 1] <= wp.float64(0.0) or c[2, 2] <= wp.float64(0.0):
-        return wp.float64(0.0)
+    c = wp.mat33d()
     v = wp.vec3d()
     for i in range(3):
-        v[i] = velocity_along(state, k, d.a, d.b, row + i)
+        v[i] = joints.rate[k, first + i]
+        for m in range(3):
+            c[i, m] = joints.yields[k, (first + i) * joints.axes + first + m]
+    if c[0, 0] <= wp.float64(0.0) or c[1, 1] <= wp.float64(0.0) or c[2, 2] <= wp.float64(0.0):
+        return wp.float64(0.0)
     share = damped_share(joint.damping * h * wp.trace(c))
     wanted = (v * share + joint.speed * (wp.float64(1.0) - share)) * (-joint.damping * h)
     unit = wp.identity(n=3, dtype=wp.float64)
@@ -84,24 +95,22 @@ def rub_ball(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp.
     change += rubbing - joint.rubbing
     joints.joint[k, j].rubbing = rubbing
     for i in range(3):
-        push(state, k, d.a, d.b, row + i, change[i])
+        push_axis(joints, k, first + i, change[i])
     return wp.length(c * change)
 
 
-@wp.func
-def move_axis(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp.float64:
+@wp.func(inline=False)
+def move_axis(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
     """One visit of the axis of a hinge, slider or spring. Returns the velocity changed."""
     zero = wp.float64(0.0)
-    d = joints.kinds[j]
-    row = joints.base + joints.equalities + d.axis
-    c = joints.compliance[k, j]
+    axis = joints.kinds[j].axis
+    c = joints.yields[k, axis * joints.axes + axis]
     if c <= zero:
         return zero
     joint = joints.joint[k, j]
-    before = velocity_along(state, k, d.a, d.b, row)
-    v = before
+    v = joints.rate[k, axis]
     total = zero
-    if d.kind == SPRING:
+    if joints.kinds[j].kind == SPRING:
         if joint.settled == 1:
             return zero
         total = pull_spring(joint, c, v, h)
@@ -115,11 +124,11 @@ def move_axis(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp
             joint.damped[0] = joint.damped[0] + change
             total += change
             v += change * c
-        if d.driven > 0:
-            most = wp.abs(d.effort) * joint.drive
-            wanted = d.effort * joint.drive
-            if d.driven == 2:
-                wanted = wp.clamp(joint.driving + (d.speed - v) / c, -most, most)
+        if joints.kinds[j].driven > 0:
+            most = wp.abs(joints.kinds[j].effort) * joint.drive
+            wanted = joints.kinds[j].effort * joint.drive
+            if joints.kinds[j].driven == 2:
+                wanted = wp.clamp(joint.driving + (joints.kinds[j].speed - v) / c, -most, most)
             total += wanted - joint.driving
             v += (wanted - joint.driving) * c
             joint.driving = wanted
@@ -139,25 +148,44 @@ def move_axis(joints: Joints, state: State, k: int, j: int, h: wp.float64) -> wp
                 joint.stopped[s] = wanted
     joints.joint[k, j] = joint
     if total != zero:
-        push(state, k, d.a, d.b, row, total)
-    return wp.abs(v - before) + wp.abs(total) * c
+        push_axis(joints, k, axis, total)
+    return wp.abs(total) * c
 
 
 @wp.func(inline=False)
 def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
-    """Visit all axes in turn, holding the joints after each. Returns the largest velocity changed."""
-    worst = wp.float64(0.0)
+    """Find the impulses along all axes while the joints hold. Returns the largest velocity changed."""
+    zero = wp.float64(0.0)
+    acting = wp.int32(0)
+    first = joints.base + joints.equalities
     for j in range(joints.count):
-        if joints.kinds[j].axes > 0 and joints.joint[k, j].active == 1:
-            changed = wp.float64(0.0)
-            if joints.kinds[j].kind == BALL:
-                changed = rub_ball(joints, state, k, j, h)
-            else:
-                changed = move_axis(joints, state, k, j, h)
-            if changed > wp.float64(0.0):
-                worst = wp.max(worst, changed)
-                hold_joints(joints, state, k)
-    return worst
+        acting += joints.resists[k, j]
+    if acting == 0:
+        return zero
+    for i in range(joints.axes):
+        r = joints.equalities + i
+        joints.pushed[k, i] = zero
+        joints.rate[k, i] = velocity_along(state, k, joints.row_a[r], joints.row_b[r], first + i)
+    for _sweep in range(SWEEPS):
+        worst = zero
+        for j in range(joints.count):
+            if joints.resists[k, j] == 1:
+                if joints.kinds[j].kind == BALL:
+                    worst = wp.max(worst, rub_ball(joints, k, j, h))
+                else:
+                    worst = wp.max(worst, move_axis(joints, k, j, h))
+        if worst <= SETTLED:
+            break
+    largest = zero
+    for i in range(joints.axes):
+        p = joints.pushed[k, i]
+        if p != zero:
+            r = joints.equalities + i
+            push(state, k, joints.row_a[r], joints.row_b[r], first + i, p)
+            largest = wp.max(largest, wp.abs(p) * joints.yields[k, i * joints.axes + i])
+    if largest > zero:
+        hold_joints(joints, state, k)
+    return largest
 
 
 @wp.func
@@ -213,9 +241,7 @@ def aim_at_stops(joints: Joints, k: int, h: wp.float64) -> None:
 def stop_joints(joints: Joints, state: State, k: int) -> None:
     """Joints at a stop lose the speed with which they run into it, at once and for good."""
     aim_at_stops(joints, k, wp.float64(0.0))
-    for _sweep in range(STOP_SWEEPS):
-        if move_axes(joints, state, k, wp.float64(0.0)) < wp.float64(1.0e-12):
-            break
+    move_axes(joints, state, k, wp.float64(0.0))
     for j in range(joints.count):
         forget(joints, k, j)
 

@@ -75,6 +75,9 @@ class Joint:
     driving: wp.float64
     stopped: wp.vec2d
     pulled: wp.float64
+    last_rubbing: wp.vec3d  # forces of the last step, a guess to begin with
+    last_damped: wp.vec3d
+    last_pulled: wp.float64
     stop_aim: wp.vec2d  # least velocity away from the lower and upper stop
     tension: wp.float64  # force that held its point in the last step [N]
     settled: int  # 1 where a spring's impulse is final
@@ -96,17 +99,22 @@ class Joints:
     kinds: wp.array[JointKind]
     column: wp.array[wp.int32]
     start: wp.array[wp.int32]
-    row_joint: wp.array[wp.int32]  # (equalities + axes,)
+    row_a: wp.array[wp.int32]  # (equalities + axes,) the bodies that each row acts on
+    row_b: wp.array[wp.int32]
     jointed: wp.array[wp.int32]  # (n,) 1 where a body is held by a joint
     joint: wp.array2d[Joint]
     matrix: wp.array2d[wp.float64]
     inverse: wp.array2d[wp.float64]
     aim: wp.array2d[wp.float64]
     work: wp.array2d[wp.float64]
-    compliance: wp.array2d[wp.float64]  # (K, count) velocity per impulse of an axis while the joints hold
-    held: wp.array2d[wp.float64]  # (K, 3 equalities) room for what the joints take of pushes along axes
-    turning: wp.array2d[wp.mat33d]  # (K, count) velocity per impulse of ball joints, in their frames on b
+    resists: wp.array2d[wp.int32]  # (K, count) 1 where anything acts along a joint's axes
+    held: wp.array2d[wp.float64]  # (K, axes * equalities) what the joints take of a push along each axis
+    yields: wp.array2d[wp.float64]  # (K, axes * axes) velocity per impulse of axes while the joints hold
+    rate: wp.array2d[wp.float64]  # (K, axes) velocities of the axes while their impulses are sought
+    pushed: wp.array2d[wp.float64]  # (K, axes) impulses found
     ready: wp.array[wp.int32]  # (K,) 1 where the rows are those of the bodies' pose
+    inverse_inertia: wp.array2d[wp.mat33d]  # (K, n + s + 1) of the bodies held, world axes; zero for the others
+    force: wp.array2d[wp.float64]  # (K, equalities) that held each row in the last step
     start_w: wp.array2d[wp.vec3d]
     end_x: wp.array2d[wp.vec3d]
     end_q: wp.array2d[wp.quatd]

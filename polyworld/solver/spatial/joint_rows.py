@@ -8,9 +8,10 @@ masses. Rows that depend on others, as in closed loops, are left out.
 import warp as wp
 
 from polyworld.solver.spatial.joint_layout import BALL, HINGE, NEVER, SLIDER, SPRING, Joint, JointKind, Joints
-from polyworld.solver.spatial.layout import Row, State
+from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
 
+HELD = wp.float64(1.0e-14)  # velocity off its aim that is rounding [m/s or rad/s]
 DEPENDENT = wp.float64(1.0e-10)  # a pivot below this fraction of its diagonal is rounding
 
 
@@ -41,93 +42,71 @@ def axis_error(fa: wp.mat33d, fb: wp.mat33d) -> wp.vec3d:
     return wp.cross(column(fb, 0), column(fa, 0))
 
 
-@wp.func
-def write_axes(joints: Joints, state: State, k: int, j: int, lock: wp.vec3d) -> None:
-    """Rows along which joint j moves; impulses are kept."""
+@wp.func(inline=False)
+def write_rows(joints: Joints, state: State, k: int, j: int, lock: wp.vec3d) -> None:
+    """Rows that joint j holds at its bodies' pose, and those along which it moves; and its place there."""
     d = joints.kinds[j]
-    joint = joints.joint[k, j]
-    a = state.bodies[k, d.a]
-    b = state.bodies[k, d.b]
-    ia = world_inverse_inertia(a)
-    ib = world_inverse_inertia(b)
-    masses = a.inverse_mass + b.inverse_mass
-    at = joints.base + joints.equalities + d.axis
-    pa = a.rotation * joint.arm_a
-    pb = b.rotation * joint.arm_b
-    apart = a.x + pa - b.x - pb
-    frame = b.rotation * joint.frame_b
+    ia = joints.inverse_inertia[k, d.a]
+    ib = joints.inverse_inertia[k, d.b]
+    masses = state.bodies[k, d.a].inverse_mass + state.bodies[k, d.b].inverse_mass
+    ra = state.bodies[k, d.a].rotation
+    rb = state.bodies[k, d.b].rotation
+    pa = ra * joints.joint[k, j].arm_a
+    from_b = pa + state.bodies[k, d.a].x - state.bodies[k, d.b].x
+    frame = rb * joints.joint[k, j].frame_b
     zero = wp.vec3d()
+    r = joints.base + d.first
+    for i in range(d.point, d.point + d.points):
+        along = column(frame, i)
+        state.rows[k, r] = make_row(along, wp.cross(pa, along), wp.cross(from_b, along), ia, ib, masses, lock)
+        r += 1
+    for i in range(d.turn, d.turn + d.turns):
+        about = column(frame, i)
+        state.rows[k, r] = make_row(zero, about, about, ia, ib, masses, lock)
+        r += 1
+    r = joints.base + joints.equalities + d.axis
+    axis = column(frame, 0)
     if d.kind == HINGE:
-        axis = column(frame, 0)
-        state.rows[k, at] = make_row(zero, axis, axis, ia, ib, masses, lock)
-        found = angle_between(a.rotation * joint.frame_a, frame)
+        state.rows[k, r] = make_row(zero, axis, axis, ia, ib, masses, lock)
+        found = angle_between(ra * joints.joint[k, j].frame_a, frame)
         whole = wp.float64(6.283185307179586)
-        joints.joint[k, j].place = found + whole * wp.round((joint.place - found) / whole)
+        before = joints.joint[k, j].place
+        joints.joint[k, j].place = found + whole * wp.round((before - found) / whole)
     elif d.kind == SLIDER:
-        axis = column(frame, 0)
-        state.rows[k, at] = make_row(axis, wp.cross(pa, axis), wp.cross(pa + a.x - b.x, axis), ia, ib, masses, lock)
-        joints.joint[k, j].place = wp.dot(apart, axis)
+        state.rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(from_b, axis), ia, ib, masses, lock)
+        joints.joint[k, j].place = wp.dot(from_b - rb * joints.joint[k, j].arm_b, axis)
     elif d.kind == BALL:
         for i in range(3):
-            axis = column(frame, i)
-            state.rows[k, at + i] = make_row(zero, axis, axis, ia, ib, masses, lock)
+            about = column(frame, i)
+            state.rows[k, r + i] = make_row(zero, about, about, ia, ib, masses, lock)
     elif d.kind == SPRING:
+        pb = rb * joints.joint[k, j].arm_b
+        apart = from_b - pb
         length = wp.length(apart)
         axis = zero
         if length > wp.float64(1.0e-12):
             axis = apart / length
-        state.rows[k, at] = make_row(axis, wp.cross(pa, axis), wp.cross(pb, axis), ia, ib, masses, lock)
+        state.rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(pb, axis), ia, ib, masses, lock)
         joints.joint[k, j].place = length
 
 
 @wp.func
-def write_rows(joints: Joints, state: State, k: int, j: int, lock: wp.vec3d) -> None:
-    """Rows that joint j holds at its bodies' pose."""
-    d = joints.kinds[j]
-    joint = joints.joint[k, j]
-    a = state.bodies[k, d.a]
-    b = state.bodies[k, d.b]
-    ia = world_inverse_inertia(a)
-    ib = world_inverse_inertia(b)
-    masses = a.inverse_mass + b.inverse_mass
-    pa = a.rotation * joint.arm_a
-    frame = b.rotation * joint.frame_b
-    r = joints.base + d.first
-    for i in range(d.point, d.point + d.points):
-        axis = column(frame, i)
-        state.rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(pa + a.x - b.x, axis), ia, ib, masses, lock)
-        r += 1
-    for i in range(d.turn, d.turn + d.turns):
-        axis = column(frame, i)
-        state.rows[k, r] = make_row(wp.vec3d(), axis, axis, ia, ib, masses, lock)
-        r += 1
-
-
-@wp.func
-def side(first: Row, second: Row, sign: wp.float64, inverse_mass: wp.float64, at_b: int, from_b: int) -> wp.float64:
-    """Velocity along one row for a unit impulse along another, through one body that both act on."""
-    j = first.ja
-    if at_b == 1:
-        j = first.jb
-    w = second.wa
-    if from_b == 1:
-        w = second.wb
-    return sign * (wp.dot(first.d, second.d) * inverse_mass + wp.dot(j, w))
-
-
-@wp.func
-def coupling(state: State, k: int, r: int, p: JointKind, c: int, q: JointKind) -> wp.float64:
-    """Velocity along row r of joint p for a unit impulse along row c of joint q."""
+def coupling(joints: Joints, state: State, k: int, r: int, c: int) -> wp.float64:
+    """Velocity along row r for a unit impulse along row c, through the bodies that both act on."""
+    p = joints.base + r
+    q = joints.base + c
+    across = wp.dot(state.rows[k, p].d, state.rows[k, q].d)
     total = wp.float64(0.0)
-    one = wp.float64(1.0)
-    if p.a == q.a:
-        total += side(state.rows[k, r], state.rows[k, c], one, state.bodies[k, p.a].inverse_mass, 0, 0)
-    if p.a == q.b:
-        total += side(state.rows[k, r], state.rows[k, c], -one, state.bodies[k, p.a].inverse_mass, 0, 1)
-    if p.b == q.a:
-        total += side(state.rows[k, r], state.rows[k, c], -one, state.bodies[k, p.b].inverse_mass, 1, 0)
-    if p.b == q.b:
-        total += side(state.rows[k, r], state.rows[k, c], one, state.bodies[k, p.b].inverse_mass, 1, 1)
+    a = joints.row_a[r]
+    b = joints.row_b[r]
+    if a == joints.row_a[c]:
+        total += across * state.bodies[k, a].inverse_mass + wp.dot(state.rows[k, p].ja, state.rows[k, q].wa)
+    if a == joints.row_b[c]:
+        total -= across * state.bodies[k, a].inverse_mass + wp.dot(state.rows[k, p].ja, state.rows[k, q].wb)
+    if b == joints.row_a[c]:
+        total -= across * state.bodies[k, b].inverse_mass + wp.dot(state.rows[k, p].jb, state.rows[k, q].wa)
+    if b == joints.row_b[c]:
+        total += across * state.bodies[k, b].inverse_mass + wp.dot(state.rows[k, p].jb, state.rows[k, q].wb)
     return total
 
 
@@ -138,10 +117,8 @@ def factorise(joints: Joints, state: State, k: int) -> None:
     for r in range(joints.equalities):
         first = joints.column[r]
         at = joints.start[r] - first
-        p = joints.kinds[joints.row_joint[r]]
         for c in range(first, r + 1):
-            q = joints.kinds[joints.row_joint[c]]
-            value = coupling(state, k, joints.base + r, p, joints.base + c, q)
+            value = coupling(joints, state, k, r, c)
             whole = value
             under = joints.start[c] - joints.column[c]
             for i in range(wp.max(first, joints.column[c]), c):
@@ -189,51 +166,52 @@ def resists(d: JointKind, joint: Joint) -> bool:
     return d.kind == SPRING or joint.friction > zero or joint.damping > zero or d.driven > 0 or bounded
 
 
-@wp.func
-def held_by(joints: Joints, state: State, k: int, j: int, i: int) -> None:
-    """What the joints take of a push along axis i of joint j, as L^-1 of the velocities it gives their rows."""
-    d = joints.kinds[j]
-    row = joints.base + joints.equalities + d.axis + i
-    for r in range(joints.equalities):
-        joints.work[k, r] = coupling(state, k, joints.base + r, joints.kinds[joints.row_joint[r]], row, d)
-    forward(joints, k)
-    for r in range(joints.equalities):
-        joints.held[k, i * joints.equalities + r] = joints.work[k, r]
-
-
-@wp.func
-def yielding(joints: Joints, state: State, k: int, j: int, i: int, m: int) -> wp.float64:
-    """Velocity along axis i of joint j for a unit impulse along its axis m while all joints hold."""
-    d = joints.kinds[j]
-    row = joints.base + joints.equalities + d.axis
-    free = coupling(state, k, row + i, d, row + m, d)
-    held = wp.float64(0.0)
-    for r in range(joints.equalities):
-        held += joints.held[k, i * joints.equalities + r] * joints.held[k, m * joints.equalities + r]
-    if i == m and free - held <= DEPENDENT * free:
-        return wp.float64(0.0)
-    return free - held
+@wp.func(inline=False)
+def build_axes(joints: Joints, state: State, k: int) -> None:
+    """How all axes along which something acts yield to a push along each, while the joints hold."""
+    n = joints.equalities
+    for j in range(joints.count):
+        if joints.resists[k, j] == 1:
+            for i in range(joints.kinds[j].axis, joints.kinds[j].axis + joints.kinds[j].axes):
+                for r in range(n):
+                    joints.work[k, r] = coupling(joints, state, k, r, n + i)
+                forward(joints, k)
+                for r in range(n):
+                    joints.held[k, i * n + r] = joints.work[k, r]
+    for j in range(joints.count):
+        if joints.resists[k, j] == 1:
+            for i in range(joints.kinds[j].axis, joints.kinds[j].axis + joints.kinds[j].axes):
+                for q in range(j + 1):
+                    if joints.resists[k, q] == 1:
+                        for m in range(joints.kinds[q].axis, joints.kinds[q].axis + joints.kinds[q].axes):
+                            free = coupling(joints, state, k, n + i, n + m)
+                            own = free
+                            for r in range(n):
+                                own -= joints.held[k, i * n + r] * joints.held[k, m * n + r]
+                            if i == m and own <= DEPENDENT * free:
+                                own = wp.float64(0.0)  # held fast by the other joints
+                            joints.yields[k, i * joints.axes + m] = own
+                            joints.yields[k, m * joints.axes + i] = own
 
 
 @wp.func(inline=False)
 def build_joint_rows(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
     """Rows and factor of all joints at the bodies' pose, and how far they yield to a push along each axis."""
+    for i in range(state.objects):
+        if joints.jointed[i] == 1:
+            joints.inverse_inertia[k, i] = world_inverse_inertia(state.bodies[k, i])
     for j in range(joints.count):
         if joints.joint[k, j].active == 1:
             write_rows(joints, state, k, j, lock)
-            write_axes(joints, state, k, j, lock)
     factorise(joints, state, k)
+    acting = wp.int32(0)
     for j in range(joints.count):
-        d = joints.kinds[j]
-        if joints.joint[k, j].active == 1 and resists(d, joints.joint[k, j]):
-            for i in range(d.axes):
-                held_by(joints, state, k, j, i)
-            if d.kind == BALL:
-                for i in range(3):
-                    for m in range(3):
-                        joints.turning[k, j][i, m] = yielding(joints, state, k, j, i, m)
-            elif d.axes == 1:
-                joints.compliance[k, j] = yielding(joints, state, k, j, 0, 0)
+        joints.resists[k, j] = 0
+        if joints.joint[k, j].active == 1 and resists(joints.kinds[j], joints.joint[k, j]):
+            joints.resists[k, j] = 1
+            acting = 1
+    if acting == 1:
+        build_axes(joints, state, k)
     joints.ready[k] = 1
 
 
@@ -242,18 +220,16 @@ def hold_joints(joints: Joints, state: State, k: int) -> wp.float64:
     """Bring all rows to their aims at once. Returns the largest velocity changed [m/s or rad/s]."""
     worst = wp.float64(0.0)
     for r in range(joints.equalities):
-        d = joints.kinds[joints.row_joint[r]]
-        lack = joints.aim[k, r] - velocity_along(state, k, d.a, d.b, joints.base + r)
+        lack = joints.aim[k, r] - velocity_along(state, k, joints.row_a[r], joints.row_b[r], joints.base + r)
         if joints.inverse[k, r] > wp.float64(0.0):
             worst = wp.max(worst, wp.abs(lack))
         joints.work[k, r] = lack
-    if worst == wp.float64(0.0):
-        return worst
+    if worst <= HELD:
+        return wp.float64(0.0)
     forward(joints, k)
     backward(joints, k)
     for r in range(joints.equalities):
-        d = joints.kinds[joints.row_joint[r]]
-        push(state, k, d.a, d.b, joints.base + r, joints.work[k, r])
+        push(state, k, joints.row_a[r], joints.row_b[r], joints.base + r, joints.work[k, r])
     return worst
 
 

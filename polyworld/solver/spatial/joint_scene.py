@@ -68,17 +68,20 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
     joints.kinds = wp.array(kinds, dtype=joint_layout.JointKind, device="cpu")
     joints.column = _ints(first)
     joints.start = _ints(np.concatenate([[0], np.cumsum(lengths)]))
-    joints.row_joint = _ints([*owner, *axis_owner])
+    owners = np.array([*owner, *axis_owner], dtype=np.int64)
+    joints.row_a, joints.row_b = _ints(kinds["a"][owners]), _ints(kinds["b"][owners])
     joints.jointed = _ints(jointed)
     joints.joint = _zeros((rows, len(order)), joint_layout.Joint)
     joints.matrix = _zeros((rows, int(lengths.sum())), wp.float64)
-    for name in ("inverse", "aim", "work"):
+    for name in ("inverse", "aim", "work", "force"):
         setattr(joints, name, _zeros((rows, equality), wp.float64))
-    joints.compliance = _zeros((rows, len(order)), wp.float64)
-    joints.turning = _zeros((rows, len(order)), wp.mat33d)
-    joints.held = _zeros((rows, 3 * equality), wp.float64)
+    joints.resists = _zeros((rows, len(order)), wp.int32)
+    joints.held = _zeros((rows, axes * equality), wp.float64)
+    joints.yields = _zeros((rows, axes * axes), wp.float64)
+    joints.rate, joints.pushed = _zeros((rows, axes), wp.float64), _zeros((rows, axes), wp.float64)
     joints.half_impulse = _zeros((rows, equality + axes), wp.float64)
     joints.ready = _zeros((rows,), wp.int32)
+    joints.inverse_inertia = _zeros((rows, ground + 1 if order else 0), wp.mat33d)
     for name, dtype in (
         ("start_w", wp.vec3d),
         ("end_x", wp.vec3d),

@@ -20,7 +20,7 @@ from polyworld.solver.spatial.motion import place, remaining, spun, turned
 from polyworld.solver.spatial.rows import push, velocity_along
 
 NEWTON_STEPS = 20
-CLOSED = wp.float64(1.0e-13)  # opening of a joint that counts as none [m or rad]
+CLOSED = wp.float64(1.0e-12)  # opening of a joint that counts as none [m or rad]
 OPEN = wp.float64(1.0e-10)  # what is left open after a step, by overlaps parted, and then mended
 MENDING = 4
 RESOLVED = wp.float64(0.5)  # radians of a taut joint's swing in a step
@@ -28,10 +28,16 @@ MOST_PARTS = 64  # into which taut joints cut a step
 
 
 @wp.func
-def hold(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
-    """Bring all joints and then their axes to their aims. Returns the largest velocity changed."""
+def hold(joints: Joints, state: State, k: int, h: wp.float64, contacts: int) -> wp.float64:
+    """Bring all joints and then their axes to their aims, as they stay unless there are contacts to disturb them.
+
+    Returns the largest velocity changed that asks for another sweep.
+    """
     held = hold_joints(joints, state, k)
-    return wp.max(held, move_axes(joints, state, k, h))
+    moved = move_axes(joints, state, k, h)
+    if contacts > 0:
+        return wp.max(held, moved)
+    return moved
 
 
 @wp.func
@@ -72,10 +78,11 @@ def load_joints(joints: Joints, state: State, w: int, k: int) -> None:
         if d.rest_length < wp.float64(0.0):
             joint.rest_length = wp.length(d.anchor - d.other_anchor)
         joints.joint[k, j] = joint
-        joints.compliance[k, j] = wp.float64(0.0)
-        joints.turning[k, j] = wp.mat33d()
+        joints.resists[k, j] = 0
     for r in range(joints.equalities + joints.axes):
         state.rows[k, joints.base + r] = Row()
+    for r in range(joints.equalities):
+        joints.force[k, r] = wp.float64(0.0)
     joints.ready[k] = 0
 
 
@@ -191,9 +198,35 @@ def look_ahead(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float6
     return worst
 
 
+@wp.func
+def guess_axes(joints: Joints, state: State, k: int, h: wp.float64) -> None:
+    """Begin with the resistance of the last step along all axes."""
+    for j in range(joints.count):
+        if joints.resists[k, j] == 1:
+            rubbing = joints.joint[k, j].last_rubbing * h
+            damped = joints.joint[k, j].last_damped * h
+            pulled = joints.joint[k, j].last_pulled * h
+            joints.joint[k, j].rubbing = rubbing
+            joints.joint[k, j].damped = damped
+            joints.joint[k, j].pulled = pulled
+            for i in range(joints.kinds[j].axes):
+                r = joints.equalities + joints.kinds[j].axis + i
+                p = rubbing[i] + damped[i]
+                if i == 0:
+                    p += pulled
+                push(state, k, joints.row_a[r], joints.row_b[r], joints.base + r, p)
+
+
 @wp.func(inline=False)
 def solve_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64) -> None:
-    """Impulses of joints and contacts over the step, such that its end pose satisfies the joints: Newton's method."""
+    """Impulses of joints and contacts over the step, such that its end pose satisfies the joints: Newton's method.
+
+    The forces of the last step, which turn with the joints, are a guess to begin with.
+    """
+    for r in range(joints.equalities):
+        if joints.force[k, r] != wp.float64(0.0):
+            push(state, k, joints.row_a[r], joints.row_b[r], joints.base + r, joints.force[k, r] * h)
+    guess_axes(joints, state, k, h)
     last = wp.float64(1.0e30)
     for iteration in range(NEWTON_STEPS):
         opening = look_ahead(joints, state, k, h)
@@ -244,15 +277,13 @@ def swinging(b: Body, arm: wp.vec3d) -> wp.float64:
 def push_halves(joints: Joints, state: State, k: int, first: int, end: int, sign: wp.float64) -> None:
     """Add half (sign 1), or take back half (sign -1), of the impulses of the rows [first, end)."""
     for r in range(first, end):
-        j = joints.row_joint[r]
-        d = joints.kinds[j]
         row = joints.base + r
         impulse = joints.half_impulse[k, r]
         if sign < wp.float64(0.0):
             impulse = wp.float64(0.5) * state.rows[k, row].impulse
             joints.half_impulse[k, r] = impulse
         if impulse != wp.float64(0.0):
-            push(state, k, d.a, d.b, row, sign * impulse)
+            push(state, k, joints.row_a[r], joints.row_b[r], row, sign * impulse)
 
 
 @wp.func
@@ -261,13 +292,14 @@ def move_bodies(joints: Joints, state: State, k: int) -> None:
     forward(joints, k)
     backward(joints, k)
     for r in range(joints.equalities):
-        d = joints.kinds[joints.row_joint[r]]
+        a = joints.row_a[r]
+        b = joints.row_b[r]
         row = state.rows[k, joints.base + r]
         p = joints.work[k, r]
-        state.bodies[k, d.a].shift += row.d * (p * state.bodies[k, d.a].inverse_mass)
-        state.bodies[k, d.a].turn += row.wa * p
-        state.bodies[k, d.b].shift -= row.d * (p * state.bodies[k, d.b].inverse_mass)
-        state.bodies[k, d.b].turn -= row.wb * p
+        state.bodies[k, a].shift += row.d * (p * state.bodies[k, a].inverse_mass)
+        state.bodies[k, a].turn += row.wa * p
+        state.bodies[k, b].shift -= row.d * (p * state.bodies[k, b].inverse_mass)
+        state.bodies[k, b].turn -= row.wb * p
     for i in range(state.objects):
         if joints.jointed[i] == 1:
             q = turned(state.bodies[k, i].q, state.bodies[k, i].turn)
@@ -316,6 +348,9 @@ def finish_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64
         pull = wp.float64(0.0)
         for r in range(joints.base + d.first, joints.base + d.first + d.points):
             pull += state.rows[k, r].impulse * state.rows[k, r].impulse
+            joints.force[k, r - joints.base] = state.rows[k, r].impulse / h
+        for r in range(d.first + d.points, d.first + d.points + d.turns):
+            joints.force[k, r] = state.rows[k, joints.base + r].impulse / h
         joints.joint[k, j].tension = wp.sqrt(pull) / h
     push_halves(joints, state, k, 0, rows, wp.float64(-1.0))
     for i in range(state.objects):
@@ -327,6 +362,9 @@ def finish_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64
     aim_at_stops(joints, k, wp.float64(0.0))
     for j in range(joints.count):
         joints.joint[k, j].settled = 1
+        joints.joint[k, j].last_rubbing = joints.joint[k, j].rubbing / h
+        joints.joint[k, j].last_damped = joints.joint[k, j].damped / h
+        joints.joint[k, j].last_pulled = joints.joint[k, j].pulled / h
     solve_contacts(joints, state, k, half, h)
     mend_joints(joints, state, k, lock)
 
