@@ -28,6 +28,7 @@ from polyworld.readouts.kinds import (
     Tension,
 )
 from polyworld.readouts.material_points import MaterialPoints, material_points
+from polyworld.readouts.rope_line import rope_line
 from polyworld.readouts.silhouette import image_occupancy
 from polyworld.trajectory import BatchTrajectory, PointMotion, Trajectory
 from polyworld.world import Deformable, World
@@ -105,6 +106,11 @@ class _Subject:
         return self.motion.deformables[self.item.name]
 
     @property
+    def line(self) -> Array:
+        """Points of a rope's line, round its wheels."""
+        return rope_line(self.world, self.motion, self.item.name)
+
+    @property
     def mesh(self) -> DeformableMesh:
         return object_mesh(self.world, self.item.name)
 
@@ -158,13 +164,13 @@ def _markers(subject: _Subject, readout: Markers, observed: Array | None) -> Arr
 
 def _centreline(subject: _Subject, readout: Centreline, observed: Array | None) -> Array:
     del observed
-    return resampled(subject.seen(readout.view, subject.points), readout.count)
+    return resampled(subject.seen(readout.view, subject.line), readout.count)
 
 
 def _curve(subject: _Subject, readout: Curve, observed: Array | None) -> Array:
     if observed is None:
         raise ValueError("a curve is read at observed points: give them")
-    return nearest_on_polyline(subject.seen(readout.view, subject.points), observed)
+    return nearest_on_polyline(subject.seen(readout.view, subject.line), observed)
 
 
 def _outline(subject: _Subject, readout: Outline, observed: Array | None) -> Array:

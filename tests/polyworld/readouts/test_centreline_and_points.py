@@ -7,13 +7,15 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.readouts import Centreline, read
 from polyworld.readouts.centreline import nearest_on_polyline, resampled, turning
 from polyworld.readouts.material_points import material_points
 from polyworld.representations.cloth import Cloth, Sheet
-from polyworld.representations.rope import Rope
+from polyworld.representations.rope import Pulley, Rope
 from polyworld.representations.soft import Soft
 from polyworld.shapes import Box
 from polyworld.world import World
+from tests.polyworld.synthetic import rollout_of
 
 Array = NDArray[np.float64]
 
@@ -86,3 +88,19 @@ def test_a_place_off_the_cloth_is_that_of_the_nearest_point_and_tells_how_far_it
     found = material_points(mesh(CLOTH), np.array([[1.3, 0.2, 0.4]]))
     assert found.places(mesh(CLOTH).nodes)[0] == pytest.approx([1.0, 0.2, 0.0])
     assert found.distance[0] == pytest.approx(0.5)
+
+
+def test_a_rope_over_a_wheel_is_seen_to_run_round_it() -> None:
+    # Seen with the axis, y, at the viewer, x runs to the left: from right to left over the top is counter-clockwise.
+    wheel = Pulley(name="wheel", rope="it", centre=(0.0, 0.0, 0.0), radius=0.2, after=0)
+    rope = Rope(name="it", points=((-0.2, 0.0, -1.0), (0.2, 0.0, -1.0)), segments=24)
+    world = World(deformables=(rope,), pulleys=(wheel,))
+    nodes = mesh_of(world, rope).nodes
+    motion = rollout_of(world, np.array([0.0, 1.0]), {"it": np.stack([nodes, nodes])}).trajectory
+    line = read(Centreline(object="it", count=41), world, motion)[1]
+    whole = 2.0 + np.pi * 0.2
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    assert steps.sum() == pytest.approx(whole, rel=0.003)
+    top = line[line[:, 2] > 0.02]
+    assert len(top) > 7
+    assert np.linalg.norm(top, axis=1) == pytest.approx(np.full(len(top), 0.2), abs=0.004)
