@@ -7,6 +7,7 @@ import pytest
 
 from polyworld.representations.attachment import Attachment, Region
 from polyworld.representations.rigid import RigidObject
+from polyworld.representations.rope import Rope
 from polyworld.representations.soft import Soft
 from polyworld.shapes import Box, Sphere
 from polyworld.world import World
@@ -107,3 +108,12 @@ def test_release_lets_go_at_its_time_and_strength_at_its_force() -> None:
         held = Attachment(name="held", object="cloth", nodes=every, strength=strength)
         run = Run(World(environment=VACUUM, deformables=(cloth,), attachments=(held,)), 0.2, samples=3)
         assert bool(run.points("cloth")[-1, :, 2].min() > 0.999) is stays
+
+
+def test_pins_of_a_hanging_rope_carry_its_weight() -> None:
+    rope = Rope(name="rope", points=((0, 0, 0), (0.8, 0, 0)), length=1.0, segments=20, linear_damping=3.0)
+    pins = (Attachment(name="a", object="rope", end="start"), Attachment(name="b", object="rope", end="end"))
+    run = Run(World(environment=VACUUM, deformables=(rope,), attachments=pins), 3.0, samples=4)
+    a, b = run.shard.attachments.forces().values()
+    assert a[0] + b[0] == pytest.approx((0.0, 0.0, 0.05 * GRAVITY), abs=0.01 * 0.05 * GRAVITY)
+    assert a[0, 0] < 0.0 < b[0, 0]  # the rope draws its ends together

@@ -150,6 +150,15 @@ class Attachments:
             held = [self._world_node, self._world_attachment]
             _launch(kernels.resist_forces, self._w, [clock.dt, *held, nodes.active, nodes.f, self.fastenings])
 
+    def launch_tensions(self, nodes: Nodes, clock: Clock, links: tuple[Any, Any]) -> None:
+        """Launch what reads the tensions of ropes at held nodes, once they are found. links: of the rope's stage."""
+        if self._to_world.node:
+            from polyworld.solver.coupled.attachment_ropes import resist_tensions
+
+            held = [self._world_node, self._world_attachment]
+            dim = (self._w, len(self._to_world.node))
+            _launch(resist_tensions, dim, [clock.dt, *held, *links, nodes.active, self.fastenings])
+
     def launch_push(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of the inner step before, which the next solution starts from."""
         if self._body.shape[0]:

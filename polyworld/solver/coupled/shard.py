@@ -325,6 +325,8 @@ class Shard:
         self.contacts.launch_push(n, c)
         for stage in self.stages:
             stage.launch_velocities(n, c)
+            if hasattr(stage, "links"):  # of ropes
+                self.attachments.launch_tensions(n, c, stage.links)
         self.attachments.launch_velocities(n, c, self.contacts.reaction)
         self.contacts.launch_solve(n, c)
         self._launch(motion.move, n.x.shape, [c.dt, c.gravity, n.inverse_mass, n.active, n.v, n.x])

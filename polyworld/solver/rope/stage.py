@@ -370,6 +370,11 @@ class RopeStage:
             found[rope.name] = {"tension": values}
         return found
 
+    @property
+    def links(self) -> tuple[Any, Any]:
+        """The ropes' `layout.Ropes` and `layout.RopeState`, for what holds their nodes."""
+        return self._ropes, self._state
+
     def _launch(self, kernel: Any, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=(self.n_worlds, len(self.items)), inputs=inputs, device="cpu")
 

@@ -1,0 +1,41 @@
+"""What the tension of a rope, which its own solver finds, adds to the forces that attachments to the world take."""
+
+import warp as wp
+
+from polyworld.solver.coupled.attachment_kernels import Fastenings
+from polyworld.solver.rope.layout import Ropes, RopeState
+from polyworld.solver.spatial.layout import OPTIONS
+
+wp.set_module_options(OPTIONS)
+
+
+@wp.kernel
+def resist_tensions(
+    dt: wp.array[wp.float64],
+    node: wp.array[wp.int32],
+    attachment: wp.array[wp.int32],
+    ropes: Ropes,
+    state: RopeState,
+    active: wp.array2d[wp.int32],
+    f: Fastenings,
+) -> None:
+    """The links on both sides of a held node pull at it; the attachment takes that."""
+    w, k = wp.tid()
+    i = node[k]
+    a = attachment[k]
+    if dt[w] <= wp.float64(0.0) or f.released[w, a] == 1 or active[w, i] == 0:
+        return
+    for r in range(ropes.nodes.shape[0]):
+        own = i - ropes.first_node[r]
+        if own < 0 or own >= ropes.nodes[r]:
+            continue
+        first = ropes.first_link[r]
+        for e in range(state.elements[w, r]):
+            if state.order[w, first + r + e] != own:
+                continue
+            if e > 0:
+                pull = state.direction[w, first + e - 1] * state.tension[w, first + e - 1]
+                f.impulse[w, a] += pull * dt[w]
+            if e < state.elements[w, r] - 1:
+                pull = state.direction[w, first + e] * state.tension[w, first + e]
+                f.impulse[w, a] -= pull * dt[w]
