@@ -27,6 +27,7 @@ Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | Plane | Wall | Triangle
 BACKGROUND = (222, 226, 232)
 STATIC_COLOR = "silver"
 PULLEY_COLOR = "gray"
+GLASS, PANE = "glass", 0.3  # the material that is seen through, and the weight of its own colour
 MARGIN = 0.06  # of the picture that a camera leaves free at each side
 
 
@@ -36,8 +37,9 @@ class Picture:
 
     labels (H, W), of n objects, rigid ones and then deformable ones: index of the object, n + index of the static,
     n + number of statics for the plane on which a planar world slides, one more + index for a pulley, or -1 where
-    the ray meets nothing; depth (H, W): distance along the camera's axis [m], inf where nothing; color (H, W, 3):
-    shaded red, green, blue in 0..255. Walls and hollow bodies let a fluid behind them be seen in the colour alone.
+    the ray meets nothing; things of material glass only where nothing is behind them. depth (H, W): distance along
+    the camera's axis [m], inf where nothing. color (H, W, 3): shaded red, green, blue in 0..255. Walls and hollow
+    bodies let a fluid behind them be seen in the colour alone.
     """
 
     labels: NDArray[np.int32]
@@ -111,7 +113,36 @@ def render(
         pulley.model_copy(update={"centre": tuple(centre), "axis": tuple(axes[:, 2])})
         for pulley, (centre, axes) in zip(world.pulleys, poses, strict=True)
     ]
-    return _cast(world, camera, placed, rectangles, places, wheels, hidden)
+    glass = np.isin(placed.label, _glass(world))
+    nothing = np.array([0, -1, 0, -1])
+    picture = _cast(world, camera, placed, np.where(glass[:, None], nothing, rectangles), places, wheels, hidden)
+    if not glass.any():
+        return picture
+    nobody = set(world.moving_names)
+    panes = _cast(
+        world, camera, placed, np.where(glass[:, None], rectangles, nothing), places, [], nobody, meshes=False
+    )
+    return _behind_glass(picture, panes)
+
+
+def _glass(world: World) -> list[int]:
+    """Labels of what is seen through: bodies and statics whose material is glass."""
+    n = len(world.moving_names)
+    bodies = [i for i, item in enumerate(world.objects) if item.appearance.material == GLASS]
+    return bodies + [n + i for i, static in enumerate(world.statics) if static.appearance.material == GLASS]
+
+
+def _behind_glass(picture: Picture, panes: Picture) -> Picture:
+    """A picture with panes over it: what is behind them keeps its label and depth, if there is anything."""
+    seen = (panes.labels >= 0) & (panes.depth < picture.depth)
+    color = picture.color.astype(float)
+    color[seen] = (1.0 - PANE) * color[seen] + PANE * panes.color[seen]
+    alone = seen & (picture.labels < 0)
+    return Picture(
+        labels=np.where(alone, panes.labels, picture.labels),
+        depth=np.where(alone, panes.depth, picture.depth),
+        color=np.rint(color).astype(np.uint8),
+    )
 
 
 def default_camera(world: World, positions: Array, *, width: int | None = None, height: int | None = None) -> Camera:
@@ -336,6 +367,8 @@ def _cast(
     points: Mapping[str, Array],
     wheels: Sequence[Pulley],
     hidden: set[str],
+    *,
+    meshes: bool = True,
 ) -> Picture:
     rotation = np.asarray(camera.rotation)
     pixel_to_ray = rotation.T @ np.linalg.inv(np.asarray(camera.intrinsics))
@@ -380,7 +413,7 @@ def _cast(
         ],
         device="cpu",
     )
-    for row, mesh in placed.meshes:
+    for row, mesh in placed.meshes if meshes else ():
         wp.launch(
             cast_mesh,
             dim=shape,

@@ -18,6 +18,7 @@ from polyworld.world import StaticObject, TimeBase, World
 FLOOR = StaticObject(name="floor", shape=Plane())
 TIME = TimeBase(seconds_per_frame=0.04)
 STONE, WOOD = 2500.0, 500.0  # [kg/m^3]
+GLASS = Appearance(color="silver", material="glass")
 WIRE = Appearance(color="gold")
 
 
@@ -33,7 +34,7 @@ def rigid(name: str, shape: Any, position: tuple[float, float, float], color: st
 
 
 def ball_on_cloth() -> World:
-    """A ball falls on a sheet that two poles hold by its edges."""
+    """A ball falls on a sheet that is held by its four corners."""
     cloth = Cloth(
         name="sheet",
         geometry=Sheet(corner=(-0.5, -0.5, 0.8), edge_u=(1.0, 0.0, 0.0), edge_v=(0.0, 1.0, 0.0), divisions=(16, 16)),
@@ -42,13 +43,17 @@ def ball_on_cloth() -> World:
         linear_damping=0.1,
         appearance=Appearance(color="red"),
     )
-    edges = (("left", -0.501, -0.499), ("right", 0.499, 0.501))
+    corners = {f"corner_{i}": (x, y) for i, (x, y) in enumerate(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))}
     return World(
-        objects=(rigid("ball", Sphere(radius=0.12), (0.1, 0.05, 1.3), "blue", density=250.0),),
+        objects=(rigid("ball", Sphere(radius=0.12), (0.04, 0.02, 1.3), "blue", density=250.0),),
         deformables=(cloth,),
         attachments=tuple(
-            Attachment(name=name, object="sheet", region=Region(lower=(low, -0.6, 0.7), upper=(high, 0.6, 0.9)))
-            for name, low, high in edges
+            Attachment(
+                name=name,
+                object="sheet",
+                region=Region(lower=(x - 0.01, y - 0.01, 0.7), upper=(x + 0.01, y + 0.01, 0.9)),
+            )
+            for name, (x, y) in corners.items()
         ),
         statics=(FLOOR,),
         time=TIME,
@@ -125,8 +130,8 @@ def floating_and_sinking() -> World:
             rigid("wood", cube, (-0.14, 0.0, 0.36), "brown", density=WOOD),
             rigid("stone", cube, (0.14, 0.02, 0.36), "gray", density=STONE),
         ),
-        deformables=(Fluid(name="water", volumes=(block(0.3, 0.2, 0.12, (0.0, 0.0, 0.12)),)),),
-        fluid_grid=FluidGrid(lower=(-0.3, -0.2, 0.0), upper=(0.3, 0.2, 0.5), cell=0.03),
+        deformables=(Fluid(name="water", volumes=(block(0.32, 0.2, 0.12, (0.0, 0.0, 0.12)),)),),
+        fluid_grid=FluidGrid(lower=(-0.32, -0.2, 0.0), upper=(0.32, 0.2, 0.52), cell=0.04),
         statics=(FLOOR,),
         time=TIME,
     )
@@ -157,9 +162,9 @@ def pouring_into_a_bucket() -> World:
         objects=(bucket,),
         joints=(Hinge(name="pivot", object="bucket", anchor=(0.0, 0.0, 0.42), axis=(0.0, 1.0, 0.0), damping=0.05),),
         deformables=(Fluid(name="water"),),
-        emitters=(Emitter(name="tap", fluid="water", position=(0.04, 0.0, 0.66), radius=0.025, rate=4e-4, end=5.0),),
+        emitters=(Emitter(name="tap", fluid="water", position=(0.04, 0.0, 0.66), radius=0.03, rate=1e-3, end=5.0),),
         containers=(Container(name="inside", lower=(-0.12, -0.12, 0.2), upper=(0.12, 0.12, 0.4), object="bucket"),),
-        fluid_grid=FluidGrid(lower=(-0.32, -0.2, 0.0), upper=(0.32, 0.2, 0.72), cell=0.02),
+        fluid_grid=FluidGrid(lower=(-0.325, -0.2, 0.0), upper=(0.325, 0.2, 0.725), cell=0.025),
         statics=(FLOOR,),
         time=TIME,
     )
@@ -178,11 +183,11 @@ def cloth_in_fluid() -> World:
         appearance=Appearance(color="red"),
     )
     return World(
-        deformables=(sheet, Fluid(name="water", volumes=(block(0.1, 0.15, 0.15, (-0.25, 0.0, 0.15)),))),
+        deformables=(sheet, Fluid(name="water", volumes=(block(0.12, 0.15, 0.15, (-0.24, 0.0, 0.15)),))),
         attachments=(
             Attachment(name="bar", object="sheet", region=Region(lower=(0.0, -0.2, 0.399), upper=(0.1, 0.2, 0.401))),
         ),
-        fluid_grid=FluidGrid(lower=(-0.35, -0.15, 0.0), upper=(0.35, 0.15, 0.5), cell=0.025),
+        fluid_grid=FluidGrid(lower=(-0.36, -0.15, 0.0), upper=(0.36, 0.15, 0.51), cell=0.03),
         statics=(FLOOR,),
         time=TIME,
     )
@@ -252,7 +257,7 @@ def all_in_one_box() -> World:
         objects=(rigid("ball", Sphere(radius=0.06), (-0.2, -0.08, 0.45), "blue", density=600.0),),
         deformables=(rope, sheet, jelly, Fluid(name="water", volumes=(block(0.35, 0.25, 0.08, (0.0, 0.0, 0.08)),))),
         attachments=(Attachment(name="hook", object="cord", end="start"),),
-        fluid_grid=FluidGrid(lower=(-0.35, -0.25, 0.0), upper=(0.35, 0.25, 0.72), cell=0.03),
+        fluid_grid=FluidGrid(lower=(-0.35, -0.25, 0.0), upper=(0.35, 0.25, 0.75), cell=0.05),
         statics=(FLOOR, *walls()),
         time=TIME,
     )
@@ -268,7 +273,8 @@ def walls() -> tuple[StaticObject, ...]:
         "north": ((0.39, thick, 0.36), (0.0, 0.25 + thick, 0.36)),
     }
     return tuple(
-        StaticObject(name=name, shape=Box(half_extents=half), position=place) for name, (half, place) in places.items()
+        StaticObject(name=name, shape=Box(half_extents=half), position=place, appearance=GLASS)
+        for name, (half, place) in places.items()
     )
 
 

@@ -152,6 +152,19 @@ def test_wall_lets_the_fluid_behind_it_be_guessed_in_the_colour() -> None:
     assert np.abs(with_fluid.color[plain].astype(int) - alone.color[plain]).max() <= 1
 
 
+def test_glass_is_looked_through_and_still_seen() -> None:
+    pane = {"shape": Box(half_extents=(0.5, 0.02, 0.4)), "position": (0.52, -1.4, 1.0)}
+    clear = StaticObject(name="pane", appearance=Appearance(material="glass"), **pane)
+    ball = RigidObject(name="ball", shape=Sphere(radius=0.3), position=(0.0, 0.0, 0.3))
+    alone, behind = draw(World(objects=(ball,))), draw(World(objects=(ball,), statics=(clear,)))
+    hidden = draw(World(objects=(ball,), statics=(StaticObject(name="pane", **pane),)))
+    covered = alone.mask(0) & ~hidden.mask(0)
+    assert covered.sum() > 500
+    assert np.array_equal(behind.mask(0), alone.mask(0))
+    assert np.all(np.any(behind.color[covered] != alone.color[covered], axis=-1))
+    assert behind.mask(1).sum() > 500  # where it stands before nothing
+
+
 def test_particles_that_are_not_there_are_not_drawn() -> None:
     world = bucket_of_water()
     assert not draw(world, {"water": np.full((10, 3), np.nan)}).mask(0).any()
