@@ -115,6 +115,19 @@ def push_bodies(
 
 
 @wp.kernel
+def bump_bodies(grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace) -> None:
+    """Velocity change of the bodies by the impulses in force and torque."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    respond(grid, solids, bodies, wetted, w, wp.float64(1.0))
+    for b in range(solids.bodies):
+        if bodies[w, b].active == 1:
+            bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+
+
+@wp.kernel
 def lend_forecast(
     grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[Body], h: wp.array[wp.float64]
 ) -> None:

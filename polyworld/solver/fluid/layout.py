@@ -184,7 +184,8 @@ class Viscous:
     """amount, sticky (W, C): viscosity times volume around a cell's centre, of all liquids and of those that stick.
 
     mass (W, 3, C): of a face with all its
-    surroundings in the liquid. kind (W, 3, C): what a face is. residual, search, product, diagonal (W, 3, C): of the equations. active (W,).
+    surroundings in the liquid. kind (W, 3, C): what a face is. residual, search, product, diagonal (W, 3, C): of the equations. active (W,); reach (W,): how well a boundary
+    layer is resolved, 1 and more fully.
     """
 
     amount: wp.array2d[wp.float64]
@@ -196,6 +197,7 @@ class Viscous:
     product: wp.array3d[wp.float64]
     diagonal: wp.array3d[wp.float64]
     active: wp.array[wp.int32]
+    reach: wp.array[wp.float64]
     iterations: wp.array[wp.int32]
 
 

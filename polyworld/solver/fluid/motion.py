@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.solver.fluid.distance import nearest, to_solid
-from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Particles, Solids
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Solids, Wetted
 from polyworld.solver.fluid.stencil import HALF, ZERO, centre, gather, gather_slope, stencil
 from polyworld.solver.spatial.layout import Body
 
@@ -16,10 +16,11 @@ SHUT = wp.float64(1.0e-3)
 
 @wp.struct
 class Motion:
-    """Where and how fast; or, of a solid's surface, its outward normal (zero if it is far) and its velocity."""
+    """Where and how fast; or, of the nearest solid, its outward normal, its velocity and its body, -1 for none."""
 
     x: wp.vec3d
     v: wp.vec3d
+    body: int
 
 
 @wp.func
@@ -27,6 +28,7 @@ def _motion(x: wp.vec3d, v: wp.vec3d) -> Motion:
     m = Motion()
     m.x = x
     m.v = v
+    m.body = -1
     return m
 
 
@@ -78,8 +80,9 @@ def continue_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
 
 @wp.func(inline=False)
 def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, statics: int) -> Motion:
-    """Outward normal of the solid closest to p and its velocity there; the normal is zero beyond one edge."""
+    """Outward normal of the solid closest to p, its velocity there, and its body; with or without statics."""
     best = wp.float64(1.0e6)
+    owner = int(-1)
     normal = wp.vec3d()
     velocity = wp.vec3d()
     still = wp.vec3d()
@@ -98,21 +101,30 @@ def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, stat
         near = nearest(solids, s, to_solid(solids.solids[s], x, r, p))
         if near[3] < best:
             best = near[3]
+            owner = b
             normal = r * (solids.solids[s].rotation * wp.vec3d(near[0], near[1], near[2]))
             velocity = still
             if b >= 0:
                 velocity = bodies[w, b].v + wp.cross(bodies[w, b].w, p - x)
-    return _motion(normal, velocity)
+    found = _motion(normal, velocity)
+    found.body = owner
+    return found
 
 
 @wp.kernel
 def slide_along_solids(
-    grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace
+    grid: Grid, solids: Solids, fields: Fields, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
 ) -> None:
-    """Velocity of faces that solids shut: that of the liquid beside them, less its part into the solid."""
+    """Velocity of faces that solids shut: that of the liquid beside them, less its part into the solid.
+
+    Liquid near the solid hangs on these faces too: force and torque of `wetted` take what its momentum loses.
+    """
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
+    for b in range(solids.bodies):
+        wetted.force[w, b] = wp.vec3d()
+        wetted.torque[w, b] = wp.vec3d()
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
@@ -136,16 +148,31 @@ def slide_along_solids(
                     near = solid_at(solids, bodies, w, p, 1)
                     u = _velocity(grid, fields, w, p)
                     into = wp.dot(u - near.v, near.x)
-                    fields.velocity[w, a, c] = u[a] - into * near.x[a]
+                    slid = u[a] - into * near.x[a]
+                    fields.velocity[w, a, c] = slid
+                    if near.body >= 0 and fields.mass[w, a, c] > ZERO:
+                        lost = wp.vec3d()
+                        lost[a] = fields.mass[w, a, c] * (fields.shift[w, a, c] - slid)
+                        b = near.body
+                        wetted.force[w, b] = wetted.force[w, b] + lost
+                        wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(p - bodies[w, b].x, lost)
 
 
 @wp.func
 def _keep_out(
-    grid: Grid, solids: Solids, bodies: wp.array2d[Body], w: int, x: wp.vec3d, v: wp.vec3d, first: int, last: int
+    grid: Grid,
+    solids: Solids,
+    bodies: wp.array2d[Body],
+    wetted: Wetted,
+    w: int,
+    x: wp.vec3d,
+    v: wp.vec3d,
+    mass: wp.float64,
+    last: int,
 ) -> Motion:
-    """Position and velocity of a particle at x, v after solids [first, last) have pushed it out."""
+    """Position and velocity of a particle at x, v after solids [0, last) have pushed it out; bodies feel its impulse."""
     skin = SKIN * grid.cell
-    for s in range(first, last):
+    for s in range(last):
         b = solids.solids[s].body
         place = wp.vec3d()
         r = wp.identity(n=3, dtype=wp.float64)
@@ -166,18 +193,32 @@ def _keep_out(
             u = wp.vec3d()
             if b >= 0:
                 u = bodies[w, b].v + wp.cross(bodies[w, b].w, x - place)
-            x = x + n * (skin - near[3])
             into = wp.dot(v - u, n)
             if into < ZERO:
                 v = v - n * into
+                if b >= 0:
+                    impulse = n * (mass * into)
+                    wetted.force[w, b] = wetted.force[w, b] + impulse
+                    wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(x - place, impulse)
+            x = x + n * (skin - near[3])
     return _motion(x, v)
 
 
 @wp.kernel
 def move_particles(
-    grid: Grid, solids: Solids, particles: Particles, fields: Fields, bodies: wp.array2d[Body], pace: Pace
+    grid: Grid,
+    solids: Solids,
+    particles: Particles,
+    liquids: Liquids,
+    fields: Fields,
+    wetted: Wetted,
+    bodies: wp.array2d[Body],
+    pace: Pace,
 ) -> None:
-    """Particles take the grid's velocity and its gradient, and move with it (midpoint rule)."""
+    """Particles take the grid's velocity and its gradient, and move with it (midpoint rule).
+
+    Impulses of particles that run into bodies are added to force and torque of `wetted`.
+    """
     w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
@@ -227,8 +268,10 @@ def move_particles(
         if fields.static_distance[c] < wp.float64(1.5) * grid.cell:
             last = solids.solids.shape[0]
         if last > 0:
+            fluid = particles.fluid[w, p]
+            mass = particles.volume * liquids.density[w % liquids.density.shape[0], fluid]
             for _ in range(2):
-                kept = _keep_out(grid, solids, bodies, w, x, v, 0, last)
+                kept = _keep_out(grid, solids, bodies, wetted, w, x, v, mass, last)
                 x = kept.x
                 v = kept.v
         particles.x[w, p] = x

@@ -229,12 +229,13 @@ def push_liquid(grid: Grid, fields: Fields, tension: Tension, tense: int, pace: 
                                 fields.velocity[w, a, c] += push * fields.bulk[w, a, c] / fields.mass[w, a, c]
                     fields.push[w, a, c] = push
                     fields.known[w, a, c] = known
+                    fields.shift[w, a, c] = fields.velocity[w, a, c]  # kept until solids have changed it
 
 
 @wp.kernel
-def read_pressure(
-    grid: Grid, fields: Fields, points: wp.array[wp.vec3d], out: wp.array2d[wp.float64]
+def read_cells(
+    grid: Grid, rows: wp.array2d[wp.float64], points: wp.array[wp.vec3d], out: wp.array2d[wp.float64]
 ) -> None:
-    """out: pressure at points, linear between cells."""
+    """out: a quantity of the cells' centres at points, linear between them."""
     w, i = wp.tid()
-    out[w, i] = gather(grid, fields.pressure[w], stencil(grid, points[i], 3))
+    out[w, i] = gather(grid, rows[w], stencil(grid, points[i], 3))

@@ -182,9 +182,19 @@ class FluidSolver:
 
     def pressure_at(self, points: Array) -> Array:
         """Pressure (W, k) above the air's at points (k, 3) [Pa], linear between the centres of cells."""
+        return self._read(self._fields.pressure, points)
+
+    def level_at(self, points: Array) -> Array:
+        """Signed distance (W, k) of points (k, 3) from the free surface, negative in the liquid [m].
+
+        As the last sub-step began, linear between the centres of cells, at most one cell either way.
+        """
+        return self._read(self._fields.level, points)
+
+    def _read(self, rows: Any, points: Array) -> Array:
         out = storage.zeros((self.n_worlds, len(points)), wp.float64)
         at = wp.array(np.ascontiguousarray(points, dtype=float), dtype=wp.vec3d, device="cpu")
-        wp.launch(pressure.read_pressure, dim=out.shape, inputs=[self.grid, self._fields, at, out], device="cpu")
+        wp.launch(pressure.read_cells, dim=out.shape, inputs=[self.grid, rows, at, out], device="cpu")
         result: Array = out.numpy()
         return result
 
@@ -228,12 +238,14 @@ class FluidSolver:
         if self._samples is not None:
             go(immersed.lift_thin, g, f, self._samples, self._nodes, pace)
         go(motion.continue_velocity, g, f, pace)
-        go(motion.slide_along_solids, g, s, f, b, pace)
+        go(motion.slide_along_solids, g, s, f, wet, b, pace)
         go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
         go(drift.find_shift, g, f, rows, int(immersed_soft), pace)
         if immersed_soft:
             go(immersed.shift_soft, g, f, self._samples, self._nodes, pace)
-        go(motion.move_particles, g, s, p, f, b, pace)
+        go(motion.move_particles, g, s, p, q, f, wet, b, pace)
+        if s.bodies:
+            go(bodies.bump_bodies, g, s, wet, b, pace)
 
     def _launch(self, kernel: Any, *inputs: Any) -> None:
         wp.launch(kernel, dim=self.n_worlds, inputs=list(inputs), device="cpu")

@@ -79,6 +79,7 @@ def viscous_arrays(grid: layout.Grid, worlds: int) -> layout.Viscous:
     for name in ("mass", "residual", "search", "product", "diagonal"):
         setattr(v, name, zeros((w, 3, c), wp.float64))
     v.active, v.iterations = zeros((w,), wp.int32), zeros((w,), wp.int32)
+    v.reach = zeros((w,), wp.float64)
     return v
 
 

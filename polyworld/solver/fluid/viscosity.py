@@ -17,6 +17,7 @@ wp.set_module_options(OPTIONS)
 NEGLIGIBLE = wp.float64(1.0e-5)  # dt viscosity / (density cell^2) below which a sub-step is inviscid
 TOLERANCE = wp.float64(1.0e-6)  # of the residual, relative to the first
 ITERATIONS = 500
+RESOLVED = wp.float64(10.0)  # sub-steps in which a boundary layer must have grown over a cell to be resolved
 WALL = wp.float64(0.72)  # a face less open than this has its centre in a solid, or a quarter edge outside at most
 FARTHEST = wp.float64(1.3)
 NEAREST = wp.float64(0.25)  # distance of a sample from a wall, in edges, is at least this
@@ -52,6 +53,7 @@ def gather_viscosity(
     if dt * thickest / (grid.cell * grid.cell) < NEGLIGIBLE:
         return
     viscous.active[w] = 1
+    viscous.reach[w] = RESOLVED * dt * thickest / (grid.cell * grid.cell)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
@@ -324,10 +326,14 @@ def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
 def mirror_at_walls(
     grid: Grid, solids: Solids, fields: Fields, viscous: Viscous, bodies: wp.array2d[Body], pace: Pace
 ) -> None:
-    """Velocity of faces inside solids beside liquid that sticks: interpolation then vanishes at the wall."""
+    """Velocity of faces inside solids beside liquid that sticks: interpolation then vanishes at the wall.
+
+    Only as far as viscosity reaches across a cell: a thinner boundary layer leaves the liquid beside it sliding.
+    """
     w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
+    felt = wp.min(viscous.reach[w], ONE)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
@@ -355,4 +361,6 @@ def mirror_at_walls(
                                 count += ONE
                     if count > ZERO:
                         u = _wall_speed(grid, solids, fields, bodies, w, i, j, k, a, c)
-                        fields.velocity[w, a, c] = u - (total / count - u) * ratio / count
+                        beside = total / count - u
+                        mirrored = u - beside * ratio / count
+                        fields.velocity[w, a, c] = felt * mirrored + (ONE - felt) * (u + beside)

@@ -1,0 +1,105 @@
+"""Fluids and rigid bodies acting on each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Sphere
+from polyworld.world import World
+from tests.polyworld.fluid.scenes import GRAVITY, Run, plane_world, pool
+
+
+def _raft(density: float, z: float, *, half: float = 0.2) -> RigidObject:
+    return RigidObject(
+        name="raft",
+        representation="rigid_planar",
+        shape=Box(half_extents=(half, 0.05, 0.1)),
+        density=density,
+        position=(0.5, 0.0, z),
+    )
+
+
+@pytest.mark.parametrize(("cell", "tolerance"), [(0.02, 0.02), (0.04, 0.04)])
+def test_floating_raft_of_half_density_draws_half_its_height(cell: float, tolerance: float) -> None:
+    """Archimedes: draft over height is the ratio of densities. Mean over the bobbing after release 2 cm too high."""
+    run = Run(plane_world(pool("water", (0, 0), (1, 0.3)), size=(1, 0.6), cell=cell, objects=(_raft(500.0, 0.32),)))
+    run.run(1.0)
+    bottoms = []
+    for _ in run.advance(3.0):
+        bottoms.append(run.bodies.numpy()["x"][0, 0, 2] - 0.1)
+    bottom = np.mean(bottoms)
+    volume = len(run.present()[0]) * run.fluid.particle_volume
+    level = (volume - 0.4 * bottom) / 0.6
+    assert level - bottom == pytest.approx(0.1, rel=tolerance)
+
+
+@pytest.mark.parametrize("density", [20.0, 200.0])
+def test_light_bodies_are_stable(density: float) -> None:
+    """A raft fifty times lighter than water rises from below, jumps, and floats; it never flies off."""
+    raft = _raft(density, 0.15, half=0.1)
+    run = Run(plane_world(pool("water", (0, 0), (1, 0.3)), size=(1, 0.8), cell=0.04, objects=(raft,)), step=0.004)
+    heights = []
+    for _ in run.advance(3.0):
+        heights.append(run.bodies.numpy()["x"][0, 0, 2])
+    assert np.max(heights) < 0.8
+    assert np.mean(heights[-200:]) == pytest.approx(0.3 + 0.1 - 0.2 * density / 1000, abs=0.05)
+
+
+@pytest.mark.parametrize("cell", [0.02, 0.04])
+def test_submerged_sphere_feels_archimedes_force(cell: float) -> None:
+    """Force on a held sphere is the weight of the water it displaces; 2%, none sideways. In space."""
+    ball = RigidObject(
+        name="ball", representation="rigid_spatial", shape=Sphere(radius=0.1), density=700.0, position=(0.21, 0.19, 0.2)
+    )
+    half = (0.2, 0.2, 0.18)
+    water = Fluid(name="water", volumes=(FluidVolume(shape=Box(half_extents=half), position=(0.2, 0.2, 0.18)),))
+    grid = FluidGrid(lower=(0, 0, 0), upper=(0.4, 0.4, 0.48), cell=cell)
+    run = Run(World(objects=(ball,), deformables=(water,), fluid_grid=grid), step=0.004)
+    mass = 1e9  # it does not move
+    run.bodies.numpy()["inverse_mass"][:] = 1.0 / mass
+    before = run.bodies.numpy()["v"][0, 0].copy()
+    run.run(0.2, held=True)
+    force = (run.bodies.numpy()["v"][0, 0] - before) * mass / 0.2
+    weight = 1000 * GRAVITY * 4 / 3 * np.pi * 0.1**3
+    assert force == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
+
+
+def test_momentum_passes_between_body_and_fluid_and_none_is_lost() -> None:
+    """Without gravity and walls, a moving plate hits a drop at rest: momentum drift below 1e-4 of what there is."""
+    plate = RigidObject(
+        name="plate",
+        representation="rigid_planar",
+        shape=Box(half_extents=(0.05, 0.05, 0.15)),
+        density=600.0,
+        position=(0.22, 0.0, 0.5),
+        velocity=(1.0, 0.0, 0.0),
+    )
+    drop = pool("drop", (0.3, 0.4), (0.5, 0.6))
+    run = Run(plane_world(drop, size=(1.2, 1.0), cell=0.02, gravity=0.0, objects=(plate,)))
+    mass_of_plate = 600.0 * 0.1 * 0.3  # per metre of thickness
+    start = mass_of_plate * 1.0
+    run.run(0.15)
+    _, v = run.present()
+    fluid = 1000 * run.fluid.particle_volume * v.sum(axis=0)
+    plate_v = run.bodies.numpy()["v"][0, 0]
+    assert fluid[0] > 0.2 * start
+    assert (fluid + mass_of_plate * plate_v)[[0, 2]] == pytest.approx([start, 0.0], abs=2e-3 * start)
+
+
+def test_particles_are_never_inside_a_body_that_ploughs_through() -> None:
+    ball = RigidObject(
+        name="ball",
+        representation="rigid_planar",
+        shape=Sphere(radius=0.1),
+        density=3000.0,
+        position=(0.4, 0.0, 0.5),
+        velocity=(0.5, 0.0, -1.0),
+    )
+    run = Run(plane_world(pool("water", (0, 0), (1, 0.3)), size=(1, 0.8), cell=0.02, objects=(ball,)))
+    for _ in run.advance(0.4):
+        x, _ = run.present()
+        centre = run.bodies.numpy()["x"][0, 0]
+        assert np.linalg.norm((x - centre)[:, [0, 2]], axis=1).min() >= 0.1 - 1e-9
