@@ -55,7 +55,8 @@ def with_own_names(
         if isinstance(name, str) and name not in added:
             changed[field] = _meant(app, case, name, known) or _of_another_world(app, case, name)
             if changed[field] is None:
-                object_name(app, case, name, known)
+                removable = sorted(parts) if item.get("action") == "remove" else []
+                object_name(app, case, name, [*known, *removable])
     return changed
 
 
