@@ -191,6 +191,47 @@ def test_two_bodies_on_a_spring_keep_momentum_angular_momentum_and_energy() -> N
     assert abs(total[-200:].mean() - total[:200].mean()) < 1e-4 * total[0]
 
 
+@pytest.mark.parametrize(("share", "held"), [(1.02, True), (0.98, False)])
+def test_a_level_chain_of_twenty_links_holds_or_breaks_where_its_first_hinge_must(share: float, held: bool) -> None:
+    """The first hinge carries m g l n^2 / 2 = 392 N m; a chain that holds stays to 1e-8 m for 2 s."""
+    link = Box(half_extents=(0.1, 0.02, 0.02))
+    links = [body(f"b{i}", link, (0.1 + 0.2 * i, 0, 0)) for i in range(20)]
+    joints = tuple(
+        Hinge(
+            name=f"j{i}",
+            object=f"b{i}",
+            other=None if i == 0 else f"b{i - 1}",
+            anchor=(0.2 * i, 0, 0),
+            axis=Y,
+            friction=share * G * 0.2 * 20**2 / 2,
+        )
+        for i in range(20)
+    )
+    motion = moved(linked(*links, joints=joints), 2.0, step=0.1)
+    fallen = -motion.positions[0, -1, -1, 2]
+    assert fallen < 1e-8 if held else fallen > 0.1
+
+
+def test_a_chain_of_stiff_springs_hangs_as_each_carries_what_is_below() -> None:
+    """Ten masses on springs of omega h = 6, damped: extension n m g / k below the first, to 1e-9 m."""
+    balls = [body(f"b{i}", BALL, (0, 0, -0.2 * (i + 1))) for i in range(10)]
+    springs = tuple(
+        Spring(
+            name=f"s{i}",
+            object=f"b{i}",
+            other=None if i == 0 else f"b{i - 1}",
+            anchor=(0, 0, -0.2 * (i + 1)),
+            other_anchor=(0, 0, -0.2 * i),
+            stiffness=1e7,
+            damping=2000.0,
+        )
+        for i in range(10)
+    )
+    motion = moved(linked(*balls, joints=springs), 2.0, step=0.1)
+    sag = np.cumsum([(10 - i) * G / 1e7 for i in range(10)])
+    np.testing.assert_allclose(motion.positions[0, -1, :, 2], -0.2 * np.arange(1, 11) - sag, atol=1e-9)
+
+
 def test_joint_parameters_differ_between_the_worlds_of_a_batch() -> None:
     """Friction, damping and stiffness by path, one value a world, as in a fit."""
     wheel = body("wheel", WHEEL, (0, 0, 0), angular_velocity=(0, 0, 3.0))

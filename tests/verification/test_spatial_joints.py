@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -230,6 +231,43 @@ def test_a_parallel_linkage_keeps_its_bar_level_and_its_energy() -> None:
     np.testing.assert_allclose(motion.orientations[0, :, 2], [(1.0, 0, 0, 0)] * 1001, atol=1e-10)
     own = energy(world, motion) / (3 * G)
     assert np.abs(own - own[0]).max() < 1e-5
+
+
+def test_a_chain_in_three_dimensions_moves_as_in_mujoco() -> None:
+    """Ball, skew hinge and ball between three bricks, against MuJoCo's Runge-Kutta at 0.1 ms, up to 1.5 s.
+
+    Within 3e-4 m at 2 ms, four times nearer for half the step.
+    """
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="1e-4" integrator="RK4" gravity="0 0 -9.81"><flag contact="disable"/></option>
+        <worldbody><body><joint type="ball"/><geom type="box" size="0.2 0.04 0.06" pos="0.2 0 0" mass="1"/>
+        <body pos="0.4 0 0"><joint axis="0.6 0.8 0"/><geom type="box" size="0.15 0.03 0.05" pos="0.15 0 0" mass="0.7"/>
+        <body pos="0.3 0 0"><joint type="ball"/><geom type="box" size="0.1 0.05 0.02" pos="0.1 0 0" mass="0.4"/>
+        </body></body></body></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    expected = []
+    for step in range(15_001):
+        if step % 100 == 0:
+            expected.append(data.xipos[1:].copy())
+        mujoco.mj_step(model, data)
+    errors = []
+    for substep in (0.002, 0.001):
+        world = linked(
+            body("a", Box(half_extents=(0.2, 0.04, 0.06)), (0.2, 0, 0)),
+            body("b", Box(half_extents=(0.15, 0.03, 0.05)), (0.55, 0, 0), mass=0.7),
+            body("c", Box(half_extents=(0.1, 0.05, 0.02)), (0.8, 0, 0), mass=0.4),
+            joints=(
+                Ball(name="1", object="a", anchor=(0, 0, 0)),
+                Hinge(name="2", object="b", other="a", anchor=(0.4, 0, 0), axis=(0.6, 0.8, 0.0)),
+                Ball(name="3", object="c", other="b", anchor=(0.7, 0, 0)),
+            ),
+            substep=substep,
+        )
+        errors.append(np.abs(moved(world, 1.5).positions[0] - np.array(expected)).max())
+    assert errors[0] < 3e-4
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
 def test_velocities_that_would_pull_a_joint_apart_are_taken_up_as_a_blow() -> None:

@@ -6,36 +6,18 @@ impulse adds are those of the whole chain (`Joints.yields`), not those of the tw
 
 import warp as wp
 
-from polyworld.solver.spatial.joint_layout import BALL, NEVER, SPRING, Joint, JointKind, Joints
+from polyworld.solver.spatial.joint_layout import BALL, NEVER, SPRING, JointKind, Joints
 from polyworld.solver.spatial.joint_rows import hold_joints
+from polyworld.solver.spatial.joint_sticking import damped_share, push_axis, solve_together, spring_lack, spring_slope
 from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rows import push, velocity_along
 
 STOPPED = wp.float64(1.0e-7)  # a stop is reached within this [m or rad]
 UNREACHED = wp.float64(-1.0e30)  # a velocity that is always reached
 SWEEPS = 400
+TOGETHER = 3  # sweeps between direct solutions
 SETTLED = wp.float64(1.0e-12)  # largest velocity change in a sweep over the axes that counts as none [m/s or rad/s]
 RUBBING_HALVINGS = 60
-
-
-@wp.func
-def damped_share(z: wp.float64) -> wp.float64:
-    """Weight of the velocity at a step's end in its mean, where it decays by exp(-z) over the step."""
-    if z < wp.float64(1.0e-3):
-        return wp.float64(0.5) + z / wp.float64(12.0)
-    return wp.float64(1.0) / (wp.float64(1.0) - wp.exp(-z)) - wp.float64(1.0) / z
-
-
-@wp.func
-def pull_spring(joint: Joint, c: wp.float64, v: wp.float64, h: wp.float64) -> wp.float64:
-    """Change of the impulse of a spring and damper: the mean of its forces at both ends of the step."""
-    half = wp.float64(0.5) * h
-    end = joint.end_place + half * (v - joint.seen_speed)
-    extension = wp.float64(0.5) * (joint.place + end) - joint.rest_length
-    wanted = -h * joint.stiffness * extension - half * joint.damping * (joint.speed[0] + v)
-    return (wanted - joint.pulled) / (
-        wp.float64(1.0) + wp.float64(0.5) * half * h * joint.stiffness * c + half * joint.damping * c
-    )
 
 
 @wp.func
@@ -56,15 +38,6 @@ def rubbing_torque(c: wp.mat33d, free: wp.vec3d, bound: wp.float64) -> wp.vec3d:
             high = middle
     p = wp.inverse(c + wp.identity(n=3, dtype=wp.float64) * (scale * wp.exp(high))) * free
     return p * (-bound / wp.length(p))
-
-
-@wp.func
-def push_axis(joints: Joints, k: int, axis: int, impulse: wp.float64) -> None:
-    """Note an impulse along an axis, and what it does to all."""
-    joints.pushed[k, axis] += impulse
-    at = axis * joints.axes
-    for i in range(joints.axes):
-        joints.rate[k, i] += joints.yields[k, at + i] * impulse
 
 
 @wp.func(inline=False)
@@ -113,7 +86,7 @@ def move_axis(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
     if joints.kinds[j].kind == SPRING:
         if joint.settled == 1:
             return zero
-        total = pull_spring(joint, c, v, h)
+        total = spring_lack(joint, v, h) / (wp.float64(1.0) + spring_slope(joint, h) * c)
         joint.pulled += total
     else:
         if joint.damping > zero:
@@ -166,7 +139,7 @@ def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64
         r = joints.equalities + i
         joints.pushed[k, i] = zero
         joints.rate[k, i] = velocity_along(state, k, joints.row_a[r], joints.row_b[r], first + i)
-    for _sweep in range(SWEEPS):
+    for sweep in range(SWEEPS):
         worst = zero
         for j in range(joints.count):
             if joints.resists[k, j] == 1:
@@ -176,6 +149,8 @@ def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64
                     worst = wp.max(worst, move_axis(joints, k, j, h))
         if worst <= SETTLED:
             break
+        if sweep % TOGETHER == TOGETHER - 1:
+            solve_together(joints, k, h)
     largest = zero
     for i in range(joints.axes):
         p = joints.pushed[k, i]

@@ -112,6 +112,10 @@ class Joints:
     yields: wp.array2d[wp.float64]  # (K, axes * axes) velocity per impulse of axes while the joints hold
     rate: wp.array2d[wp.float64]  # (K, axes) velocities of the axes while their impulses are sought
     pushed: wp.array2d[wp.float64]  # (K, axes) impulses found
+    chosen: wp.array2d[wp.int32]  # (K, axes) joints whose axes are solved together, their states,
+    state: wp.array2d[wp.int32]
+    factor: wp.array2d[wp.float64]  # (K, axes * axes) the factor, with the inverse of its diagonal,
+    change: wp.array2d[wp.float64]  # (K, axes) and the changes of their impulses
     ready: wp.array[wp.int32]  # (K,) 1 where the rows are those of the bodies' pose
     inverse_inertia: wp.array2d[wp.mat33d]  # (K, n + s + 1) of the bodies held, world axes; zero for the others
     force: wp.array2d[wp.float64]  # (K, equalities) that held each row in the last step

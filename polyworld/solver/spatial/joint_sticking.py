@@ -1,0 +1,187 @@
+"""All axes at once: where many joints stick, drag or pull together, one after another they agree only slowly.
+
+With each axis in the state it was left in - sticking, driven at its target speed, against a stop, damped, or on its
+spring - its impulse changes by (R - v) / (1/s) for a velocity v, with a softness 1/s that is 0 where it is rigid.
+These are linear equations for all axes, solved directly; impulses beyond their bounds are cut, and the sweeps over
+the axes put right what that leaves (Silcowitz, Niebe & Erleben 2010, VRIPHYS, the same for contacts).
+"""
+
+import warp as wp
+
+from polyworld.solver.spatial.joint_layout import BALL, SPRING, Joint, Joints
+
+FREE = 0
+DAMPED = 1
+RUBBING = 2
+DRIVEN = 3
+LOWER = 4
+UPPER = 5
+PULLED = 6
+INNER = wp.float64(1.0 - 1.0e-9)  # an impulse below this share of its bound can change either way
+RIGID = wp.float64(1.0e-12)  # a pivot below this fraction of its diagonal is rounding
+
+
+@wp.func
+def state_of(joints: Joints, k: int, j: int, h: wp.float64) -> int:
+    """In which of the states above the axis of joint j is."""
+    zero = wp.float64(0.0)
+    joint = joints.joint[k, j]
+    if joints.kinds[j].kind == BALL:
+        return FREE
+    if joints.kinds[j].kind == SPRING:
+        if joint.settled == 1 or h <= zero:
+            return FREE
+        return PULLED
+    if joint.stopped[0] > zero:
+        return LOWER
+    if joint.stopped[1] > zero:
+        return UPPER
+    if joint.friction > zero and wp.abs(joint.rubbing[0]) < INNER * joint.friction * h:
+        return RUBBING
+    most = wp.abs(joints.kinds[j].effort) * joint.drive
+    if joints.kinds[j].driven == 2 and wp.abs(joint.driving) < INNER * most:
+        return DRIVEN
+    if joint.damping > zero and h > zero:
+        return DAMPED
+    return FREE
+
+
+@wp.func
+def cut(joint: Joint, state: int, change: wp.float64, most: wp.float64, bound: wp.float64) -> wp.float64:
+    """As much of a change as keeps the impulse within its bounds."""
+    if state == RUBBING:
+        return wp.clamp(joint.rubbing[0] + change, -bound, bound) - joint.rubbing[0]
+    if state == DRIVEN:
+        return wp.clamp(joint.driving + change, -most, most) - joint.driving
+    if state == LOWER:
+        return wp.max(change, -joint.stopped[0])
+    if state == UPPER:
+        return wp.min(change, joint.stopped[1])
+    return change
+
+
+@wp.func
+def damped_share(z: wp.float64) -> wp.float64:
+    """Weight of the velocity at a step's end in its mean, where it decays by exp(-z) over the step."""
+    if z < wp.float64(1.0e-3):
+        return wp.float64(0.5) + z / wp.float64(12.0)
+    return wp.float64(1.0) / (wp.float64(1.0) - wp.exp(-z)) - wp.float64(1.0) / z
+
+
+@wp.func
+def spring_lack(joint: Joint, v: wp.float64, h: wp.float64) -> wp.float64:
+    """What a spring's impulse lacks of the mean of its forces at both ends of the step, at velocity v."""
+    half = wp.float64(0.5) * h
+    end = joint.end_place + half * (v - joint.seen_speed)
+    extension = wp.float64(0.5) * (joint.place + end) - joint.rest_length
+    return -h * joint.stiffness * extension - half * joint.damping * (joint.speed[0] + v) - joint.pulled
+
+
+@wp.func
+def spring_slope(joint: Joint, h: wp.float64) -> wp.float64:
+    """How much less a spring's impulse is for a unit of velocity at the step's end."""
+    return wp.float64(0.25) * h * h * joint.stiffness + wp.float64(0.5) * h * joint.damping
+
+
+@wp.func
+def wanted(joints: Joints, k: int, j: int, state: int, h: wp.float64) -> wp.vec2d:
+    """The velocity that an axis lacks in its state, and its softness."""
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    axis = joints.kinds[j].axis
+    joint = joints.joint[k, j]
+    v = joints.rate[k, axis]
+    if state == DRIVEN:
+        return wp.vec2d(joints.kinds[j].speed - v, zero)
+    if state == LOWER:
+        return wp.vec2d(joint.stop_aim[0] - v, zero)
+    if state == UPPER:
+        return wp.vec2d(-joint.stop_aim[1] - v, zero)
+    if state == DAMPED:
+        share = damped_share(joint.damping * h * joints.yields[k, axis * joints.axes + axis])
+        slope = joint.damping * h * share
+        lack = -joint.damping * h * (share * v + (one - share) * joint.speed[0]) - joint.damped[0]
+        return wp.vec2d(lack / slope, one / slope)
+    if state == PULLED:
+        slope = spring_slope(joint, h)
+        if slope <= zero:
+            return wp.vec2d()
+        return wp.vec2d(spring_lack(joint, v, h) / slope, one / slope)
+    return wp.vec2d(-v, zero)
+
+
+@wp.func
+def take(joints: Joints, k: int, j: int, state: int, change: wp.float64, h: wp.float64) -> wp.float64:
+    """Change the impulse of an axis in its state, within its bounds; returns by how much."""
+    joint = joints.joint[k, j]
+    most = wp.abs(joints.kinds[j].effort) * joint.drive
+    given = cut(joint, state, change, most, joint.friction * h)
+    if state == RUBBING:
+        joint.rubbing[0] = joint.rubbing[0] + given
+    elif state == DRIVEN:
+        joint.driving += given
+    elif state == LOWER:
+        joint.stopped[0] = joint.stopped[0] + given
+    elif state == UPPER:
+        joint.stopped[1] = joint.stopped[1] - given
+    elif state == DAMPED:
+        joint.damped[0] = joint.damped[0] + given
+    else:
+        joint.pulled += given
+    joints.joint[k, j] = joint
+    return given
+
+
+@wp.func
+def push_axis(joints: Joints, k: int, axis: int, impulse: wp.float64) -> None:
+    """Note an impulse along an axis, and what it does to all."""
+    joints.pushed[k, axis] += impulse
+    at = axis * joints.axes
+    for i in range(joints.axes):
+        joints.rate[k, i] += joints.yields[k, at + i] * impulse
+
+
+@wp.func(inline=False)
+def solve_together(joints: Joints, k: int, h: wp.float64) -> None:
+    """One direct solution for all axes in their present states: a Cholesky factorisation."""
+    zero = wp.float64(0.0)
+    n = wp.int32(0)
+    for j in range(joints.count):
+        if joints.resists[k, j] == 0:
+            continue
+        state = state_of(joints, k, j, h)
+        axis = joints.kinds[j].axis
+        own = joints.yields[k, axis * joints.axes + axis]
+        if state == FREE or own <= zero:
+            continue
+        lack = wanted(joints, k, j, state, h)
+        joints.chosen[k, n] = j
+        joints.state[k, n] = state
+        for m in range(n + 1):
+            value = joints.yields[k, axis * joints.axes + joints.kinds[joints.chosen[k, m]].axis]
+            if m == n:
+                value += lack[1]
+            whole = value
+            for i in range(m):
+                value -= joints.factor[k, n * joints.axes + i] * joints.factor[k, m * joints.axes + i]
+            if m < n:
+                joints.factor[k, n * joints.axes + m] = value * joints.factor[k, m * joints.axes + m]
+            elif value > RIGID * whole:
+                joints.factor[k, n * joints.axes + n] = wp.float64(1.0) / wp.sqrt(value)
+            else:
+                joints.factor[k, n * joints.axes + n] = zero
+        right = lack[0]
+        for i in range(n):
+            right -= joints.factor[k, n * joints.axes + i] * joints.change[k, i]
+        joints.change[k, n] = right * joints.factor[k, n * joints.axes + n]
+        n += 1
+    for s in range(n):
+        r = n - 1 - s
+        value = joints.change[k, r] * joints.factor[k, r * joints.axes + r]
+        joints.change[k, r] = value
+        for i in range(r):
+            joints.change[k, i] -= joints.factor[k, r * joints.axes + i] * value
+    for s in range(n):
+        j = joints.chosen[k, s]
+        given = take(joints, k, j, joints.state[k, s], joints.change[k, s], h)
+        push_axis(joints, k, joints.kinds[j].axis, given)
