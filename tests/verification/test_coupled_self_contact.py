@@ -10,8 +10,10 @@ from polyworld.meshing import mesh_of
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.cloth import Cloth, Sheet
 from polyworld.representations.rope import Rope
+from polyworld.representations.soft import Soft
+from polyworld.shapes import Sphere
 from polyworld.solver.coupled.contact_obstacles import surface_edges
-from polyworld.world import World
+from polyworld.world import Environment, MotionPlane, World
 from tests.verification.coupled_world import FLOOR, VACUUM, Run, pinned_corners, sheet
 
 Array = NDArray[np.float64]
@@ -38,14 +40,14 @@ def crossings(points: Array, edges: NDArray[np.int32], triangles: NDArray[np.int
 @pytest.mark.parametrize("self_contact", [True, False])
 def test_folding_sheet_keeps_its_layers_apart_where_it_is_asked_to(self_contact: bool) -> None:
     """A sheet that stands on its edge falls and folds over itself; without self-contact the layers mix."""
-    geometry = Sheet(corner=(-0.2, 0.0, 0.02), edge_u=(0.4, 0.0, 0.0), edge_v=(0.0, 0.03, 0.5), divisions=(8, 10))
+    geometry = Sheet(corner=(-0.2, 0.0, 0.02), edge_u=(0.4, 0.0, 0.0), edge_v=(0.0, 0.03, 0.5), divisions=(8, 12))
     cloth = Cloth(
         name="cloth",
         geometry=geometry,
         thickness=0.006,
         stretch_stiffness=50.0,
         stretch_damping=0.01,
-        bending_damping=0.01,
+        bending_stiffness=1e-6,
         linear_damping=1.0,
         self_contact=self_contact,
     )
@@ -108,3 +110,29 @@ def test_loop_of_rope_pulled_tight_does_not_pass_through_itself() -> None:
         apart = np.linalg.norm(middle[:, None] - middle[None], axis=2)
         far_along = np.abs(np.subtract.outer(np.arange(60), np.arange(60))) > 8
         assert apart[far_along].min() > 0.9 * 0.012
+
+
+def test_discs_in_a_plane_collide_as_balls_do_and_a_planar_rope_catches_one() -> None:
+    plane = MotionPlane(normal=(0.0, -1.0, 0.0))
+    shared = {
+        "representation": "soft_planar",
+        "shape": Sphere(radius=0.1),
+        "resolution": 0.07,
+        "youngs_modulus": 5e4,
+        "damping": 0.003,
+    }
+    one = Soft.model_validate({"name": "one", "position": (-0.15, 0, 0), "velocity": (1, 0, 0), **shared})
+    two = Soft.model_validate({"name": "two", "position": (0.15, 0, 0.03), "velocity": (-1, 0, 0), **shared})
+    free = Environment(motion_plane=plane, gravity=(0, 0, 0))
+    run = Run(World(environment=free, deformables=(one, two)), 0.4)
+    momentum = run.momentum()
+    assert np.abs(momentum - momentum[0]).max() < 1e-12
+    assert run.trajectory.velocities[0, -1, 0, 0] < -0.3
+    rope = Rope(name="rope", representation="rope_planar", points=((-0.3, 0, -0.12), (0.3, 0, -0.12)), segments=16)
+    pins = (Attachment(name="a", object="rope", end="start"), Attachment(name="b", object="rope", end="end"))
+    falling = one.model_copy(update={"position": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0)})
+    world = World(environment=Environment(motion_plane=plane), deformables=(falling, rope), attachments=pins)
+    caught = Run(world, 0.6)
+    assert caught.points("one")[:, :, 2].min() > -0.4
+    gap = caught.points("one")[-1, :, 2].min() - caught.points("rope")[-1, :, 2].min()
+    assert gap > 0.0

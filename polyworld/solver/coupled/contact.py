@@ -163,6 +163,7 @@ class Contacts:
                 clock.gravity,
                 self._geometry,
                 self.obstacles,
+                self.surface.across,
                 self._bodies,
                 self._acceleration,
                 self._inverse_inertia,

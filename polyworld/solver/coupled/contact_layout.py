@@ -9,6 +9,7 @@ ON_TRIANGLE = 1  # a node on a triangle of a static mesh
 CORNER = 2  # a body's corner, or the centre of its round end, on a triangle of cloth or of a soft surface
 ON_FACE = 3  # a node on a triangle of cloth or of a soft surface
 CROSSING = 4  # an edge on an edge
+ON_SIDE = 5  # in a plane: a node on the outline of a soft slice
 
 
 @wp.struct
@@ -79,7 +80,8 @@ class Obstacles:
 
 @wp.struct
 class Surface:
-    """What of the nodes may touch: edges (E, 2) and triangles (T, 3) as node rows.
+    """What of the nodes may touch: edges (E, 2) and triangles (T, 3) as node rows; sides (S, 2): outlines of slices in
+    a plane, their inside on the left seen against the plane's unit normal `across`.
 
     exposed (N,): 1 for nodes that may touch. one_sided (D,): 1 for a deformable object with an inside. yielding
     (D,): share of its radius by which an edge may be pressed in between its nodes. excluded
@@ -88,6 +90,8 @@ class Surface:
 
     edges: wp.array2d[wp.int32]
     triangles: wp.array2d[wp.int32]
+    sides: wp.array2d[wp.int32]
+    across: wp.vec3d
     exposed: wp.array[wp.int32]
     one_sided: wp.array[wp.int32]
     yielding: wp.array[wp.float64]

@@ -76,6 +76,7 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
     nodes = excluded.shape[0]
     exposed = np.zeros(nodes, dtype=np.int32)
     edges: list[Ints] = [np.zeros((0, 2), dtype=np.int32)]
+    sides: list[Ints] = [np.zeros((0, 2), dtype=np.int32)]
     triangles: list[Ints] = [np.zeros((0, 3), dtype=np.int32)]
     begin = np.zeros(len(world.deformables), dtype=np.int32)
     count = np.zeros(len(world.deformables), dtype=np.int32)
@@ -89,13 +90,18 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
         yielding[d] = ROPE_YIELDS if isinstance(item, Rope) else 0.0
         one_sided[d] = item.representation.startswith("soft")
         edges.append(begin[d] + surface_edges(mesh))
-        if not item.representation.endswith("_planar"):
+        if item.representation == "soft_planar":
+            sides.append((begin[d] + mesh.segments).astype(np.int32))
+        else:
             triangles.append((begin[d] + mesh.triangles).astype(np.int32))
         used = surface_edges(mesh).ravel()
         exposed[begin[d] + used] = 1
     surface = Surface()
     surface.edges = wp.array(np.concatenate(edges).astype(np.int32), dtype=wp.int32, device="cpu")
     surface.triangles = wp.array(np.concatenate(triangles).astype(np.int32), dtype=wp.int32, device="cpu")
+    surface.sides = wp.array(np.concatenate(sides).astype(np.int32), dtype=wp.int32, device="cpu")
+    normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
+    surface.across = wp.vec3d(*(normal / np.linalg.norm(normal)))
     surface.exposed = wp.array(exposed, dtype=wp.int32, device="cpu")
     surface.one_sided = wp.array(one_sided, dtype=wp.int32, device="cpu")
     surface.yielding = wp.array(yielding, dtype=wp.float64, device="cpu")

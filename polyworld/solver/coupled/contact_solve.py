@@ -10,6 +10,7 @@ from polyworld.solver.coupled.contact_layout import (
     CORNER,
     CROSSING,
     ON_SHAPE,
+    ON_SIDE,
     ON_TRIANGLE,
     Contact,
     Found,
@@ -72,6 +73,7 @@ def follow(
     geometry: Geometry,
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
+    across: wp.vec3d,
     x: wp.array2d[wp.vec3d],
     w: int,
 ) -> Contact:
@@ -107,6 +109,20 @@ def follow(
         away = p * c.weight[0] + x[w, c.n1] * c.weight[1] + x[w, c.n2] * c.weight[2] + x[w, c.n3] * c.weight[3]
         c.normal = unit(away, c.normal)
         c.gap = wp.length(away) - c.reach
+        return c
+    if c.kind == ON_SIDE:
+        begin = x[w, c.n1]
+        way = x[w, c.n2] - begin
+        at_side = wp.clamp(wp.dot(p - begin, way) / wp.dot(way, way), zero, wp.float64(1.0))
+        away = p - begin - way * at_side
+        outward = wp.normalize(wp.cross(way, across))
+        height = wp.dot(outward, away)
+        c.weight = wp.vec4d(wp.float64(1.0), at_side - wp.float64(1.0), -at_side, zero)
+        c.normal = outward
+        c.gap = height - c.reach
+        if at_side <= zero or at_side >= wp.float64(1.0):
+            c.normal = unit(away, outward)
+            c.gap = wp.where(height < zero, FAR, wp.length(away) - c.reach)
         return c
     a = p
     if c.kind == CORNER:
@@ -440,6 +456,7 @@ def solve_contacts(
     gravity: wp.array[wp.vec3d],
     geometry: Geometry,
     obstacles: Obstacles,
+    across: wp.vec3d,
     bodies: wp.array2d[Body],
     acceleration: wp.array2d[wp.vec3d],
     inverse_inertia: wp.array2d[wp.mat33d],
@@ -464,7 +481,7 @@ def solve_contacts(
         if found.contacts[w, k].wait > 0:
             found.contacts[w, k].wait -= 1
             continue
-        c = follow(found.contacts[w, k], geometry, obstacles, bodies, x, w)
+        c = follow(found.contacts[w, k], geometry, obstacles, bodies, across, x, w)
         if c.gap < FAR:
             c = act(c, dt, threshold, pull, acceleration, inverse_mass, inverse_inertia, bodies, v, w)
         if c.gap < FAR:

@@ -14,7 +14,14 @@ from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.contact_layout import Bounds, Found, Surface
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface_grid import make_grid
-from polyworld.solver.coupled.surface_pairs import Pairs, list_crossings, list_faces, sort_surfaces, take_pairs
+from polyworld.solver.coupled.surface_pairs import (
+    Pairs,
+    list_crossings,
+    list_faces,
+    list_sides,
+    sort_surfaces,
+    take_pairs,
+)
 from polyworld.world import World
 
 Ints = NDArray[np.int32]
@@ -69,6 +76,9 @@ class SurfacePairs:
         # Left unwritten, so that room which is not needed takes no memory.
         pairs.faces = wp.empty((self._w, room if has_faces else 1), dtype=wp.vec2i, device="cpu")
         pairs.crossings = wp.empty((self._w, ROOM * len(kept) + 64), dtype=wp.vec2i, device="cpu")
+        has_sides = surface.sides.shape[0] > 0
+        pairs.sides = wp.empty((self._w, room if has_sides else 1), dtype=wp.vec2i, device="cpu")
+        pairs.side_count = _zeros((self._w,), wp.int32)
         pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
         pairs.place = _zeros(nodes.x.shape, wp.vec3d)
         pairs.margin = _zeros((self._w,), wp.float64)
@@ -96,6 +106,7 @@ class SurfacePairs:
             self._pairs.margin.numpy()[:] = 0.0
             self._pairs.face_count.numpy()[:] = 0
             self._pairs.crossing_count.numpy()[:] = 0
+            self._pairs.side_count.numpy()[:] = 0
 
     def launch(self, nodes: Nodes, clock: Clock, bounds: Bounds, found: Found) -> None:
         """Launch the search; adds to `found` what may touch within the coupling step."""
@@ -106,6 +117,12 @@ class SurfacePairs:
         listed = [nodes.x, nodes.radius, nodes.owner, nodes.active, surface, bounds, pairs]
         if surface.triangles.shape[0]:
             _launch(list_faces, (self._w, surface.triangles.shape[0]), [*listed, self._grid, found])
+        if surface.sides.shape[0]:
+            _launch(
+                list_sides,
+                (self._w, surface.sides.shape[0]),
+                [nodes.x, nodes.owner, nodes.active, surface, pairs, self._grid, found],
+            )
         if pairs.edge.shape[0]:
             _launch(list_crossings, (self._w, surface.edges.shape[0]), [*listed, self._edge_grid, found])
         _launch(

@@ -6,7 +6,7 @@ the list, each coupling step takes those that may touch within it.
 
 import warp as wp
 
-from polyworld.solver.coupled.contact_layout import CROSSING, ON_FACE, Bounds, Contact, Found, Surface
+from polyworld.solver.coupled.contact_layout import CROSSING, ON_FACE, ON_SIDE, Bounds, Contact, Found, Surface
 from polyworld.solver.coupled.contact_search import add
 from polyworld.solver.coupled.contact_solve import closest_on_segments
 from polyworld.solver.coupled.surface_grid import Grid, bucket_of, cell_of, in_cell, sort_points
@@ -26,10 +26,10 @@ class Pairs:
 
     node, edge: what the grids hold, as rows of the nodes and of Surface.edges. may, cross (D, D): 1 for objects whose
     nodes and faces, whose edges may touch. bonded (D, D): 1 for objects that are fastened to each other. rest (N,):
-    places in the unloaded shape.
-    faces, crossings (W, P): listed pairs (node, triangle) and (edge, edge), their number (W,). place (W, N): at the
-    last listing, that had margin (W,). due (W,): 1 where the list is to be made anew. chain (E,): which rope an
-    edge belongs to, or -1, and place_in_chain its number in it; segment (E,): its length.
+    places in the unloaded shape. faces, crossings, sides (W, P): listed pairs (node, triangle), (edge, edge) and
+    (node, side), their number (W,). place (W, N): at the last listing, that had margin (W,). due (W,): 1 where the
+    lists are to be made anew. chain (E,): which rope an edge belongs to, or -1, and place_in_chain its number in it;
+    segment (E,): its length.
     """
 
     node: wp.array[wp.int32]
@@ -42,6 +42,8 @@ class Pairs:
     face_count: wp.array[wp.int32]
     crossings: wp.array2d[wp.vec2i]
     crossing_count: wp.array[wp.int32]
+    sides: wp.array2d[wp.vec2i]
+    side_count: wp.array[wp.int32]
     place: wp.array2d[wp.vec3d]
     margin: wp.array[wp.float64]
     due: wp.array[wp.int32]
@@ -93,6 +95,7 @@ def sort_surfaces(
     pairs.margin[w] = wp.max(pairs.skin, wp.float64(2.2) * step)
     pairs.face_count[w] = 0
     pairs.crossing_count[w] = 0
+    pairs.side_count[w] = 0
     for k in range(pairs.node.shape[0]):
         i = pairs.node[k]
         pairs.place[w, i] = x[w, i]
@@ -184,6 +187,45 @@ def list_faces(
                         if wp.length(apart) < wp.max(sum * wp.float64(0.999), ring):
                             continue
                     list_pair(pairs.faces, pairs.face_count, found.crowded, w, n, t)
+
+
+@wp.kernel
+def list_sides(
+    x: wp.array2d[wp.vec3d],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    surface: Surface,
+    pairs: Pairs,
+    grid: Grid,
+    found: Found,
+) -> None:
+    """Nodes of other objects near each side of a slice."""
+    w, t = wp.tid()
+    if pairs.due[w] == 0:
+        return
+    n0 = surface.sides[t, 0]
+    d = owner[n0]
+    if active[w, n0] == 0:
+        return
+    a = x[w, n0]
+    b = x[w, surface.sides[t, 1]]
+    reach = pairs.margin[w] + wp.float64(2.0) * pairs.thickest
+    room = wp.vec3d(reach, reach, reach)
+    low = wp.min(a, b) - room
+    high = wp.max(a, b) + room
+    for i in range(cell_of(low[0], grid.cell), cell_of(high[0], grid.cell) + 1):
+        for j in range(cell_of(low[1], grid.cell), cell_of(high[1], grid.cell) + 1):
+            for k in range(cell_of(low[2], grid.cell), cell_of(high[2], grid.cell) + 1):
+                bucket = bucket_of(i, j, k, grid.buckets)
+                for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
+                    item = grid.items[w, s]
+                    n = pairs.node[item]
+                    o = owner[n]
+                    if o == d or pairs.may[d, o] == 0 or active[w, n] == 0 or not in_cell(grid, w, item, i, j, k):
+                        continue
+                    part = wp.clamp(wp.dot(x[w, n] - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0))
+                    if wp.length(x[w, n] - a - (b - a) * part) <= reach:
+                        list_pair(pairs.sides, pairs.side_count, found.crowded, w, n, t)
 
 
 @wp.kernel
@@ -327,6 +369,33 @@ def take_pairs(
         z.side = wp.float64(1.0)
         if one_sided == 0 and height < wp.float64(0.0):
             z.side = wp.float64(-1.0)
+        z.friction = mixed(friction, w, owner[n], owner[n0])
+        z.restitution = mixed(restitution, w, owner[n], owner[n0])
+        add(found, w, z)
+    for k in range(pairs.side_count[w]):
+        n = pairs.sides[w, k][0]
+        n0 = surface.sides[pairs.sides[w, k][1], 0]
+        n1 = surface.sides[pairs.sides[w, k][1], 1]
+        way = x[w, n1] - x[w, n0]
+        t_side = wp.clamp(wp.dot(x[w, n] - x[w, n0], way) / wp.dot(way, way), wp.float64(0.0), wp.float64(1.0))
+        away = x[w, n] - x[w, n0] - way * t_side
+        u = v[w, n] - v[w, n0] - (v[w, n1] - v[w, n0]) * t_side
+        sum = radius[n] + radius[n0]
+        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
+        if wp.dot(wp.cross(way, surface.across), away) < wp.float64(0.0):
+            far = DEEPEST * wp.length(way)
+        if wp.length_sq(away) > far * far:
+            continue
+        z = Contact()
+        z.kind = ON_SIDE
+        z.n0 = n
+        z.n1 = n0
+        z.n2 = n1
+        z.body = -1
+        z.owner = wp.min(owner[n], owner[n0])
+        z.other = objects + wp.max(owner[n], owner[n0])
+        z.weight = wp.vec4d(wp.float64(1.0), t_side - wp.float64(1.0), -t_side, wp.float64(0.0))
+        z.reach = sum
         z.friction = mixed(friction, w, owner[n], owner[n0])
         z.restitution = mixed(restitution, w, owner[n], owner[n0])
         add(found, w, z)
