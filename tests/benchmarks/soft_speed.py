@@ -1,0 +1,257 @@
+"""Speed of soft bodies beside Newton and MuJoCo: a clamped block that sags under its weight.
+
+    python -m tests.benchmarks.soft_speed [--seconds S] [--worlds N]
+
+Every figure is measured in the run that prints it. All engines have nodes in the same places: PolyWorld as quadratic
+tetrahedra, the others as linear ones. Engines whose package is not installed, or that fail, have
+a row that says why.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from polyworld import World, simulator
+from polyworld.meshing import mesh_of
+from polyworld.meshing.soft import soft_form
+from polyworld.representations.soft import Soft
+
+SIZE, SPACING = (0.6, 0.2, 0.2), 0.05  # of the block, and of its nodes [m]
+NODES = tuple(round(a / SPACING) + 1 for a in SIZE)
+E, NU, DENSITY, GRAVITY = 1e6, 0.3, 1000.0, 9.81
+THREADS = len(os.sched_getaffinity(0))
+DIFFERENCES = (
+    "PolyWorld: 10-node tetrahedra, float64, step from the stiffness. Newton: linear tetrahedra, float32; "
+    "SemiImplicit at our inner step, VBD at 1/600 s with 10 iterations, which may not be enough to converge. MuJoCo: "
+    "dim-3 flex of linear tetrahedra, float64, implicitfast, at 0.5 ms. 'sag': how far the free end has come down in "
+    "the given time; the row 'finer' shows what is right."
+)
+
+
+@dataclass
+class Row:
+    """One measurement: wall and CPU seconds for `simulated` seconds of `worlds` worlds, in steps of dt."""
+
+    name: str
+    elements: int
+    worlds: int
+    dt: float
+    simulated: float
+    wall: float
+    cpu: float
+    sag: float
+
+    def text(self) -> str:
+        steps = self.worlds * self.simulated / self.dt
+        nodes = int(np.prod(NODES))
+        return (
+            f"{self.name:30s} {self.elements:5d} {self.worlds:3d} {1e3 * self.dt:7.4f} "
+            f"{self.wall / self.simulated / self.worlds:8.4f} {1e9 * self.wall / steps / self.elements:8.1f} "
+            f"{1e9 * self.cpu / steps / self.elements:8.1f} {1e9 * self.cpu / steps / nodes:8.1f} {self.sag:8.4f}"
+        )
+
+
+HEADER = (
+    f"{'engine':30s} {'tets':>5s} {'W':>3s} {'dt ms':>7s} {'s / s':>8s} {'ns wall':>8s} {'ns cpu':>8s} "
+    f"{'cpu/node':>8s} {'sag m':>8s}\n"
+    "  s / s: wall seconds per simulated second of one world; ns: per tetrahedron, or node, and step of one world"
+)
+
+
+def timed(work: Callable[[], Any]) -> tuple[float, float]:
+    """Wall and CPU seconds of one call."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    work()
+    return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def scene(resolution: float, **more: Any) -> World:
+    """The block as a world, its left face held."""
+    half = [a / 2 for a in SIZE]
+    return World.model_validate(
+        {
+            "deformables": [
+                {
+                    "name": "block",
+                    "representation": "soft",
+                    "shape": {"kind": "box", "half_extents": half},
+                    "position": (half[0], 0.0, 0.0),
+                    "resolution": resolution,
+                    "youngs_modulus": E,
+                    "poisson_ratio": NU,
+                    "density": DENSITY,
+                    **more,
+                }
+            ],
+            "attachments": [
+                {"name": "clamp", "object": "block", "region": {"lower": (-1e-6, -1, -1), "upper": (1e-6, 1, 1)}}
+            ],
+            "environment": {"gravity": (0, 0, -GRAVITY)},
+        }
+    )
+
+
+def polyworld_row(name: str, worlds: int, seconds: float, resolution: float = 2 * SPACING, **more: Any) -> Row:
+    """Whole rollouts, buffers and kernels made before."""
+    world = scene(resolution, **more)
+    block = world.deformables[0]
+    assert isinstance(block, Soft)
+    elements = len(soft_form(world, block).elements)
+    run = simulator(world, np.array([seconds / 10, seconds]), n_worlds=worlds, threads=THREADS)
+    run.run(samples=1)
+    result: list[Any] = []
+    wall, cpu = timed(lambda: result.append(run.run()))
+    shard = run._shards[0]  # type: ignore[union-attr]
+    dt = float(shard.world.time.substep / shard.clock.inner_steps.numpy()[0])
+    sag = _sag(result[0].deformables["block"].points[0, -1], mesh_of(world, block).nodes)
+    return Row(name, elements, worlds, dt, seconds, wall, cpu, sag)
+
+
+def _sag(points: Any, start: Any) -> float:
+    """How far the free end's nodes have come down on average."""
+    end = start[:, 0] > start[:, 0].max() - 0.1 * SPACING
+    return float((start[end, 2] - points[end, 2]).mean())
+
+
+def newton_row(kind: str, worlds: int, seconds: float, explicit_dt: float) -> Row:
+    """Newton's solver `kind`; the blocks of all worlds side by side in one model, steps in a captured graph."""
+    import newton
+
+    cells = [n - 1 for n in NODES]
+    builder = newton.ModelBuilder(gravity=(0.0, 0.0, -GRAVITY))
+    for w in range(worlds):
+        builder.add_soft_grid(
+            pos=wp.vec3(0.0, 1.0 * w - SIZE[1] / 2, -SIZE[2] / 2),
+            rot=wp.quat_identity(),
+            vel=wp.vec3(0.0),
+            dim_x=cells[0],
+            dim_y=cells[1],
+            dim_z=cells[2],
+            cell_x=SPACING,
+            cell_y=SPACING,
+            cell_z=SPACING,
+            density=DENSITY,
+            k_mu=E / (2 * (1 + NU)),
+            k_lambda=E * NU / ((1 + NU) * (1 - 2 * NU)),
+            k_damp=0.0,
+            fix_left=True,
+            particle_radius=0.001,
+        )
+    if kind == "VBD":
+        builder.color()
+    with wp.ScopedDevice("cpu"):
+        model = builder.finalize(device="cpu")
+        solvers = {
+            "SemiImplicit": lambda: newton.solvers.SolverSemiImplicit(model=model),
+            "VBD": lambda: newton.solvers.SolverVBD(model=model, iterations=10),
+        }
+        solver = solvers[kind]()
+        dt = explicit_dt if kind == "SemiImplicit" else 1.0 / 600.0
+        states = [model.state(), model.state()]
+        control = model.control()
+        contacts = newton.CollisionPipeline(model).contacts()
+
+        def two_steps() -> None:
+            for a, b in ((0, 1), (1, 0)):
+                states[a].clear_forces()
+                solver.step(states[a], states[b], control, contacts, dt)
+
+        two_steps()
+        with wp.ScopedCapture(device="cpu") as capture:
+            two_steps()
+        pairs = max(1, round(seconds / dt / 2) - 1)
+
+        def run() -> None:
+            for _ in range(pairs):
+                wp.capture_launch(capture.graph)
+
+        wall, cpu = timed(run)
+        count = int(np.prod(NODES))
+        sag = _sag(states[0].particle_q.numpy()[:count], model.particle_q.numpy()[:count])
+        elements = model.tet_count // worlds
+    return Row(f"Newton {newton.__version__} {kind}", elements, worlds, dt, 2 * pairs * dt, wall, cpu, sag)
+
+
+def mujoco_row(worlds: int, seconds: float) -> Row:
+    """MuJoCo's dim-3 flex; worlds one after the other on all cores."""
+    import mujoco
+    import mujoco.rollout
+
+    dt = 0.5e-3
+    held = " ".join(str(i) for i in range(NODES[1] * NODES[2]))
+    model = mujoco.MjModel.from_xml_string(
+        f"""
+        <mujoco>
+          <option timestep="{dt}" gravity="0 0 -{GRAVITY}" integrator="implicitfast"/>
+          <size memory="2G"/>
+          <worldbody>
+            <flexcomp name="block" type="grid" dim="3" count="{NODES[0]} {NODES[1]} {NODES[2]}"
+                      mass="{np.prod(SIZE) * DENSITY}"
+                      spacing="{SPACING} {SPACING} {SPACING}" pos="{SIZE[0] / 2} 0 0" radius="0.001">
+              <elasticity young="{E}" poisson="{NU}"/>
+              <contact selfcollide="none" internal="false" contype="0" conaffinity="0"/>
+              <pin id="{held}"/>
+            </flexcomp>
+          </worldbody>
+        </mujoco>"""
+    )
+    data = [mujoco.MjData(model) for _ in range(min(THREADS, worlds))]
+    mujoco.mj_forward(model, data[0])
+    before = data[0].flexvert_xpos.copy()
+    start = np.zeros((worlds, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)))
+    mujoco.mj_getState(model, data[0], start[0], mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
+    start[:] = start[0]
+    steps = round(seconds / dt)
+    pool = mujoco.rollout.Rollout(nthread=THREADS if worlds > 1 else 0)
+    pool.rollout(model, data, start, nstep=2)
+    wall, cpu = timed(lambda: pool.rollout(model, data, start, nstep=steps))
+    elements = int(model.flex_elemnum[0])
+    sag = _sag(data[0].flexvert_xpos, before)
+    return Row(f"MuJoCo {mujoco.__version__} flex", elements, worlds, dt, steps * dt, wall, cpu, sag)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--seconds", type=float, default=0.18, help="simulated seconds of one world; in 0.18 s the end sinks lowest"
+    )
+    parser.add_argument("--worlds", type=int, default=64)
+    args = parser.parse_args()
+    seconds, many = args.seconds, args.seconds / 10
+    print(f"{int(np.prod(NODES))} nodes, {THREADS} threads\n{HEADER}")
+    first = polyworld_row("PolyWorld", 1, seconds)
+    print(first.text(), flush=True)
+    rows: list[tuple[str, Callable[[], Row]]] = [
+        ("PolyWorld, 3 times finer", lambda: polyworld_row("PolyWorld, 3 times finer", 1, seconds, 2 * SPACING / 3)),
+        ("PolyWorld, damping 1 ms", lambda: polyworld_row("PolyWorld, damping 1 ms", 1, seconds, damping=0.001)),
+        ("PolyWorld, yields", lambda: polyworld_row("PolyWorld, yields at 10 kPa", 1, seconds, yield_stress=1e4)),
+        ("PolyWorld", lambda: polyworld_row("PolyWorld", args.worlds, many)),
+        *(
+            (f"Newton {kind}", lambda kind=kind, w=w, s=s: newton_row(kind, w, s, first.dt))
+            for w, s in ((1, seconds), (args.worlds, many))
+            for kind in ("SemiImplicit", "VBD")
+        ),
+        ("MuJoCo flex", lambda: mujoco_row(1, seconds)),
+        ("MuJoCo flex", lambda: mujoco_row(args.worlds, many)),
+    ]
+    for name, measure in rows:
+        try:
+            print(measure().text(), flush=True)
+        except ImportError as error:
+            print(f"{name:30s} left out: {error}", flush=True)
+        except Exception as error:  # a peer that fails is a finding, not the end of the comparison
+            print(f"{name:30s} failed: {type(error).__name__}: {error}"[:200], flush=True)
+    print(DIFFERENCES, file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
