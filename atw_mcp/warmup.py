@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,62 @@ from polyworld.rollout import rollout
 from polyworld.shapes import Box, Plane, Sphere, TriangleMesh
 from polyworld.world import StaticObject, World
 
+MATERIALS: dict[str, dict[str, Any]] = {
+    "rope": {
+        "deformables": [
+            {"name": "rope", "representation": "rope", "points": [[0, 0.3, 0.5], [0.3, 0.3, 0.5]], "segments": 6}
+        ],
+        "pulleys": [{"name": "wheel", "rope": "rope", "centre": [0.15, 0.3, 0.7], "radius": 0.05, "after": 0}],
+        "attachments": [{"name": "knot", "object": "rope", "end": "start", "to": "ball"}],
+    },
+    "cloth": {
+        "deformables": [
+            {
+                "name": "cloth",
+                "representation": "cloth",
+                "geometry": {
+                    "kind": "sheet",
+                    "corner": [0, 0, 0.22],
+                    "edge_u": [0.3, 0, 0],
+                    "edge_v": [0, 0.3, 0],
+                    "divisions": [3, 3],
+                },
+            }
+        ]
+    },
+    "soft": {
+        "deformables": [
+            {
+                "name": "soft",
+                "representation": "soft",
+                "shape": {"kind": "box", "half_extents": [0.1, 0.1, 0.1]},
+                "position": [0, 0.6, 0.1],
+                "resolution": 0.1,
+            }
+        ]
+    },
+    "fluid": {
+        "deformables": [
+            {
+                "name": "fluid",
+                "representation": "fluid",
+                "volumes": [{"shape": {"kind": "box", "half_extents": [0.2, 0.2, 0.1]}, "position": [0, 0, 0.1]}],
+            }
+        ],
+        "fluid_grid": {"lower": [-0.4, -0.4, 0], "upper": [0.4, 0.4, 0.4], "cell": 0.1},
+    },
+}
+
 
 def warm_up() -> Iterator[tuple[str, float]]:
     """Run each kind of work once on a tiny world; yields its name and how long it took [s]."""
     for name, work in (
         ("planar worlds", lambda: _roll("rigid_planar")),
         ("spatial worlds", lambda: _roll("rigid_spatial")),
+        ("ropes", lambda: _roll_deformable("rope")),
+        ("cloth", lambda: _roll_deformable("cloth")),
+        ("soft bodies", lambda: _roll_deformable("soft")),
+        ("fluids", lambda: _roll_deformable("fluid")),
         ("pictures", _draw),
     ):
         yield name, _timed(work)
@@ -50,10 +101,15 @@ def _roll(representation: str) -> None:
     rollout(_world(representation), 0.2)
 
 
+def _roll_deformable(kind: str) -> None:
+    """One deformable object falling on a box on the floor, for a few steps."""
+    world = World.model_validate({**_world("rigid_spatial").model_dump(), **MATERIALS[kind]})
+    rollout(world, 0.05)
+
+
 def _draw() -> None:
-    world = _world("rigid_spatial")
-    render(
-        world,
-        np.array([item.position for item in world.objects]),
-        np.array([item.orientation for item in world.objects]),
-    )
+    everything = {key: value for parts in MATERIALS.values() for key, value in parts.items()}
+    everything["deformables"] = [item for parts in MATERIALS.values() for item in parts["deformables"]]
+    world = World.model_validate({**_world("rigid_spatial").model_dump(), **everything})
+    n = len(world.moving_names)
+    render(world, np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)))
