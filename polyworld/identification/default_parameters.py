@@ -183,7 +183,7 @@ def _physical(
         # A ratio: as likely half as double. Bounded by what rigid collisions in one video can tell apart.
         centre = max(float(value or 1.0), spec.lower)
         return FitParameter(name, paths, centre / 5.0, centre * 5.0, centre, 0.3, scale="log", enters=begin)
-    if field in ("friction", "linear_damping"):
+    if field in ("friction", "linear_damping") and not world.deformables:
         lower, upper, centre = _from_deceleration(world, field, objects, states, lower, upper, centre)
     sd = OPENING * (upper - lower)
     # A beginning on a bound would put half of the first samples on it.

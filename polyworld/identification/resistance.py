@@ -61,8 +61,9 @@ def slowing(tracks: ObservedTracks, states: dict[str, InitialState], seconds_per
 def begun_from_slowing(
     world: World, tracks: ObservedTracks, states: dict[str, InitialState], parameters: Sequence[FitParameter]
 ) -> list[FitParameter]:
-    """The parameters, those of friction and drag with mean and sd from the regression. Planar worlds only."""
-    if not world.planar:
+    """The parameters, those of friction and drag with mean and sd from the regression. Planar worlds only, and only
+    where all that moves is rigid: what a rope or a fluid does to an object is no law of its speed."""
+    if not world.planar or world.deformables:
         return list(parameters)
     estimates = slowing(tracks, states, world.time.seconds_per_frame)
     fitted = [i for i, p in enumerate(parameters) if p.scale == "linear" and any(_slows(world, q) for q in p.paths)]

@@ -76,7 +76,7 @@ def main() -> None:
     print(row(HEADER))
     for scene in scenes():
         if chosen.only is None or scene.name in chosen.only:
-            size = (8, 16) if chosen.quick else (14, 32)
+            size = (6, 16) if chosen.quick else (12, 24)
             for line in recover(scene, generations=size[0], population=size[1], seed=chosen.seed):
                 print(line, flush=True)
     print(f"{time.perf_counter() - begin:.0f} s in all")

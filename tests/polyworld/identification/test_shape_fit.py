@@ -35,10 +35,11 @@ from polyworld.readouts import (
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.rigid import RigidObject
 from polyworld.representations.rope import Rope
+from polyworld.representations.soft import Soft
 from polyworld.shape_series import ShapeSeries
 from polyworld.shapes import Sphere
 from polyworld.tracks import ObservedTracks, shapes_only
-from polyworld.world import TimeBase, World
+from polyworld.world import Environment, MotionPlane, TimeBase, World
 from tests.polyworld.identification.closed_string import LENGTH, ClosedString
 from tests.polyworld.synthetic import camera_above
 
@@ -92,7 +93,7 @@ SETTINGS = FitSettings(generations=16, cem=CemSettings(population=32, elites=8),
         (Centreline(object="string", count=9, view="image"), 1.0),
         (Outline(object="string", directions=((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)), view="image"), 1.0),
         (Front(object="string"), 0.005),
-        (ImageOccupancy(object="string", columns=32, rows=24), 0.05),
+        (ImageOccupancy(object="string", columns=20, rows=15), 0.05),
     ],
 )
 def test_hidden_parameters_are_found_within_three_standard_errors(readout: Readout, sigma: float) -> None:
@@ -223,3 +224,31 @@ def test_accuracy_of_shapes_is_in_their_own_unit() -> None:
     assert found.shape_by_readout["string"]["tension"] == pytest.approx(0.05, rel=0.3)
     assert found.samples == 0
     assert found.to_dict()["position_rmse"] is None
+
+
+def test_a_tracked_soft_body_beside_a_rigid_one_takes_part_in_the_default_unknowns() -> None:
+    ball = Soft(name="ball", representation="soft_planar", shape=Sphere(radius=0.1), position=(0.0, 0.0, 0.5))
+    stone = RigidObject(name="stone", shape=Sphere(radius=0.1), position=(1.0, 0.0, 0.5))
+    world = World(
+        objects=(stone,),
+        deformables=(ball,),
+        environment=Environment(motion_plane=MotionPlane(normal=(0.0, -1.0, 0.0), supports=False)),
+    )
+    time = 0.04 * FRAMES
+    fall = 0.5 - 0.5 * 9.81 * time**2
+    places = np.stack([np.stack([x + 0.3 * time, 0.0 * time, fall], axis=1) for x in (0.0, 1.0)], axis=1)
+    count = len(FRAMES)
+    tracks = ObservedTracks(
+        names=("ball", "stone"),
+        frames=FRAMES,
+        seconds_per_frame=0.04,
+        positions=places + 0.001 * np.random.default_rng(0).normal(size=places.shape),
+        position_sigma=np.full((count, 2), 0.001),
+        orientations=np.full((count, 2, 4), np.nan),
+        confidence=np.ones((count, 2)),
+        orientation_confidence=np.zeros((count, 2)),
+        symmetry=(0, 0),
+    )
+    names = {p.name for p in default_parameters(world, tracks)}
+    assert {"ball.youngs_modulus", "ball.damping", "ball.shift.x", "ball.velocity.z", "stone.velocity.x"} <= names
+    assert not {n for n in names if n.endswith(".y")}  # across the plane
