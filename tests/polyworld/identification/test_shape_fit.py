@@ -228,7 +228,7 @@ def test_accuracy_of_shapes_is_in_their_own_unit() -> None:
 
 def test_a_tracked_soft_body_beside_a_rigid_one_takes_part_in_the_default_unknowns() -> None:
     ball = Soft(name="ball", representation="soft_planar", shape=Sphere(radius=0.1), position=(0.0, 0.0, 0.5))
-    stone = RigidObject(name="stone", shape=Sphere(radius=0.1), position=(1.0, 0.0, 0.5))
+    stone = RigidObject(name="stone", representation="rigid_planar", shape=Sphere(radius=0.1), position=(1.0, 0.0, 0.5))
     world = World(
         objects=(stone,),
         deformables=(ball,),
