@@ -163,7 +163,9 @@ def _disc(stretch: float, radius: float, **parameters: float) -> object:
 
 def test_pressure_in_a_round_drop_is_laplaces() -> None:
     """p = sigma / R of a cylinder (Laplace, Young); 3% at 8 cells in the radius, and it stays round."""
-    run = Run(plane_world(_disc(1.0, 0.02, surface_tension=0.07), size=(0.1, 0.1), cell=0.0025, gravity=0.0), step=0.001)
+    run = Run(
+        plane_world(_disc(1.0, 0.02, surface_tension=0.07), size=(0.1, 0.1), cell=0.0025, gravity=0.0), step=0.001
+    )
     pressures = [run.fluid.pressure_at(np.array([[0.05, 0.0, 0.05]]))[0, 0] for _ in run.advance(0.1)]
     assert np.mean(pressures) == pytest.approx(0.07 / 0.02, rel=0.03)
     assert np.abs(run.present()[1]).max() < 0.01
@@ -171,7 +173,9 @@ def test_pressure_in_a_round_drop_is_laplaces() -> None:
 
 def test_drop_oscillates_with_rayleighs_frequency() -> None:
     """omega^2 = n (n^2 - 1) sigma / (rho R^3), n = 2, of a cylinder (Rayleigh 1879); first half period, 6%."""
-    run = Run(plane_world(_disc(1.05, 0.02, surface_tension=0.07), size=(0.1, 0.1), cell=0.0025, gravity=0.0), step=0.002)
+    run = Run(
+        plane_world(_disc(1.05, 0.02, surface_tension=0.07), size=(0.1, 0.1), cell=0.0025, gravity=0.0), step=0.002
+    )
     times, stretch = [], []
     for time in run.advance(0.75):
         x, _ = run.present()

@@ -110,6 +110,7 @@ def push_bodies(
         if bodies[w, b].active == 1:
             bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
             bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+            pace.given[w] = pace.given[w] + wetted.force[w, b] * dt
             wetted.forecast[w, b] = wetted.forecast[w, b] + wetted.force[w, b] * (dt / h[w])
             wetted.forecast_torque[w, b] = wetted.forecast_torque[w, b] + wetted.torque[w, b] * (dt / h[w])
 

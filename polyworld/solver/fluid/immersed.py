@@ -168,6 +168,8 @@ def lift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
                 node = samples.node[s, n]
                 if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], node] > ZERO:
                     nodes.v[w, node] = nodes.v[w, node] + samples.part[s, n] * gained
+                m = samples.part[s, n] * nodes.mass[w % nodes.mass.shape[0], node] / samples.share[o]
+                pace.given[w] = pace.given[w] + m * gained
 
 
 @wp.kernel
@@ -310,6 +312,7 @@ def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
             if grid.wide[a] == 1:
                 _kick(grid, fields, w, a, stencil(grid, x, a), -impulse[a])
         _push_nodes(samples, nodes, w, s, impulse * samples.share[o])
+        pace.given[w] = pace.given[w] + impulse
 
 
 @wp.func
@@ -340,3 +343,4 @@ def lift_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
                 impulse[a] = samples.volume[s] * gather(grid, fields.push[w, a], at)
                 _kick(grid, fields, w, a, at, -impulse[a])
         _push_nodes(samples, nodes, w, s, impulse * samples.share[o])
+        pace.given[w] = pace.given[w] + impulse

@@ -170,13 +170,19 @@ class Wetted:
 
 @wp.struct
 class Pace:
-    """Sub-steps: left (W,) of the coupling step, dt (W,) of this sub-step, 0 where a world is done; go (1,)."""
+    """Sub-steps: left (W,) of the coupling step, dt (W,) of this sub-step, 0 where a world is done; go (1,).
+
+    given (W,): momentum that bodies and nodes have taken from the liquid in this sub-step. touching (W,): 1 where
+    liquid is near a static or a side of the box, which then take momentum too.
+    """
 
     left: wp.array[wp.float64]
     dt: wp.array[wp.float64]
     go: wp.array[wp.int32]
     steps: wp.array[wp.int32]
     fastest: wp.array[wp.float64]
+    given: wp.array[wp.vec3d]
+    touching: wp.array[wp.int32]
 
 
 @wp.struct

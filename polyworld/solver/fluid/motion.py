@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.solver.fluid.distance import nearest, to_solid
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Solids, Wetted
-from polyworld.solver.fluid.stencil import HALF, ZERO, centre, gather, gather_slope, stencil
+from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, gather, gather_slope, stencil
 from polyworld.solver.spatial.layout import Body
 
 wp.set_module_options(OPTIONS)
@@ -133,6 +133,8 @@ def slide_along_solids(
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
+                    if grid.wide[a] == 1 and fields.static_open[a, c] < ONE and fields.mass[w, a, c] > ZERO:
+                        pace.touching[w] = 1
                     if grid.wide[a] == 0 or fields.open[w, a, c] > SHUT or fields.known[w, a, c] == 0:
                         continue
                     if grid.closed == 1 and (index[a] <= grid.lower[a] or index[a] >= grid.upper[a]):
@@ -224,6 +226,9 @@ def move_particles(
     if dt <= ZERO:
         return
     skin = SKIN * grid.cell
+    fall = liquids.gravity[w % liquids.gravity.shape[0]] * dt
+    whole = wp.float64(0.0)
+    gained = wp.vec3d()
     for p in range(particles.used[w]):
         if particles.fluid[w, p] < 0:
             continue
@@ -240,6 +245,9 @@ def move_particles(
             for b in range(3):
                 gradient[a, b] = slope[b]
             shift[a] = gather(grid, fields.shift[w, a], s)
+        fluid = particles.fluid[w, p]
+        mass = particles.volume * liquids.density[w % liquids.density.shape[0], fluid]
+        was = particles.v[w, p] + fall
         u = _velocity(grid, fields, w, x + v * (HALF * dt))
         x = x + u * dt + shift
         gone = int(0)
@@ -268,12 +276,23 @@ def move_particles(
         if fields.static_distance[c] < wp.float64(1.5) * grid.cell:
             last = solids.solids.shape[0]
         if last > 0:
-            fluid = particles.fluid[w, p]
-            mass = particles.volume * liquids.density[w % liquids.density.shape[0], fluid]
             for _ in range(2):
                 kept = _keep_out(grid, solids, bodies, wetted, w, x, v, mass, last)
                 x = kept.x
                 v = kept.v
+        whole += mass
+        gained = gained + mass * (v - was)
         particles.x[w, p] = x
         particles.v[w, p] = v
         particles.gradient[w, p] = gradient
+    for b in range(solids.bodies):
+        gained = gained + wetted.force[w, b]
+    gained = gained + pace.given[w]
+    if grid.thin >= 0:
+        gained[grid.thin] = ZERO
+    if pace.touching[w] == 1 or whole <= ZERO:
+        return
+    # Nothing but gravity acts from outside: what the free surface's ghost values have made or lost goes back.
+    for p in range(particles.used[w]):
+        if particles.fluid[w, p] >= 0:
+            particles.v[w, p] = particles.v[w, p] - gained / whole

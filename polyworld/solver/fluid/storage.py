@@ -95,5 +95,6 @@ def tension_arrays(grid: layout.Grid, worlds: int, tense: bool) -> layout.Tensio
 def pace_arrays(worlds: int) -> layout.Pace:
     p = layout.Pace()
     p.left, p.dt, p.fastest = (zeros((worlds,), wp.float64) for _ in range(3))
+    p.given, p.touching = zeros((worlds,), wp.vec3d), zeros((worlds,), wp.int32)
     p.go, p.steps = zeros((1,), wp.int32), zeros((worlds,), wp.int32)
     return p

@@ -34,6 +34,8 @@ def choose_step(
         pace.go[0] = 0
     left = pace.left[w]
     pace.dt[w] = ZERO
+    pace.given[w] = wp.vec3d()
+    pace.touching[w] = 0
     if left <= ZERO:
         return
     fastest = wp.float64(0.0)
