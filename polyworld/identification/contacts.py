@@ -28,7 +28,8 @@ def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05
     """Pairs whose circumscribed balls (planar worlds: circles) come within `margin` [m], in order of time.
 
     Pairs of objects, and objects with statics. A pair observed too seldom, or never both at once, is not
-    listed. A planar world's supporting plane is not a static and makes no contact here.
+    listed, nor are objects that a joint lets pass through each other. A planar world's supporting plane is not a
+    static and makes no contact here.
     """
     found: list[PossibleContact] = []
     times = tracks.frames * world.time.seconds_per_frame
@@ -36,8 +37,11 @@ def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05
     seen = {n: tracks.confidence[:, tracks.index(n)] > 0.0 for n in names}
     place = {n: tracks.positions[:, tracks.index(n)] for n in names}
     reach = {n: _reach(world, world.object(n)) for n in names}
+    joined = {frozenset((j.object, j.other)) for j in world.joints if j.kind != "spring"}
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
+            if frozenset((a, b)) in joined:
+                continue
             gap = np.linalg.norm(place[a] - place[b], axis=1) - reach[a] - reach[b]
             near = seen[a] & seen[b] & (gap <= margin)
             if near.any():

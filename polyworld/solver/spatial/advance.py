@@ -72,7 +72,7 @@ def stepping(joining: Joining) -> Any:
             settle(joints, state, k, geometry.lock)
             find_contacts(geometry, state, k, half)
             build_rows(state, k, half, geometry.lock)
-            part = longest_part(joints, state, k, left)
+            part = longest_part(joints, state, k, h, left)
             slowest = threshold
             if impacts < MAX_IMPACTS:
                 if resolve_impacts(joints, state, k, half, threshold) > 0:

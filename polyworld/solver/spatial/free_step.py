@@ -30,6 +30,11 @@ def settle(_joints: Joints, _state: State, _k: int, _lock: wp.vec3d) -> None:
 
 
 @wp.func
+def all_left(_joints: Joints, _state: State, _k: int, _h: wp.float64, left: wp.float64) -> wp.float64:
+    return left
+
+
+@wp.func
 def whole(_joints: Joints, _state: State, _k: int, h: wp.float64) -> wp.float64:
     return h
 
@@ -53,7 +58,7 @@ solve_manifolds, solve_contacts = contact_solver(hold)
 
 FREE = Joining(
     settle=settle,
-    longest_part=whole,
+    longest_part=all_left,
     time_to_stop=whole,
     resolve_impacts=impact_solver(solve_manifolds, energy, take_back),
     begin=begin,

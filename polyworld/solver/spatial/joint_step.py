@@ -238,8 +238,8 @@ def solve_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64)
 
 
 @wp.func
-def longest_part(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
-    """Longest step, at most h, that resolves the swinging of bodies under the tension of their joints.
+def longest_part(joints: Joints, state: State, k: int, h: wp.float64, left: wp.float64) -> wp.float64:
+    """Longest part of a step of length h, of which `left` is left, that resolves bodies swinging on taut joints.
 
     A taut joint pulls a body back like a pendulum of frequency^2 tension * arm / (inertia about the joint's point);
     explicit schemes need a step below two over the frequency.
@@ -253,9 +253,9 @@ def longest_part(joints: Joints, state: State, k: int, h: wp.float64) -> wp.floa
             b = joints.kinds[j].b
             if b < state.objects:
                 fastest = wp.max(fastest, tension * swinging(state.bodies[k, b], joints.joint[k, j].arm_b))
-    if fastest * h * h <= RESOLVED * RESOLVED:
-        return h
-    return wp.max(RESOLVED / wp.sqrt(fastest), h / wp.float64(MOST_PARTS))
+    if fastest * left * left <= RESOLVED * RESOLVED:
+        return left
+    return wp.min(wp.max(RESOLVED / wp.sqrt(fastest), h / wp.float64(MOST_PARTS)), left)
 
 
 @wp.func
