@@ -8,10 +8,11 @@ import pytest
 from polyworld.camera import Camera
 from polyworld.meshing import mesh_of
 from polyworld.readouts.silhouette import image_occupancy, intersection_over_union, silhouette
+from polyworld.render import look_at, render
 from polyworld.representations.cloth import Cloth, Sheet
 from polyworld.representations.rope import Rope
 from polyworld.representations.soft import Soft
-from polyworld.shapes import Sphere
+from polyworld.shapes import Box, Sphere
 from polyworld.world import World
 from tests.polyworld.synthetic import camera_above
 
@@ -57,3 +58,31 @@ def test_overlap_of_two_rectangles() -> None:
     a[2:6, 2:6], b[4:8, 2:6] = 1.0, 1.0
     assert intersection_over_union(a, b) == pytest.approx(8 / 24)
     assert np.isnan(intersection_over_union(empty, empty))
+
+
+EYE = look_at(np.array([0.6, -3.0, 1.6]), np.array([0.5, 0.0, 0.5]), focal=420.0, width=320, height=240)
+ROPE = Rope(name="rope", points=((0.0, 0.0, 1.0), (0.4, 0.2, 0.3), (1.0, 0.0, 0.9)), segments=30, radius=0.03)
+SHEET = Sheet(corner=(0.0, -0.4, 0.4), edge_u=(1.0, 0.0, 0.3), edge_v=(0.0, 0.9, 0.2), divisions=(8, 8))
+BODIES = [
+    ROPE,
+    Cloth(name="cloth", geometry=SHEET),
+    Soft(name="soft", shape=Sphere(radius=0.4), position=(0.5, 0.0, 0.5)),
+    Soft(name="block", shape=Box(half_extents=(0.3, 0.2, 0.4)), position=(0.5, 0.0, 0.5)),
+]
+
+
+@pytest.mark.parametrize("item", BODIES, ids=lambda item: item.name)
+def test_a_silhouette_is_that_of_the_drawn_picture(item: Rope | Cloth | Soft) -> None:
+    """The renderer follows rays; nothing is shared with the sampling here but the camera."""
+    world = World(deformables=(item,))
+    mesh = mesh_of(world, item)
+    rng = np.random.default_rng(2)
+    bent = mesh.nodes + 0.15 * np.sin(3.0 * mesh.nodes[:, [1, 2, 0]]) + 0.05 * rng.normal(size=3)
+    picture = render(world, bent.mean(axis=0)[None], np.array([[1.0, 0.0, 0.0, 0.0]]), EYE, points={item.name: bent})
+    drawn = picture.mask(0)
+    mask = silhouette(bent, mesh, EYE)
+    assert intersection_over_union(mask, drawn) > (0.93 if item.name == "rope" else 0.97)
+    coarse = image_occupancy(bent, mesh, EYE, 20, 15)
+    expected = drawn.reshape(15, 16, 20, 16).mean(axis=(1, 3))
+    assert np.abs(coarse - expected).max() < 0.15
+    assert coarse.sum() == pytest.approx(expected.sum(), rel=0.06)
