@@ -10,7 +10,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.representations.joint import Hinge
+from polyworld.representations.joint import Fixed, Hinge, Slider
+from polyworld.representations.rope import Rope
 from polyworld.rollout import simulator
 from polyworld.shapes import Box, Capsule, Plane, Sphere
 from polyworld.solver.arrays import rigid_arrays
@@ -145,3 +146,28 @@ def test_a_locked_body_turns_with_the_inertia_about_the_normal_only() -> None:
     np.testing.assert_allclose(after["w"], (0.0, 2.0 * STEP / moment, 0.0), rtol=1e-12)
     assert after["v"][1] == 0.0
     assert after["v"][2] == pytest.approx(-9.81 * STEP)
+
+
+def test_a_locked_slider_runs_along_its_axis_and_a_fixed_part_goes_with_it() -> None:
+    """45 degrees down in the plane, with a brick fixed to the side of the one that slides: a = g sin 45, no turning."""
+    cube = Box(half_extents=(0.1, 0.1, 0.1))
+    slope = (float(np.sqrt(0.5)), 0.0, -float(np.sqrt(0.5)))
+    a, b = (
+        body(name, cube, (x, 0, 0)).model_copy(update={"representation": "rigid_planar"})
+        for name, x in (("a", 0.0), ("b", 0.2))
+    )
+    world = World(
+        objects=(a, b),
+        # Planar worlds take joints other than hinges only beside deformable objects: here, a rope far away.
+        deformables=(Rope(name="rope", representation="rope_planar", points=((9.0, 0, 0), (9.5, 0, 0)), segments=2),),
+        joints=(
+            Slider(name="rail", object="a", anchor=(0, 0, 0), axis=slope),
+            Fixed(name="weld", object="b", other="a", anchor=(0.1, 0, 0)),
+        ),
+        environment=Environment(motion_plane=SIDE),
+    )
+    _, found = step_through(world, 200)
+    t = np.arange(201) * STEP
+    path = 0.25 * 9.81 * t**2
+    np.testing.assert_allclose(found[:, 0, 0], np.stack([path, 0 * t, -path], axis=1), atol=1e-10)
+    np.testing.assert_allclose(found[:, 0, 1] - found[:, 0, 0], np.tile((0.2, 0, 0), (201, 1)), atol=1e-10)
