@@ -119,8 +119,8 @@ def _place(stop: Array | Pulley) -> Array:
 def unit_axis(pulley: Pulley) -> Array:
     """The wheel's axis as a unit vector, turned so that the rope goes round it counter-clockwise."""
     axis = np.asarray(pulley.axis, dtype=float)
-    axis = axis / np.linalg.norm(axis)
-    return axis if pulley.turns_positive else -axis
+    unit: Array = axis / np.linalg.norm(axis) * (1.0 if pulley.turns_positive else -1.0)
+    return unit
 
 
 def tangent_point(rope: str, pulley: Pulley, point: Array, side: float) -> Array:

@@ -52,7 +52,7 @@ def world(
             "objects": objects,
             "deformables": deformables,
             "attachments": attachments,
-            "environment": {"gravity": gravity},
+            "environment": {"gravity": gravity, **more.pop("environment", {})},
             "time": {"substep": substep},
             **more,
         }

@@ -39,7 +39,7 @@ def bounce(stiffness: float, damping: float, segments: int = 20) -> tuple[float,
 
 @pytest.mark.parametrize("stiffness", [100.0, 1e4])
 def test_load_bounces_on_a_rope_without_losing_energy(stiffness: float) -> None:
-    """omega^2 = EA/(L (M + rho L/3)) to 0.5%, and less than 1% of the amplitude lost in a period where nothing damps."""
+    """omega^2 = EA/(L (M + rho L/3)) to 0.5%; less than 1% of the amplitude is lost in a period where nothing damps."""
     fitted, decay, omega = bounce(stiffness, 0.0)
     assert fitted == pytest.approx(omega, rel=5e-3)
     assert abs(decay) * 2 * np.pi / omega < 0.01

@@ -71,12 +71,12 @@ def test_dry_bearing_slows_and_holds() -> None:
 
 
 def test_viscous_bearing_sets_the_final_speed() -> None:
-    """Against the torque b v/R: v = (m2 - m1) g R^2/b at last, to 1%, here with the rope's weight growing on one side."""
+    """Against the torque b v/R: v = (m2 - m1) g R^2/b at last, to 1%; the rope's weight grows on one side."""
     b = 0.2
-    trajectory, _ = run(atwood(1.0, 1.5, bearing_damping=b), 0.8)
-    drop = -1.0 - trajectory.positions[-1, 1, 2]
-    final = (0.5 * G + 2 * DENSITY * G * drop) * RADIUS**2 / b
-    assert -trajectory.velocities[-1, 1, 2] == pytest.approx(final, rel=0.01)
+    trajectory, _ = run(atwood(1.0, 1.5, bearing_damping=b), 1.2, 0.4)
+    drop = -1.0 - trajectory.positions[:, 1, 2]
+    final = (0.5 * G + DENSITY * G * (drop[-1] + drop[-2])) * RADIUS**2 / b
+    assert (drop[-1] - drop[-2]) / 0.4 == pytest.approx(final, rel=0.01)
 
 
 def test_belt_friction_follows_euler_and_eytelwein() -> None:
@@ -150,7 +150,7 @@ def test_movable_pulley_balances_two_to_one() -> None:
 @pytest.mark.parametrize(("segments", "tolerance"), [(40, 0.01), (20, 0.02)])
 def test_swinging_atwood_machine(segments: int, tolerance: float) -> None:
     """(M + m) r'' = m r theta'^2 - M g + m g cos theta, r theta'' + 2 r' theta' + g sin theta = 0 (Tufillaro 1984),
-    integrated by SciPy; the rope runs through two eyes, so that the loads hang apart. Places after 1.2 s, 1% of the rope's length.
+    integrated by SciPy; the rope runs through two eyes, so that the loads hang apart. Places after 1.2 s to 2 cm.
     """
     heavy, light, reach, angle, horizon = 1.2, 1.0, 1.0, 1.2, 1.2
 

@@ -17,7 +17,7 @@ from polyworld.solver.coupled.contact import Contacts
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.coupled.stage import MaterialStage
+from polyworld.solver.coupled.stage import MaterialStage, Paced
 from polyworld.solver.time_table import TimeTable
 from polyworld.trajectory import Event
 from polyworld.world import World
@@ -305,6 +305,9 @@ class Shard:
         n, c = self.nodes, self.clock
         self._launch(motion.begin_coupling_step, 1, [c.inner])
         self._launch(motion.activate, n.x.shape, [c.time, self._scale, self._start, n.owner, n.active])
+        for stage in self.stages:
+            if isinstance(stage, Paced):
+                stage.launch_begin(n, c)
         if self.carried is not None:
             self.carried.launch_begin(c)
         self.attachments.launch_begin(n, c)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,4 +49,13 @@ class MaterialStage(Protocol):
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """Object name -> readable quantity (`tension`, `strain`, ...) -> values (W, m) at this moment, SI."""
+        ...
+
+
+@runtime_checkable
+class Paced(Protocol):
+    """A stage whose need of inner steps depends on the state."""
+
+    def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
+        """Launch kernels that may raise clock.inner_steps for the coupling step that begins."""
         ...

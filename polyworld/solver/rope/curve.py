@@ -1,4 +1,6 @@
-"""Rods that are curved at rest: bending and twist about material frames (Bergou et al. 2010, ACM Trans. Graph. 29, 116).
+"""Rods that are curved at rest: bending and twist about material frames.
+
+After Bergou et al. (2010, ACM Trans. Graph. 29, 116).
 
 Every segment has a reference direction across it, carried along in time without turning about the segment, and an
 angle theta from it to the material's. The curvature binormal, seen in the material frames on both sides of a node, less

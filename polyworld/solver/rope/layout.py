@@ -102,6 +102,7 @@ class RopeState:
     held: wp.array2d[wp.int32]
     elongation: wp.array2d[wp.float64]
     before: wp.array2d[wp.float64]
+    least_steps: wp.array[wp.int32]  # (W,) inner steps of the first coupling step, 0 before it
     attached: wp.array3d[wp.int32]
     wheels: wp.array2d[Wheel]
     twist: wp.array2d[wp.float64]  # (W, n) angle from one clamped end to the other [rad]

@@ -36,7 +36,7 @@ def swap(ropes: Ropes, state: RopeState, w: int, r: int, p: int, side: int) -> N
 
 
 @wp.func
-def run_off(ropes: Ropes, state: RopeState, w: int, r: int, p: int, side: int) -> None:
+def run_off(ropes: Ropes, state: RopeState, w: int, r: int, p: int) -> None:
     """Take a wheel out of the rope after an end has passed it: its two links become one."""
     first = ropes.first_link[r]
     order = first + r
@@ -161,7 +161,7 @@ def pass_wheels(
                 continue
             if node == 0 or node == ropes.nodes[r] - 1:
                 if state.attached[w, r, half] == 0:
-                    run_off(ropes, state, w, r, p, side)
+                    run_off(ropes, state, w, r, p)
             else:
                 pass_node(ropes, state, bodies, inverse_mass, x, v, h, w, r, p, side)
             break

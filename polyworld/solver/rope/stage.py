@@ -14,7 +14,7 @@ from polyworld.meshing.rope import Threading, threading, unit_axis
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.rope import bending, curve, passing, stretch, twist
+from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends
 from polyworld.solver.rope.frames import across, curvatures, parallel_angle, reference_frames
 from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
@@ -39,7 +39,6 @@ WHEEL_FIELDS = {
 }
 SHARED_SWEEPS = 10  # over the ropes of a world, where a body is held by more than one of their links
 SAFETY = 0.6  # of the longest stable step
-SURGE = 3.0  # by how much a load's swing may raise the tension above its weight, when steps are chosen
 
 
 class RopeStage:
@@ -179,6 +178,7 @@ class RopeStage:
         pulleys = sum(len(t.pulleys) for t in self.threads)
         state = RopeState()
         state.order = _zeros((w, links + n), wp.int32)
+        state.least_steps = _zeros((w,), wp.int32)
         state.elements = _zeros((w, n), wp.int32)
         state.attached = _zeros((w, n, 2), wp.int32)
         state.held = _zeros((w, links), wp.int32)
@@ -252,6 +252,7 @@ class RopeStage:
             getattr(s, name).numpy()[:] = 0
         s.twist.numpy()[:] = self._ropes.twist_at_start.numpy()
         s.before.numpy()[:] = 1.0
+        s.least_steps.numpy()[:] = 0
         if s.wheels.shape[1] > 0:
             rows = np.zeros(s.wheels.shape, dtype=Wheel.numpy_dtype())
             at = 0
@@ -269,15 +270,15 @@ class RopeStage:
         """See `MaterialStage.stable_step`.
 
         Waves across the rope and bending waves are explicit: of the shortest wave, omega^2 = 16 EI/(rho l^4) +
-        4 T/(rho l^2). T is what the loads on the rope, its stretch at the start, and a fall through its slack may make.
+        4 T/(rho l^2). T is that of the loads at rest and of the stretch at the start; where it grows, the stage takes
+        more inner steps (`pace`).
         """
         steps = [np.full(1, np.inf)]
         for rope, thread in zip(self.items, self.threads, strict=True):
             f = self._fields[rope.name]
             density, cell = f["linear_density"], thread.segment_length
-            tension = self._highest_tension(rope, thread, f)
-            across = 12.0 if thread.pulleys else 4.0  # a node swings faster where it is near a wheel
-            square = 16.0 * f["bending_stiffness"] / (density * cell**4) + across * tension / (density * cell**2)
+            tension = self._first_tension(rope, thread, f)
+            square = 16.0 * f["bending_stiffness"] / (density * cell**4) + 4.0 * tension / (density * cell**2)
             omega = np.sqrt(np.maximum(square, 1e-12))
             zeta = 0.5 * f["bending_damping"] * omega * (16.0 * f["bending_stiffness"] / (density * cell**4)) / square
             steps.append(SAFETY * 2.0 / omega * (np.sqrt(1.0 + zeta**2) - zeta))
@@ -285,22 +286,22 @@ class RopeStage:
         shortest: Array = np.min([np.broadcast_to(s, (size,)) for s in steps], axis=0)
         return shortest
 
-    def _highest_tension(self, rope: Rope, thread: Threading, f: Mapping[str, Array]) -> Array:
-        """Estimate of the highest tension that will come about [N]."""
+    def _first_tension(self, rope: Rope, thread: Threading, f: Mapping[str, Array]) -> Array:
+        """Tension to reckon with at the start [N]: its stretch, the weight of the loads and of itself, their snatch.
+
+        A load of mass M that a slack rope stops from the speed v makes v sqrt(M EA/L).
+        """
         gravity = float(np.linalg.norm(self.world.environment.gravity))
-        masses = [_mass(self.world, name) for name in self._loads(rope)]
+        load = sum(_mass(self.world, name) for name in self._loads(rope))
         length = float(thread.rest.sum())
-        weight = f["linear_density"] * length
-        load = sum(masses) + weight
-        chord = np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1)
-        slack = max(thread.segment_length * rope.segments - float(chord.sum()), 0.0)
-        strain = max(float(chord.mean()) / thread.segment_length - 1.0, 0.0)
-        speeds = [np.linalg.norm(rope.velocity)] + [
-            np.linalg.norm(self.world.object(name).velocity) for name in self._loads(rope)
-        ]
-        speed_square = float(max(speeds)) ** 2 + 2.0 * gravity * slack
-        snatch = np.sqrt(speed_square * load * f["stretch_stiffness"] / length)
-        tension: Array = np.atleast_1d(SURGE * load * gravity + f["stretch_stiffness"] * strain + snatch)
+        weight = (load + f["linear_density"] * length) * gravity
+        chord = np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1).mean()
+        strain = 0.0 if thread.pulleys else max(float(chord) / thread.segment_length - 1.0, 0.0)
+        slack = 0.0 if thread.pulleys else max((thread.segment_length - float(chord)) * rope.segments, 0.0)
+        speeds = [np.linalg.norm(self.world.object(name).velocity) for name in self._loads(rope)]
+        square = max(speeds, default=0.0) ** 2 + 2.0 * gravity * slack
+        snatch = np.sqrt(square * load * f["stretch_stiffness"] / length)
+        tension: Array = np.atleast_1d(weight + snatch + f["stretch_stiffness"] * strain)
         return tension
 
     def _loads(self, rope: Rope) -> set[str]:
@@ -312,6 +313,11 @@ class RopeStage:
         }
 
     # --- the loop --------------------------------------------------------------------------------
+
+    def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
+        """See `Paced.launch_begin`."""
+        inputs = [self._ropes, self._state, clock.h, nodes.active, nodes.inverse_mass, clock.inner_steps]
+        wp.launch(pace.choose_inner_steps, dim=self.n_worlds, inputs=inputs, device="cpu")
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_forces`."""
@@ -333,7 +339,7 @@ class RopeStage:
         inputs = [self._ropes, self._state, self._bodies, clock.dt, clock.gravity, nodes.active, nodes.inverse_mass]
         self._launch(stretch.prepare_links, [*inputs, nodes.x, nodes.v])
         for _ in range(self._sweeps):
-            self._launch(stretch.solve_tensions, [*inputs, nodes.x, nodes.v])
+            self._launch(stretch.solve_tensions, [*inputs, nodes.v])
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_positions`."""
@@ -348,9 +354,10 @@ class RopeStage:
             self._launch(passing.pass_wheels, [*inputs, nodes.inverse_mass, nodes.x, nodes.v])
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
-        """Tension of each segment [N], positive in pull: {rope: {"tension": (W, segments)}}.
+        """{rope: {"tension": (W, segments), "curvature": (W, segments - 1)}}.
 
-        It is the mean over the last coupling step, which the bodies' motion is computed in. A segment that runs over wheels has the mean of its parts' tensions.
+        Tension of each segment, positive in pull [N], the mean over the last coupling step; a segment that runs over
+        wheels has the mean of its parts' tensions. Curvature at the inner nodes, 2 tan(phi/2)/l [1/m].
         """
         found: dict[str, dict[str, Array]] = {}
         tension, order = self._state.mean_tension.numpy(), self._state.order.numpy()
@@ -362,12 +369,14 @@ class RopeStage:
                 values[:] = tension[:, first[r] : first[r] + rope.segments]
             else:
                 for w in range(self.n_worlds):
-                    begin = order[w, first[r] + r : first[r] + r + elements[w, r]]
-                    segment = np.maximum.accumulate(begin)[:-1]
+                    passed = order[w, first[r] + r : first[r] + r + elements[w, r]]
+                    segment = np.maximum.accumulate(passed)[:-1]
                     links = tension[w, first[r] : first[r] + elements[w, r] - 1]
                     total = np.bincount(segment, weights=links, minlength=rope.segments)
                     values[w] = total / np.maximum(np.bincount(segment, minlength=rope.segments), 1)
-            found[rope.name] = {"tension": values}
+            begin = int(self._ropes.first_node.numpy()[r])
+            points = nodes.x.numpy()[:, begin : begin + len(thread.nodes)]
+            found[rope.name] = {"tension": values, "curvature": _curvature(points, thread.segment_length)}
         return found
 
     @property
@@ -382,6 +391,16 @@ class RopeStage:
 def _mass(world: World, name: str) -> float:
     item = world.object(name)
     return item.mass if item.mass is not None else item.density * geometry.mass_properties(item.shape).volume
+
+
+def _curvature(points: Array, length: float) -> Array:
+    """Curvature (W, k - 2) at the inner nodes of chains of points (W, k, 3) [1/m]."""
+    t = np.diff(points, axis=1)
+    t = t / np.maximum(np.linalg.norm(t, axis=2, keepdims=True), 1e-300)
+    sine = np.linalg.norm(np.cross(t[:, :-1], t[:, 1:]), axis=2)
+    cosine = (t[:, :-1] * t[:, 1:]).sum(axis=2)
+    curvature: Array = 2.0 * sine / (1.0 + np.maximum(cosine, -0.999)) / length
+    return curvature
 
 
 def _starts(counts: list[int]) -> list[int]:

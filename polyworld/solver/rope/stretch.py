@@ -294,7 +294,6 @@ def solve_tensions(
     gravity: wp.array[wp.vec3d],
     active: wp.array2d[wp.int32],
     inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
 ) -> None:
     """Bring the tensions of one rope into agreement with the velocities, and the velocities with the tensions."""
@@ -348,6 +347,7 @@ def solve_tensions(
         if state.wheels[w, p].place >= 0:
             state.wheels[w, p].speed = wheel_speed(state, w, p, first + state.wheels[w, p].place - 1, h)
     apply_tensions(ropes, state, bodies, inverse_mass, v, w, r, h)
+    calm_overloaded(ropes, state, inverse_mass, v, w, r, h)
 
 
 @wp.func
@@ -383,6 +383,45 @@ def apply_tensions(
             v[w, i] = v[w, i] + impulse * inverse_mass[row, i]
         before = after
     push_end(ropes, state, bodies, v, w, r, 1, -before)
+
+
+@wp.func
+def calm_overloaded(
+    ropes: Ropes,
+    state: RopeState,
+    inverse_mass: wp.array2d[wp.float64],
+    v: wp.array2d[wp.vec3d],
+    w: int,
+    r: int,
+    h: wp.float64,
+) -> None:
+    """Take away swing across links whose tension has just become more than the inner step resolves.
+
+    After a snatch the next coupling step has more inner steps (`pace`); until then the nodes of a link whose swing is
+    unstable, z^2 = h^2 T/l (1/m + 1/m') > 1, give up 1 - 1/z^2 of their relative velocity across it.
+    """
+    first = ropes.first_link[r]
+    order = first + r
+    row = w % inverse_mass.shape[0]
+    base = ropes.first_node[r]
+    limit = ropes.segment_length[r] / (h * h)
+    one = wp.float64(1.0)
+    a = state.order[w, order]
+    for k in range(state.elements[w, r] - 1):
+        b = state.order[w, order + k + 1]
+        if a >= 0 and b >= 0:
+            ma = inverse_mass[row, base + a]
+            mb = inverse_mass[row, base + b]
+            z = state.tension[w, first + k] * (ma + mb)
+            if z > limit:
+                n = state.direction[w, first + k]
+                apart = v[w, base + b] - v[w, base + a]
+                swing = (apart - n * wp.dot(n, apart)) * ((one - limit / z) / (ma + mb))
+                if a > 0 or state.attached[w, r, 0] == 0:
+                    v[w, base + a] = v[w, base + a] + swing * ma
+                if b < ropes.nodes[r] - 1 or state.attached[w, r, 1] == 0:
+                    v[w, base + b] = v[w, base + b] - swing * mb
+        a = b
 
 
 @wp.kernel

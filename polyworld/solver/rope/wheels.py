@@ -41,7 +41,7 @@ def mobility_along(
 
 @wp.func
 def touch(centre: wp.vec3d, axis: wp.vec3d, radius: wp.float64, point: wp.vec3d, side: wp.float64) -> wp.vec3d:
-    """Unit vector from the axis to where the straight line from a point touches the wheel: side 1 arrives, -1 leaves."""
+    """Unit vector from the axis to where the line from a point touches the wheel: side 1 arrives, -1 leaves."""
     out = point - centre
     out = out - axis * wp.dot(axis, out)
     distance = wp.max(wp.length(out), wp.float64(1.0e-12))
