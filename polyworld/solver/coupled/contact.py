@@ -13,6 +13,7 @@ from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.contact_events import ContactLog
 from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies
 from polyworld.solver.coupled.contact_search import (
+    BLOCK,
     bound_objects,
     keep_acting,
     near_parts,
@@ -138,11 +139,11 @@ class Contacts:
         of_nodes = [nodes.x, nodes.v, nodes.radius, nodes.owner, nodes.active, nodes.friction, nodes.restitution]
         _launch(near_parts, (w, d, parts), [*moving, *solids, nodes.radius, self.surface, self.bounds])
         rest = [self.surface, self.bounds, self.found]
-        _launch(search_nodes, nodes.x.shape, [*moving, *solids, *of_nodes, *rest])
-        _launch(search_edges, (w, self.surface.edges.shape[0]), [*moving, *solids, *of_nodes, *rest])
+        _launch(search_nodes, (w, _blocks(nodes.x.shape[1])), [*moving, *solids, *of_nodes, *rest])
+        _launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), [*moving, *solids, *of_nodes, *rest])
         _launch(
             search_corners,
-            (w, self.surface.triangles.shape[0]),
+            (w, _blocks(self.surface.triangles.shape[0])),
             [*moving, *solids[1:], nodes.x, *of_nodes[2:], *rest],
         )
 
@@ -174,6 +175,10 @@ class Contacts:
                 self.tally,
             ],
         )
+
+
+def _blocks(count: int) -> int:
+    return -(-count // BLOCK)
 
 
 def _tally(w: int, d: int, bodies: int, record: bool) -> layout.Tally:

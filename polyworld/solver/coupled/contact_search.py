@@ -26,6 +26,7 @@ OWN_SHARE = wp.constant(wp.float64(1.2))  # of a node's own way in the step; it 
 OBJECT_SHARE = wp.constant(wp.float64(0.3))  # by this share of its object's highest speed
 LEAST_SAGITTA = wp.constant(wp.float64(2.0e-4))  # an edge touches between its nodes where it is this much closer
 BISECTIONS = 16
+BLOCK = 64  # elements that one thread looks at: starting one costs more than the look at what is far
 
 
 @wp.kernel
@@ -107,6 +108,14 @@ def near_parts(
 
 
 @wp.func
+def nothing_near(bounds: Bounds, w: int, d: int) -> bool:
+    near = wp.int32(0)
+    for s in range(bounds.near.shape[2]):
+        near += bounds.near[w, d, s]
+    return near == 0
+
+
+@wp.func
 def add(found: Found, w: int, c: Contact) -> None:
     slot = wp.atomic_add(found.count, w, 1)
     if slot >= found.contacts.shape[1]:
@@ -135,8 +144,8 @@ def against_body(
     return c
 
 
-@wp.kernel
-def search_nodes(
+@wp.func
+def touch_node(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
     geometry: Geometry,
@@ -152,12 +161,14 @@ def search_nodes(
     surface: Surface,
     bounds: Bounds,
     found: Found,
+    w: int,
+    i: int,
 ) -> None:
-    """Nodes against the pieces of bodies, planes and meshes."""
-    w, i = wp.tid()
     if surface.exposed[i] == 0 or active[w, i] == 0 or h[w] <= wp.float64(0.0):
         return
     d = owner[i]
+    if nothing_near(bounds, w, d):
+        return
     p = x[w, i]
     fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
     slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
@@ -217,7 +228,7 @@ def search_nodes(
 
 
 @wp.kernel
-def search_edges(
+def search_nodes(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
     geometry: Geometry,
@@ -234,17 +245,58 @@ def search_edges(
     bounds: Bounds,
     found: Found,
 ) -> None:
-    """Edges that come closest to a convex piece between their nodes.
+    """Nodes against the pieces of bodies, planes and meshes."""
+    w, block = wp.tid()
+    for i in range(block * BLOCK, wp.min((block + 1) * BLOCK, x.shape[1])):
+        touch_node(
+            h,
+            gravity,
+            geometry,
+            obstacles,
+            bodies,
+            x,
+            v,
+            radius,
+            owner,
+            active,
+            friction,
+            restitution,
+            surface,
+            bounds,
+            found,
+            w,
+            i,
+        )
 
-    The distance to a convex shape is a convex function along the edge, so bisection on its slope finds the point.
-    """
-    w, e = wp.tid()
+
+@wp.func
+def touch_edge(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+    found: Found,
+    w: int,
+    e: int,
+) -> None:
     i = surface.edges[e, 0]
     j = surface.edges[e, 1]
     if active[w, i] == 0 or h[w] <= wp.float64(0.0):
         return
     zero = wp.float64(0.0)
     d = owner[i]
+    if nothing_near(bounds, w, d):
+        return
     fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
     slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
     fastest = wp.max(wp.length(v[w, i]), wp.length(v[w, j]))
@@ -304,7 +356,52 @@ def search_edges(
 
 
 @wp.kernel
-def search_corners(
+def search_edges(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    geometry: Geometry,
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+    found: Found,
+) -> None:
+    """Edges that come closest to a convex piece between their nodes.
+
+    The distance to a convex shape is a convex function along the edge, so bisection on its slope finds the point.
+    """
+    w, block = wp.tid()
+    for e in range(block * BLOCK, wp.min((block + 1) * BLOCK, surface.edges.shape[0])):
+        touch_edge(
+            h,
+            gravity,
+            geometry,
+            obstacles,
+            bodies,
+            x,
+            v,
+            radius,
+            owner,
+            active,
+            friction,
+            restitution,
+            surface,
+            bounds,
+            found,
+            w,
+            e,
+        )
+
+
+@wp.func
+def touch_triangle(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
     obstacles: Obstacles,
@@ -318,13 +415,15 @@ def search_corners(
     surface: Surface,
     bounds: Bounds,
     found: Found,
+    w: int,
+    k: int,
 ) -> None:
-    """Triangles that a corner of a body, or the centre of its round end, may press into."""
-    w, k = wp.tid()
     i = surface.triangles[k, 0]
     if active[w, i] == 0 or h[w] <= wp.float64(0.0):
         return
     d = owner[i]
+    if nothing_near(bounds, w, d):
+        return
     p0 = x[w, i]
     p1 = x[w, surface.triangles[k, 1]]
     p2 = x[w, surface.triangles[k, 2]]
@@ -360,6 +459,30 @@ def search_corners(
             if surface.one_sided[d] == 0 and wp.dot(normal, p0 - centre) > wp.float64(0.0):
                 c.side = wp.float64(1.0)
             add(found, w, c)
+
+
+@wp.kernel
+def search_corners(
+    h: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
+    obstacles: Obstacles,
+    bodies: wp.array2d[Body],
+    x: wp.array2d[wp.vec3d],
+    radius: wp.array[wp.float64],
+    owner: wp.array[wp.int32],
+    active: wp.array2d[wp.int32],
+    friction: wp.array2d[wp.float64],
+    restitution: wp.array2d[wp.float64],
+    surface: Surface,
+    bounds: Bounds,
+    found: Found,
+) -> None:
+    """Triangles that a corner of a body, or the centre of its round end, may press into."""
+    w, block = wp.tid()
+    for k in range(block * BLOCK, wp.min((block + 1) * BLOCK, surface.triangles.shape[0])):
+        touch_triangle(
+            h, gravity, obstacles, bodies, x, radius, owner, active, friction, restitution, surface, bounds, found, w, k
+        )
 
 
 @wp.kernel

@@ -26,8 +26,8 @@ from polyworld.world import World
 
 Ints = NDArray[np.int32]
 
-SKIN = 0.35  # least margin of a list, per median edge length
-ROOM = 16  # listed pairs a node may be part of, on average
+SKIN = 0.4  # least margin of a list, per median edge length
+ROOM = 40  # listed pairs a node may be part of, on average
 
 
 def touching_objects(world: World) -> Ints:
@@ -82,6 +82,7 @@ class SurfacePairs:
         pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
         pairs.place = _zeros(nodes.x.shape, wp.vec3d)
         pairs.margin = _zeros((self._w,), wp.float64)
+        pairs.fastest = _zeros((self._w,), wp.float64)
         pairs.due = _zeros((self._w,), wp.int32)
         pairs.chain = _ints(np.where(on_rope, owners, -1))
         number = np.arange(len(edges))
@@ -92,13 +93,13 @@ class SurfacePairs:
         pairs.skin = SKIN * float(np.median(lengths))
         self._pairs = pairs
         pairs.thickest = float(nodes.radius.numpy()[exposed].max())
-        cell = 1.2 * float(np.median(lengths)) + 2.0 * pairs.thickest
+        cell = 2.0 * float(np.median(lengths)) + 2.0 * pairs.thickest
         self._grid = make_grid(self._w, len(exposed), cell)
         self._edge_grid = make_grid(self._w, len(kept), max(cell, pairs.longest))
 
     def room(self) -> int:
         """Contacts to keep room for."""
-        return 6 * self._pairs.node.shape[0] + 3 * self._pairs.edge.shape[0] if self.any else 0
+        return 10 * self._pairs.node.shape[0] + 6 * self._pairs.edge.shape[0] if self.any else 0
 
     def reset(self) -> None:
         """The lists are due."""
@@ -113,7 +114,7 @@ class SurfacePairs:
         if not self.any:
             return
         surface, pairs = self._surface, self._pairs
-        _launch(sort_surfaces, self._w, [clock.h, nodes.x, surface, bounds, pairs, self._grid, self._edge_grid])
+        _launch(sort_surfaces, self._w, [clock.h, nodes.x, nodes.v, surface, pairs, self._grid, self._edge_grid])
         listed = [nodes.x, nodes.radius, nodes.owner, nodes.active, surface, bounds, pairs]
         if surface.triangles.shape[0]:
             _launch(list_faces, (self._w, surface.triangles.shape[0]), [*listed, self._grid, found])
@@ -138,7 +139,6 @@ class SurfacePairs:
                 nodes.restitution,
                 self._bodies,
                 surface,
-                bounds,
                 pairs,
                 found,
             ],

@@ -16,7 +16,11 @@ from polyworld.solver.spatial.separation import triangle_weights
 wp.set_module_options(OPTIONS)
 
 MARGIN = wp.constant(wp.float64(1.5))  # on the way that things move in a step: they may get faster meanwhile
-RING = wp.constant(wp.float64(1.2))  # edges' lengths: parts of one sheet closer than this do not meet
+# Parts of one sheet do not meet where they are nearer than this in the unloaded sheet, in edges' lengths: a node and
+# the corners of a triangle, the middles of two edges.
+RING = wp.constant(wp.float64(1.2))
+EDGE_RING = wp.constant(wp.float64(1.5))
+WIDEST = wp.constant(wp.float64(2.2))  # margin for what is quick, per least margin
 DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper in a solid than this is let be
 
 
@@ -27,7 +31,8 @@ class Pairs:
     node, edge: what the grids hold, as rows of the nodes and of Surface.edges. may, cross (D, D): 1 for objects whose
     nodes and faces, whose edges may touch. bonded (D, D): 1 for objects that are fastened to each other. rest (N,):
     places in the unloaded shape. faces, crossings, sides (W, P): listed pairs (node, triangle), (edge, edge) and
-    (node, side), their number (W,). place (W, N): at the last listing, that had margin (W,). due (W,): 1 where the
+    (node, side), their number (W,). place (W, N): at the last listing, that had margin (W,); fastest (W,): of all,
+    beside their mean motion. due (W,): 1 where the
     lists are to be made anew. chain (E,): which rope an edge belongs to, or -1, and place_in_chain its number in it;
     segment (E,): its length.
     """
@@ -46,6 +51,7 @@ class Pairs:
     side_count: wp.array[wp.int32]
     place: wp.array2d[wp.vec3d]
     margin: wp.array[wp.float64]
+    fastest: wp.array[wp.float64]
     due: wp.array[wp.int32]
     chain: wp.array[wp.int32]
     place_in_chain: wp.array[wp.int32]
@@ -68,8 +74,8 @@ def boxes_near(bounds: Bounds, w: int, a: int, b: int, far: wp.float64) -> bool:
 def sort_surfaces(
     h: wp.array[wp.float64],
     x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
     surface: Surface,
-    bounds: Bounds,
     pairs: Pairs,
     nodes: Grid,
     edges: Grid,
@@ -79,20 +85,30 @@ def sort_surfaces(
     pairs.due[w] = 0
     if h[w] <= wp.float64(0.0):
         return
+    # All that matters is how things move beside each other: what they do together is taken off.
+    n = pairs.node.shape[0]
+    drift = wp.vec3d()
+    moved = wp.vec3d()
+    for k in range(n):
+        i = pairs.node[k]
+        drift += v[w, i]
+        moved += x[w, i] - pairs.place[w, i]
+    drift = drift / wp.float64(n)
+    moved = moved / wp.float64(n)
     fastest = wp.float64(0.0)
-    for d in range(bounds.speed.shape[1]):
-        fastest = wp.max(fastest, bounds.speed[w, d])
+    farthest = wp.float64(0.0)
+    for k in range(n):
+        i = pairs.node[k]
+        fastest = wp.max(fastest, wp.length_sq(v[w, i] - drift))
+        farthest = wp.max(farthest, wp.length_sq(x[w, i] - pairs.place[w, i] - moved))
+    fastest = wp.sqrt(fastest)
+    pairs.fastest[w] = fastest
     step = MARGIN * fastest * h[w]
     allowed = wp.float64(0.5) * pairs.margin[w] - step
-    if allowed > wp.float64(0.0):
-        moved = wp.float64(0.0)
-        for k in range(pairs.node.shape[0]):
-            i = pairs.node[k]
-            moved = wp.max(moved, wp.length_sq(x[w, i] - pairs.place[w, i]))
-        if moved < allowed * allowed:
-            return
+    if allowed > wp.float64(0.0) and farthest < allowed * allowed:
+        return
     pairs.due[w] = 1
-    pairs.margin[w] = wp.max(pairs.skin, wp.float64(2.2) * step)
+    pairs.margin[w] = wp.max(wp.clamp(wp.float64(6.0) * step, pairs.skin, WIDEST * pairs.skin), wp.float64(2.2) * step)
     pairs.face_count[w] = 0
     pairs.crossing_count[w] = 0
     pairs.side_count[w] = 0
@@ -153,6 +169,11 @@ def list_faces(
     b = x[w, n1]
     c = x[w, n2]
     reach = margin + wp.float64(2.0) * pairs.thickest
+    ball = reach + wp.max(wp.length(b - a), wp.length(c - a))
+    ra = pairs.rest[n0]
+    rb = pairs.rest[n1]
+    rc = pairs.rest[n2]
+    longest = wp.max(wp.length(rb - ra), wp.max(wp.length(rc - ra), wp.length(rc - rb)))
     edge = wp.vec3d(reach, reach, reach)
     low = wp.min(wp.min(a, b), c) - edge
     high = wp.max(wp.max(a, b), c) + edge
@@ -167,25 +188,21 @@ def list_faces(
                     own = (n - n0) * (n - n1) * (n - n2) == 0
                     if own or pairs.may[d, o] == 0 or active[w, n] == 0:
                         continue
-                    if not in_cell(grid, w, item, i, j, k):
-                        continue
                     p = x[w, n]
+                    if wp.length_sq(p - a) > ball * ball or not in_cell(grid, w, item, i, j, k):
+                        continue
+                    sum = radius[n] + radius[n0]
+                    if o == d or pairs.bonded[d, o] == 1:
+                        q = pairs.rest[n]
+                        nearest = wp.min(wp.length_sq(ra - q), wp.min(wp.length_sq(rb - q), wp.length_sq(rc - q)))
+                        ring = wp.max(RING * longest, sum + wp.float64(0.6) * longest)
+                        if nearest < ring * ring:
+                            continue
                     weights = triangle_weights(a - p, b - p, c - p)
                     away = p - a * weights[0] - b * weights[1] - c * weights[2]
-                    sum = radius[n] + radius[n0]
                     far = sum + margin
                     if wp.length_sq(away) > far * far:
                         continue
-                    if o == d or pairs.bonded[d, o] == 1:  # neighbours
-                        q = pairs.rest[n]
-                        ra = pairs.rest[n0] - q
-                        rb = pairs.rest[n1] - q
-                        rc = pairs.rest[n2] - q
-                        ring = RING * wp.max(wp.length(rb - ra), wp.max(wp.length(rc - ra), wp.length(rc - rb)))
-                        weights = triangle_weights(ra, rb, rc)
-                        apart = ra * weights[0] + rb * weights[1] + rc * weights[2]
-                        if wp.length(apart) < wp.max(sum * wp.float64(0.999), ring):
-                            continue
                     list_pair(pairs.faces, pairs.face_count, found.crowded, w, n, t)
 
 
@@ -260,7 +277,10 @@ def list_crossings(
         return
     a = x[w, n0]
     b = x[w, n1]
-    reach = margin + wp.float64(2.0) * pairs.thickest + pairs.longest * wp.float64(0.6)
+    reach = margin + wp.float64(2.0) * pairs.thickest + pairs.longest * wp.float64(0.5)
+    centre = (a + b) * wp.float64(0.5)
+    rest = (pairs.rest[n0] + pairs.rest[n1]) * wp.float64(0.5)
+    ball = reach + wp.length(b - a) * wp.float64(0.5)
     room = wp.vec3d(reach, reach, reach)
     low = wp.min(a, b) - room
     high = wp.max(a, b) + room
@@ -271,14 +291,24 @@ def list_crossings(
                 for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
                     item = grid.items[w, s]
                     f = pairs.edge[item]
+                    if f <= e:
+                        continue
                     m0 = surface.edges[f, 0]
                     o = owner[m0]
-                    if f <= e or pairs.cross[d, o] == 0 or active[w, m0] == 0:
+                    if pairs.cross[d, o] == 0 or active[w, m0] == 0:
                         continue
                     m1 = surface.edges[f, 1]
+                    if wp.length_sq(grid.point[w, item] - centre) > ball * ball:
+                        continue
                     if (n0 - m0) * (n0 - m1) * (n1 - m0) * (n1 - m1) == 0 or not in_cell(grid, w, item, i, j, k):
                         continue
                     sum = radius[n0] + radius[m0]
+                    if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:
+                        longest = wp.max(pairs.segment[e], pairs.segment[f])
+                        ring = wp.max(EDGE_RING * longest, sum + longest)
+                        middle = (pairs.rest[m0] + pairs.rest[m1]) * wp.float64(0.5)
+                        if wp.length_sq(middle - rest) < ring * ring:
+                            continue
                     if pairs.chain[e] >= 0 and pairs.chain[e] == pairs.chain[f]:
                         between = wp.float64(wp.abs(pairs.place_in_chain[e] - pairs.place_in_chain[f]) - 1)
                         if between * pairs.segment[e] < wp.float64(1.6) * sum or between < wp.float64(1.0):
@@ -288,16 +318,6 @@ def list_crossings(
                     far = sum + margin
                     if wp.length_sq(apart) > far * far:
                         continue
-                    if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:  # neighbours
-                        ra = pairs.rest[n0]
-                        rb = pairs.rest[n1]
-                        rc = pairs.rest[m0]
-                        rd = pairs.rest[m1]
-                        st = closest_on_segments(ra, rb, rc, rd)
-                        apart = ra + (rb - ra) * st[0] - rc - (rd - rc) * st[1]
-                        ring = RING * wp.max(pairs.segment[e], pairs.segment[f])
-                        if wp.length(apart) < wp.max(sum * wp.float64(0.999), ring):
-                            continue
                     list_pair(pairs.crossings, pairs.crossing_count, found.crowded, w, e, f)
 
 
@@ -319,7 +339,6 @@ def take_pairs(
     restitution: wp.array2d[wp.float64],
     objects: int,
     surface: Surface,
-    bounds: Bounds,
     pairs: Pairs,
     found: Found,
 ) -> None:
@@ -327,9 +346,7 @@ def take_pairs(
     w = wp.tid()
     if h[w] <= wp.float64(0.0):
         return
-    fastest = wp.float64(0.0)
-    for d in range(bounds.speed.shape[1]):
-        fastest = wp.max(fastest, bounds.speed[w, d])
+    fastest = pairs.fastest[w]
     for k in range(pairs.face_count[w]):
         n = pairs.faces[w, k][0]
         t = pairs.faces[w, k][1]
