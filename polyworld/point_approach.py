@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from polyworld import geometry
 from polyworld.readouts import object_mesh
 from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, Wall
+from polyworld.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
 from polyworld.trajectory import Trajectory
 from polyworld.world import World
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 def point_gaps(world: World, trajectory: Trajectory, name: str, other: str, rows: NDArray[np.intp]) -> Array | None:
     """Smallest gaps (r,) [m] between deformable `name` and another object or static at some samples, 0 in touch.
 
-    NaN where there is none of a fluid. None where the other has no such distance: hulls, compounds, triangle meshes.
+    NaN where there is none of a fluid. None where the other has no such distance: triangle meshes.
     """
     points = trajectory.deformables[name].points[rows]
     radius = _radius(world, name, points.shape[1])
@@ -52,8 +52,10 @@ def point_gaps(world: World, trajectory: Trajectory, name: str, other: str, rows
 
 
 def distance_to(shape: object, local: Array) -> Array | None:
-    """Distance (k,) [m] of points (k, 3), in the shape's axes, from its surface, negative inside; None for a shape
-    without a closed form."""
+    """Distance (k,) [m] of points (k, 3), in the shape's axes, from its surface, negative inside; None for a mesh.
+
+    Beyond the edges of a hull it is the distance from the farthest of its planes: a little less than the true one.
+    """
     if isinstance(shape, Sphere):
         return np.asarray(np.linalg.norm(local, axis=1) - shape.radius)
     if isinstance(shape, Capsule):
@@ -71,6 +73,16 @@ def distance_to(shape: object, local: Array) -> Array | None:
     if isinstance(shape, Wall):
         box, centre, turn = geometry.wall_box(shape)
         return _outside(np.abs((local - centre) @ turn) - np.asarray(box.half_extents))
+    if isinstance(shape, ConvexMesh):
+        solid = geometry.hull(shape)
+        planes = np.asarray(solid.face_normals, dtype=float)
+        offsets = (planes * solid.triangles_center).sum(axis=1)
+        beyond: Array = (local @ planes.T - offsets).max(axis=1)
+        return beyond
+    if isinstance(shape, Compound):
+        parts = [distance_to(p.shape, (local - p.position) @ p.rotation) for p in geometry.pieces(shape)]
+        known = [part for part in parts if part is not None]
+        return np.asarray(np.min(known, axis=0)) if len(known) == len(parts) else None
     return None
 
 

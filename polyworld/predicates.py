@@ -14,7 +14,7 @@ Part = Literal["centre", "first_point", "last_point"]
 
 
 class InContact(Description):
-    """a and b touch."""
+    """a and b touch. A fluid touches what its particles come within half a grid cell of."""
 
     predicate: Literal["in_contact"] = "in_contact"
     a: Name
@@ -29,7 +29,7 @@ class Collides(Description):
 
     predicate: Literal["collides"] = "collides"
     a: Name
-    b: Name | None = Field(default=None, description="an object or a static; default: anything")
+    b: Name | None = Field(default=None, description="an object or a static; default: anything but fluids")
 
 
 class Moving(Description):

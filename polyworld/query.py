@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from polyworld.closest_approach import ClosestApproach, closest_approach
 from polyworld.margins import passing_offset, state_margin, why_untold
+from polyworld.point_approach import point_gaps
 from polyworld.predicates import (
     Collides,
     Holds,
@@ -25,6 +26,7 @@ from polyworld.predicates import (
     ReachesBefore,
     names_in,
 )
+from polyworld.representations.fluid import Fluid
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World
 
@@ -35,6 +37,7 @@ Interval = tuple[float, float]
 # Statements that need no place of an object's centre: there may be none of a fluid.
 _PLACELESS = Occupies | Holds | InContact | Collides | PassesBefore | ReachesBefore
 
+WET = 0.5  # of a grid cell: the gap up to which a fluid's particles, balls of a quarter cell, touch a surface
 ROUNDING = 1e-9  # [s]: an interval that ends at the horizon may have been computed another way
 
 
@@ -142,7 +145,10 @@ def _decided(
     if isinstance(predicate, PassesBefore | ReachesBefore):
         return _order(rollout.trajectory, predicate, covered, asked)
     if isinstance(predicate, InContact | Collides):
-        holds, evidence = _contacts(rollout, predicate, covered)
+        wet = _wet(rollout.trajectory, world, predicate, covered)
+        if isinstance(wet, str):
+            return _unknown(wet)
+        holds, evidence = _contacts(rollout, predicate, covered) if wet is None else wet
     else:
         holds, evidence = _states(rollout.trajectory, world, predicate, covered)
     if isinstance(predicate, InContact | Collides | NearerThan):
@@ -228,6 +234,32 @@ def _contacts(
     return _clipped(spans, covered), {"events": used}
 
 
+def _wet(
+    trajectory: Trajectory, world: World, predicate: InContact | Collides, covered: Interval
+) -> tuple[tuple[Interval, ...], dict[str, Any]] | str | None:
+    """When a fluid touches the other, by the places of its particles; why that is untold; None where there is no fluid.
+
+    The solver has events of contacts between solids alone.
+    """
+    fluids = {d.name: d for d in world.deformables if isinstance(d, Fluid)}
+    named = [n for n in names_in(predicate) if n in fluids]
+    if not named or world.fluid_grid is None:
+        return None
+    if predicate.b is None:
+        return f"contacts of a fluid are told pair by pair: name what {predicate.a!r} may touch in b"
+    fluid = named[0]
+    other = predicate.b if fluid == predicate.a else predicate.a
+    gaps = point_gaps(world, trajectory, fluid, other, np.arange(len(trajectory.times)))
+    if gaps is None:
+        return f"how near {fluid!r} comes to {other!r} is not known: it is a mesh without a closed form"
+    margin = WET * world.fluid_grid.cell - np.where(np.isfinite(gaps), gaps, np.inf)
+    margin = np.maximum(margin, -1e6)  # far away: there is none of it
+    spans = _where_positive(trajectory.times, margin, covered)
+    if isinstance(predicate, Collides):
+        spans = tuple((a, a) for a, _ in spans)
+    return spans, {"touches_within_m": WET * world.fluid_grid.cell}
+
+
 def _touching(rollout: Rollout, wanted: set[str]) -> tuple[list[Interval], list[dict[str, Any]]]:
     """When all of `wanted` take part in one contact, and the events that say so."""
     spans: list[Interval] = []
@@ -279,8 +311,24 @@ def _states(
     times = trajectory.times
     inner = (times > covered[0]) & (times < covered[1])
     grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
-    m = np.interp(grid, times, margin)
     q = np.interp(grid, times, quantity)
+    low, high = int(np.argmin(q)), int(np.argmax(q))
+    evidence = {
+        label: {
+            "lowest": float(q[low]),
+            "at": float(grid[low]),
+            "highest": float(q[high]),
+            "highest_at": float(grid[high]),
+        }
+    }
+    return _where_positive(times, margin, covered), evidence
+
+
+def _where_positive(times: Array, margin: Array, covered: Interval) -> tuple[Interval, ...]:
+    """Intervals of the covered stretch in which a margin (T,) is positive, on the straight line between samples."""
+    inner = (times > covered[0]) & (times < covered[1])
+    grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
+    m = np.interp(grid, times, margin)
     holds: list[Interval] = []
     since: float | None = float(grid[0]) if m[0] > 0 else None
     for k in range(1, len(grid)):
@@ -294,16 +342,7 @@ def _states(
             since = None
     if since is not None:
         holds.append((since, float(grid[-1])))
-    low, high = int(np.argmin(q)), int(np.argmax(q))
-    evidence = {
-        label: {
-            "lowest": float(q[low]),
-            "at": float(grid[low]),
-            "highest": float(q[high]),
-            "highest_at": float(grid[high]),
-        }
-    }
-    return tuple(holds), evidence
+    return tuple(holds)
 
 
 def _order(

@@ -13,6 +13,7 @@ from polyworld.predicates import (
     Above,
     AtRest,
     Below,
+    Collides,
     Deformed,
     Folded,
     Holds,
@@ -242,3 +243,18 @@ def test_rest_comes_when_all_points_have_come_to_rest() -> None:
     events = made(ball=centre + (REST["ball"] - centre) * swell).events
     rests = [e.time for e in events if e.kind == "rest" and e.participants == ("ball",)]
     assert rests[-1] == pytest.approx(1.05, abs=0.051)
+
+
+def test_a_fluid_touches_what_its_particles_come_close_to_though_no_event_says_so() -> None:
+    assert ask(InContact(a="water", b="floor"), "all").value is True
+    assert ask(InContact(a="oil", b="floor")).value is False
+    assert ask(InContact(a="water", b="oil"), "all").value is True
+    rising = REST["water"] + 0.1 * T * UP
+    leaves = ask(InContact(a="water", b="floor"), "last", water=rising)
+    assert leaves.value == pytest.approx(0.5, abs=0.05)  # half a cell of 0.1 m at 0.1 m/s
+    sliding = ask(Collides(a="post", b="water"), "first", water=REST["water"] + 2.4 * T * [1.0, 0.0, 0.18])
+    assert sliding.value == pytest.approx((5.0 - 0.1 - 0.05 - 0.4) / 2.4, abs=0.05)
+    anything = ask(Collides(a="water"))
+    assert not anything.decided
+    assert anything.reason is not None
+    assert "pair by pair" in anything.reason
