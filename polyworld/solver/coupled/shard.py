@@ -234,7 +234,7 @@ class Shard:
 
     def points(self) -> dict[str, tuple[Array, Array]]:
         """Positions and velocities (W, k, 3) of each deformable object's points."""
-        x, v = self.nodes.x.numpy(), self.nodes.v.numpy()
+        x, v = self.nodes.x.numpy(), self._settled_velocities()
         found = {}
         for name, first in self.nodes.first.items():
             keep = slice(first, first + self.nodes.count[name])
@@ -245,6 +245,15 @@ class Shard:
                 own = (fluid == number)[..., None]
                 found[name] = (np.where(own, x, np.nan), np.where(own, v, np.nan))
         return found
+
+    def _settled_velocities(self) -> Array:
+        """Velocities (W, N, 3) at which the nodes last moved: 0 where gravity is held up (see `motion.move`)."""
+        step = self.clock.h.numpy() / np.maximum(self.clock.inner_steps.numpy(), 1)
+        step = np.where(self.clock.time.numpy() > 0.0, step, 0.0)
+        moves = (self.nodes.inverse_mass.numpy() > 0.0) & (self.nodes.active.numpy() > 0)
+        fall = 0.5 * step[:, None] * self.clock.gravity.numpy()
+        settled: Array = self.nodes.v.numpy() - moves[..., None] * fall[:, None, :]
+        return settled
 
     def quantities(self) -> dict[str, dict[str, Array]]:
         """Readable quantities of each deformable object, values (W, m)."""
