@@ -248,7 +248,7 @@ class RopeStage:
         s.elongation.numpy()[:] = np.nan
         s.heading.numpy()[:] = np.concatenate([headings for headings, _ in self._frames])
         s.reference.numpy()[:] = np.concatenate([frames for _, frames in self._frames])
-        for name in ("tension", "mean_tension", "held", "change", "theta", "reference_twist"):
+        for name in ("tension", "mean_tension", "held", "change", "theta", "reference_twist", "direction", "end_kept"):
             getattr(s, name).numpy()[:] = 0
         s.twist.numpy()[:] = self._ropes.twist_at_start.numpy()
         s.before.numpy()[:] = 1.0
