@@ -12,6 +12,8 @@ from pydantic import BaseModel, ValidationError
 
 from atw_mcp.results import validation_text
 
+NEAR = 0.65  # how alike words must be to be meant: delete is not release
+
 
 def tagged(given: Any, union: Any, tag: str, *, what: str, example: Mapping[str, Any]) -> Mapping[str, Any]:
     """The same, found to be an object that names one of the union's forms and takes no field this one lacks.
@@ -49,7 +51,7 @@ def read_form(given: Mapping[str, Any], union: Any, tag: str, *, what: str) -> A
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """' (did you mean ...?)' where one of the known words is near, else nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
