@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 FINE = 3  # cells of the sampled image along one of the cells that are reported
+GAP = 0.8  # of the distance between a fluid's particles, which are not in perfect order
 # Weight with which edges of every slant are moved by one cell on average: the four neighbours alone move an edge at
 # angle a by cos a, all eight by cos a + sin a.
 SLANTING = 0.3
@@ -74,6 +75,9 @@ def image_occupancy(
     """Share (..., rows, columns) of each cell of a grid over the image that an object covers; points (..., k, 3)."""
     leading = points.shape[:-2]
     flat = points.reshape(-1, *points.shape[-2:])
+    if _is_cloud(mesh):  # cells that are too fine would show the gaps between particles
+        coarse = min(camera.width / columns, camera.height / rows)
+        fine = int(np.clip(coarse / _gap(mesh, camera, flat), 1, fine))
     cell = np.array([camera.width / (columns * fine), camera.height / (rows * fine)])  # [px]
     focal, depth = _scale(camera, flat)
     samples = surface_samples(mesh, SPACING * float(cell.min()) * depth / focal, points.shape[-2])
@@ -91,9 +95,15 @@ def image_occupancy(
 
 
 def silhouette(points: Array, mesh: DeformableMesh, camera: Camera) -> Bools:
-    """The mask (height, width) of an object at places (k, 3): pixels of which it covers half or more."""
-    covered: Bools = image_occupancy(points, mesh, camera, camera.width, camera.height, fine=1) >= 0.5
-    return covered
+    """The mask (height, width) of an object at places (k, 3): pixels of which it covers half or more.
+
+    Of a fluid in blocks as large as the gaps between its particles.
+    """
+    block = max(1, round(_gap(mesh, camera, points[None]))) if _is_cloud(mesh) else 1
+    columns, rows = -(-camera.width // block), -(-camera.height // block)
+    whole = camera.model_copy(update={"width": columns * block, "height": rows * block})
+    covered: Bools = image_occupancy(points, mesh, whole, columns, rows, fine=1) >= 0.5
+    return np.kron(covered, np.ones((block, block), dtype=bool))[: camera.height, : camera.width]
 
 
 def intersection_over_union(a: Array, b: Array) -> Array:
@@ -148,6 +158,17 @@ def _shrunk(image: Array) -> Array:
     corners = np.minimum(np.minimum(moved(1, 1), moved(-1, 1)), np.minimum(moved(1, -1), moved(-1, -1)))
     shrunk: Array = (1.0 - SLANTING) * cross + SLANTING * np.minimum(cross, corners)
     return shrunk
+
+
+def _is_cloud(mesh: DeformableMesh) -> bool:
+    """Whether an object is particles without elements between them."""
+    return not len(mesh.triangles) and not len(mesh.segments)
+
+
+def _gap(mesh: DeformableMesh, camera: Camera, points: Array) -> float:
+    """Size of the gaps between a fluid's particles, which growing and shrinking by as much closes [px]."""
+    focal, depth = _scale(camera, points)
+    return max(GAP * 2.0 * _median(mesh.radius) * focal / depth, 1e-9)
 
 
 def _parts(longest: float, spacing: float) -> int:

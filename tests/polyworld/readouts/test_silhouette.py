@@ -10,6 +10,7 @@ from polyworld.meshing import mesh_of
 from polyworld.readouts.silhouette import image_occupancy, intersection_over_union, silhouette
 from polyworld.render import look_at, render
 from polyworld.representations.cloth import Cloth, Sheet
+from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
 from polyworld.representations.rope import Rope
 from polyworld.representations.soft import Soft
 from polyworld.shapes import Box, Sphere
@@ -69,6 +70,21 @@ BODIES = [
     Soft(name="soft", shape=Sphere(radius=0.4), position=(0.5, 0.0, 0.5)),
     Soft(name="block", shape=Box(half_extents=(0.3, 0.2, 0.4)), position=(0.5, 0.0, 0.5)),
 ]
+
+
+def test_a_pool_is_seen_without_gaps_between_its_particles_as_it_is_drawn() -> None:
+    pool = FluidVolume(shape=Box(half_extents=(0.4, 0.3, 0.2)), position=(0.5, 0.0, 0.4))
+    water = Fluid(name="water", volumes=(pool,))
+    world = World(deformables=(water,), fluid_grid=FluidGrid(lower=(0.0, -0.5, 0.0), upper=(1.0, 0.5, 1.0), cell=0.05))
+    mesh = mesh_of(world, water)
+    jitter = mesh.nodes + 0.004 * np.random.default_rng(0).normal(size=mesh.nodes.shape)
+    picture = render(world, np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), EYE, points={"water": jitter})
+    drawn = picture.mask(0)
+    assert intersection_over_union(silhouette(jitter, mesh, EYE), drawn) > 0.9
+    coarse = image_occupancy(jitter, mesh, EYE, 20, 15)
+    inner = drawn.reshape(15, 16, 20, 16).all(axis=(1, 3))
+    assert coarse[inner].min() > 0.9
+    assert coarse.sum() * 256.0 == pytest.approx(drawn.sum(), rel=0.06)
 
 
 @pytest.mark.parametrize("item", BODIES, ids=lambda item: item.name)
