@@ -75,16 +75,23 @@ def fit_world(
         Field(ge=1, description="frames from this one on are not fitted but used to judge the fit: give it to test it"),
     ] = None,
     generations: Annotated[
-        int | None, Field(ge=1, le=2000, description="generations of each search; default 60, for cem_refined 20")
+        int | None,
+        Field(
+            ge=1,
+            le=2000,
+            description="generations of each search; default 60, for cem_refined 20, with deformable objects 12",
+        ),
     ] = None,
-    population: Annotated[int, Field(ge=8, le=4096, description="candidates a generation")] = 64,
+    population: Annotated[
+        int | None, Field(ge=8, le=4096, description="candidates a generation; default 64, with deformable objects 24")
+    ] = None,
     restarts: Annotated[
         int | None,
         Field(
             ge=1,
             le=50,
             description="independent searches with their own seeds, of which the best counts; default 1, for "
-            "cem_refined 5, each refined",
+            "cem_refined 5, with deformable objects 2, each refined",
         ),
     ] = None,
     position_tolerance: Annotated[
@@ -94,7 +101,7 @@ def fit_world(
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new
-    world, its errors on the frames (position_rmse [m], rotation_rmse [rad]), warnings where the minimum is doubtful,
+    world, its errors on the frames (position_rmse [m], rotation_rmse [rad], shape_rmse), warnings where the minimum is doubtful,
     every fitted value with its uncertainty, and what the data cannot determine. The same request is never computed
     twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows the video; else FitWorld again
     with another seed, more restarts or other parameters."""
@@ -110,9 +117,9 @@ def fit_world(
         fit_seconds_per_frame=fit_seconds_per_frame,
         fit_initial_states=fit_initial_states,
         overrides=tuple(_override(item) for item in parameters or []),
-        generations=generations or (20 if method == "cem_refined" else 60),
-        population=population,
-        restarts=restarts or (5 if method == "cem_refined" else 1),
+        generations=generations or (60 if method != "cem_refined" else 12 if start.coupled else 20),
+        population=population or (24 if start.coupled else 64),
+        restarts=restarts or (1 if method != "cem_refined" else 2 if start.coupled else 5),
         position_tolerance=position_tolerance,
         seed=seed,
         **({} if each is None else {"each": tuple(each)}),
