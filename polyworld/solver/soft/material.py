@@ -79,19 +79,29 @@ def shear_modulus(square: wp.float64, m: Law) -> wp.float64:
 @wp.func
 def response(f: wp.mat33d, m: Law) -> Response:
     """What the deformation gradient f asks of the material."""
-    c = wp.transpose(f) * f
-    square = wp.trace(c)
+    u = wp.vec3d(f[0, 0], f[1, 0], f[2, 0])
+    v = wp.vec3d(f[0, 1], f[1, 1], f[2, 1])
+    n = wp.vec3d(f[0, 2], f[1, 2], f[2, 2])
+    uu = wp.dot(u, u)
+    vv = wp.dot(v, v)
+    nn = wp.dot(n, n)
+    uv = wp.dot(u, v)
+    vn = wp.dot(v, n)
+    nu = wp.dot(n, u)
+    square = uu + vv + nn
     r = Response()
     r.shear = f * shear_modulus(square, m)
     r.slope = cofactor(f)
     r.j = (f[0, 0] * r.slope[0, 0] + f[0, 1] * r.slope[0, 1]) + f[0, 2] * r.slope[0, 2]
     # A bound of the largest principal stretch that costs no eigenvalues: mean plus deviation of those of C.
     mean = square / wp.float64(3.0)
-    deviation = wp.max(wp.ddot(c, c) - square * mean, wp.float64(0.0))
-    if mean + wp.sqrt(wp.float64(2.0 / 3.0) * deviation) > FREE * FREE:
+    two = wp.float64(2.0)
+    deviation = uu * uu + vv * vv + nn * nn + two * (uv * uv + vn * vn + nu * nu) - square * mean
+    room = FREE * FREE - mean
+    if room < wp.float64(0.0) or deviation > wp.float64(1.5) * room * room:
         # With r_i = saturated(s_i) / s_i the saturated J is J r_1 r_2 r_3; its derivative is cof F times a tensor with
         # the principal directions v_i of C and the values r_j r_k saturation(s_i).
-        v, squares = wp.eig3(c)
+        q, squares = wp.eig3(wp.transpose(f) * f)
         small = wp.float64(1.0e-12)
         s0 = wp.sqrt(wp.max(squares[0], small))
         s1 = wp.sqrt(wp.max(squares[1], small))
@@ -100,7 +110,7 @@ def response(f: wp.mat33d, m: Law) -> Response:
         r1 = saturated(s1) / s1
         r2 = saturated(s2) / s2
         values = wp.vec3d(r1 * r2 * saturation(s0), r2 * r0 * saturation(s1), r0 * r1 * saturation(s2))
-        r.slope = r.slope * (v * wp.diag(values) * wp.transpose(v))
+        r.slope = r.slope * (q * wp.diag(values) * wp.transpose(q))
         r.j = r.j * r0 * r1 * r2
     return r
 

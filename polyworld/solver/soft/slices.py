@@ -7,6 +7,7 @@ inside out in its plane would otherwise gain by turning inside out across it too
 import warp as wp
 
 from polyworld.meshing.soft_elements import TRIANGLE_FAR, TRIANGLE_NEAR
+from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import (
     Law,
     cofactor,
@@ -17,9 +18,8 @@ from polyworld.solver.soft.material import (
     softened,
     viscous_stress,
 )
-from polyworld.solver.spatial.layout import OPTIONS
 
-wp.set_module_options(OPTIONS)
+wp.set_module_options(INLINED)
 
 FAR = wp.constant(wp.float64(4.0 * TRIANGLE_FAR))
 EXTRA = wp.constant(wp.float64(4.0 * (TRIANGLE_NEAR - TRIANGLE_FAR)))

@@ -3,10 +3,10 @@
 import warp as wp
 
 from polyworld.meshing.soft_elements import TETRAHEDRON_FAR, TETRAHEDRON_NEAR
+from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import Law, response, stress
-from polyworld.solver.spatial.layout import OPTIONS
 
-wp.set_module_options(OPTIONS)
+wp.set_module_options(INLINED)
 
 FAR = wp.constant(wp.float64(4.0 * TETRAHEDRON_FAR))
 EXTRA = wp.constant(wp.float64(4.0 * (TETRAHEDRON_NEAR - TETRAHEDRON_FAR)))

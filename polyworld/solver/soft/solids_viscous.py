@@ -2,11 +2,11 @@
 
 import warp as wp
 
+from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import Law, viscous_stress
 from polyworld.solver.soft.solids import Elements, common_slopes, gathered, gradient, scatter, spread
-from polyworld.solver.spatial.layout import OPTIONS
 
-wp.set_module_options(OPTIONS)
+wp.set_module_options(INLINED)
 
 
 @wp.kernel
