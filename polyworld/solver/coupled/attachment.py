@@ -87,6 +87,11 @@ class Attachments:
         first = [0]
         for attachment in self.attachments:
             table = np.array(attachment.motion, dtype=float).reshape(-1, 4)
+            start = float(getattr(self.world.deformable(attachment.object), "start_time", 0.0))
+            if len(table) and table[0, 0] > start:  # on the way to the first row from the start
+                table = np.concatenate([[[start, 0.0, 0.0, 0.0]], table])
+            elif len(table):
+                table[:, 1:] -= [np.interp(start, table[:, 0], table[:, k]) for k in (1, 2, 3)]
             rows.extend(table)
             first.append(len(rows))
         values = np.array(rows, dtype=float).reshape(-1, 4)

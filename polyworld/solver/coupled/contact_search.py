@@ -437,6 +437,8 @@ def touch_triangle(
         b = part.body
         if part.corners == 0 or bounds.near[w, d, s] == 0 or surface.excluded[i, b] != 0:
             continue
+        if surface.excluded[surface.triangles[k, 1], b] + surface.excluded[surface.triangles[k, 2], b] > 0:
+            continue
         reach = slack + swept(bodies, w, part, h[w])
         centre = part_position(bodies, w, part)
         far = part.bound + reach + size
