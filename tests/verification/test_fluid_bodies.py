@@ -7,7 +7,7 @@ import pytest
 
 from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
 from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Sphere
+from polyworld.shapes import Box, Compound, Part, Sphere
 from polyworld.world import World
 from tests.polyworld.fluid.scenes import GRAVITY, Run, plane_world, pool
 
@@ -103,3 +103,50 @@ def test_particles_are_never_inside_a_body_that_ploughs_through() -> None:
         x, _ = run.present()
         centre = run.bodies.numpy()["x"][0, 0]
         assert np.linalg.norm((x - centre)[:, [0, 2]], axis=1).min() >= 0.1 - 1e-9
+
+
+def _bucket() -> World:
+    """A bucket of 0.24 kg, walls of one cell, with 6.7 kg of water in it. In space."""
+    walls = [
+        Part(shape=Box(half_extents=(0.12, 0.12, 0.01)), position=(0.0, 0.0, -0.11)),
+        Part(shape=Box(half_extents=(0.01, 0.12, 0.1)), position=(0.11, 0.0, 0.0)),
+        Part(shape=Box(half_extents=(0.01, 0.12, 0.1)), position=(-0.11, 0.0, 0.0)),
+        Part(shape=Box(half_extents=(0.1, 0.01, 0.1)), position=(0.0, 0.11, 0.0)),
+        Part(shape=Box(half_extents=(0.1, 0.01, 0.1)), position=(0.0, -0.11, 0.0)),
+    ]
+    bucket = RigidObject(
+        name="bucket",
+        representation="rigid_spatial",
+        shape=Compound(parts=tuple(walls)),
+        density=50.0,
+        position=(0.2, 0.2, 0.2),
+    )
+    volume = FluidVolume(shape=Box(half_extents=(0.1, 0.1, 0.08)), position=(0.2, 0.2, 0.22))
+    water = Fluid(name="water", volumes=(volume,))
+    grid = FluidGrid(lower=(0, 0, 0), upper=(0.4, 0.4, 0.4), cell=0.02)
+    return World(objects=(bucket,), deformables=(water,), fluid_grid=grid)
+
+
+def test_light_bucket_held_by_a_support_bears_the_water_in_it() -> None:
+    """What holds the bucket holds the water: it is lent the water's push, so that the support can answer it.
+
+    The support sets the bucket's velocity to zero, as a joint or a contact would in the rigid step. The water stays,
+    and the support's force becomes the weight of both; 3%.
+    """
+    run = Run(_bucket(), step=0.002)
+    start = run.present()[0][:, 2].mean()
+    bodies = run.bodies.numpy()
+    mass = 1.0 / bodies["inverse_mass"][0, 0]
+    forces = []
+    for _ in range(300):
+        run.fluid.lend(run.clock)
+        bodies["v"] += run.step * run.gravity
+        forces.append(-mass * bodies["v"][0, 0, 2] / run.step)
+        bodies["v"][:], bodies["w"][:] = 0.0, 0.0
+        run.fluid.step(run.clock)
+    x, _ = run.present()
+    weight = GRAVITY * (mass + 1000 * len(x) * run.fluid.particle_volume)
+    assert np.mean(forces[-50:]) == pytest.approx(weight, rel=0.03)
+    assert x[:, 2].mean() == pytest.approx(start, abs=0.015)
+    inside = (np.abs(x[:, :2] - 0.2) < 0.1).all(axis=1)
+    assert inside.all()

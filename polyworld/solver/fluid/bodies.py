@@ -14,7 +14,7 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.func(inline=False)
-def gather_wrench(grid: Grid, wetted: Wetted, system: System, w: int, count: int, p: wp.array[wp.float64]) -> None:
+def gather_wrench(grid: Grid, wetted: Wetted, w: int, p: wp.array[wp.float64]) -> None:
     """force and torque (per metre in a plane) of pressures p on every body."""
     for b in range(wetted.force.shape[1]):
         wetted.force[w, b] = wp.vec3d()
@@ -30,9 +30,7 @@ def gather_wrench(grid: Grid, wetted: Wetted, system: System, w: int, count: int
 
 
 @wp.func(inline=False)
-def respond(
-    grid: Grid, solids: Solids, bodies: wp.array2d[Body], wetted: Wetted, w: int, dt: wp.float64
-) -> None:
+def respond(grid: Grid, solids: Solids, bodies: wp.array2d[Body], wetted: Wetted, w: int, dt: wp.float64) -> None:
     """push and turn: changes of velocity and angular velocity by force and torque over dt."""
     for b in range(solids.bodies):
         share = solids.share[b]
@@ -73,7 +71,7 @@ def present_motion(bodies: wp.array2d[Body], wetted: Wetted, w: int, count: int)
 @wp.func(inline=False)
 def keep_touching(wetted: Wetted, fields_unknown: wp.array2d[wp.int32], stride: wp.vec3i, w: int, none: int) -> None:
     """Fill in the rows beside each covered face; faces with no unknown on either side are dropped."""
-    kept = int(0)
+    kept = wp.int32(0)
     for e in range(wp.min(wetted.count[w], wetted.capacity)):
         c = wetted.face[w, e]
         high = fields_unknown[w, c]
@@ -97,14 +95,20 @@ def keep_touching(wetted: Wetted, fields_unknown: wp.array2d[wp.int32], stride: 
 
 @wp.kernel
 def push_bodies(
-    grid: Grid, solids: Solids, system: System, wetted: Wetted, bodies: wp.array2d[Body], h: wp.array[wp.float64], pace: Pace
+    grid: Grid,
+    solids: Solids,
+    system: System,
+    wetted: Wetted,
+    bodies: wp.array2d[Body],
+    h: wp.array[wp.float64],
+    pace: Pace,
 ) -> None:
     """Velocity change of the bodies by the pressure on them, kept as the forecast of the next coupling step's."""
     w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
-    gather_wrench(grid, wetted, system, w, wetted.count[w], system.x[w])
+    gather_wrench(grid, wetted, w, system.x[w])
     respond(grid, solids, bodies, wetted, w, dt)
     for b in range(solids.bodies):
         if bodies[w, b].active == 1:

@@ -18,7 +18,9 @@ QUARTER = wp.float64(0.25)
 def _offset(grid: Grid, n: int, axis: int) -> wp.vec3d:
     """The n-th of eight points a quarter edge around a sample; those of a face lie in it."""
     o = wp.vec3d(
-        QUARTER - HALF * wp.float64(n % 2), QUARTER - HALF * wp.float64((n // 2) % 2), QUARTER - HALF * wp.float64(n // 4)
+        QUARTER - HALF * wp.float64(n % 2),
+        QUARTER - HALF * wp.float64((n // 2) % 2),
+        QUARTER - HALF * wp.float64(n // 4),
     )
     for a in range(3):
         if a == axis or grid.wide[a] == 0:
@@ -27,7 +29,9 @@ def _offset(grid: Grid, n: int, axis: int) -> wp.vec3d:
 
 
 @wp.func
-def _part(solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d, h: wp.float64, flat: int) -> wp.float64:
+def _part(
+    solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d, h: wp.float64, flat: int
+) -> wp.float64:
     """Part of p's surroundings that solids [first, last) take up."""
     total = wp.float64(0.0)
     for s in range(first, last):
@@ -40,7 +44,7 @@ def _mean_part(
     grid: Grid, solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d, axis: int
 ) -> wp.float64:
     """Mean of `_part` over the face, or (axis 3) the cell around p."""
-    flat = int(0)
+    flat = wp.int32(0)
     if grid.thin >= 0:
         flat = 1
     total = wp.float64(0.0)
@@ -69,11 +73,11 @@ def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
     still = wp.vec3d()
     axes = wp.identity(n=3, dtype=wp.float64)
     d = _closest(solids, first, last, still, axes, p)
-    near = int(0)
+    near = wp.int32(0)
     if d < REACH * grid.cell:
         near = 1
     room = wp.float64(1.0)
-    outside = int(0)
+    outside = wp.int32(0)
     for a in range(3):
         fields.static_open[a, c] = ZERO
         if grid.wide[a] == 1 and (index[a] < grid.lower[a] or index[a] >= grid.upper[a]):
@@ -84,7 +88,7 @@ def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
         if grid.wide[a] == 0:
             continue
         if grid.closed == 1:
-            wall = int(0)
+            wall = wp.int32(0)
             if outside == 1 or index[a] == grid.lower[a]:
                 wall = 1
             if wall == 1 or index[a] == grid.upper[a]:
@@ -122,11 +126,11 @@ def cover_by_bodies(
                 for a in range(3):
                     fields.open[w, a, c] = fields.static_open[a, c]
                 fields.room[w, c] = fields.static_room[c]
-    count = int(0)
-    first = int(0)
+    count = wp.int32(0)
+    first = wp.int32(0)
     for b in range(solids.bodies):
         reach = wp.float64(0.0)
-        last = int(first)
+        last = wp.int32(first)
         while last < solids.moving:
             if solids.solids[last].body != b:
                 break

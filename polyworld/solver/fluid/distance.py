@@ -6,6 +6,7 @@ from polyworld.solver.fluid.layout import Solid, Solids
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO
 from polyworld.solver.spatial.layout import BOX, CAPSULE, CONVEX, CYLINDER, MESH, PLANE, SPHERE
 
+THIN = wp.float64(1.0e-3)  # of an edge
 FAR = wp.float64(1.0e3)  # farther than this from a mesh counts as outside [m]
 
 
@@ -36,7 +37,7 @@ def nearest(solids: Solids, s: int, p: wp.vec3d) -> wp.vec4d:
     elif kind == BOX:
         q = wp.vec3d(wp.abs(p[0]) - size[0], wp.abs(p[1]) - size[1], wp.abs(p[2]) - size[2])
         away = wp.vec3d()
-        a = int(0)
+        a = wp.int32(0)
         for i in range(3):
             if q[i] > ZERO:
                 away[i] = q[i] * wp.sign(p[i])
@@ -101,9 +102,15 @@ def ramp(d: wp.float64, width: wp.float64) -> wp.float64:
 
 @wp.func
 def _slab(x: wp.float64, half: wp.float64, h: wp.float64) -> wp.float64:
-    """Part of [x - h/2, x + h/2] inside a slab. A slab of one to two edges keeps one face of any grid closed."""
+    """Part of [x - h/2, x + h/2] inside a slab. One thinner than two edges keeps one face of any grid closed."""
     inside = wp.max(half, HALF * h)
-    return ramp(wp.abs(x) - inside, wp.clamp(wp.float64(2.0) * inside - h, wp.float64(0.02) * h, h))
+    width = wp.min(wp.float64(2.0) * inside - h, h)
+    if width > THIN * h:
+        return ramp(wp.abs(x) - inside, width)
+    # Where both its sides lie on faces, one of them is the wall.
+    if wp.abs(x + THIN * h) < inside:
+        return ONE
+    return ZERO
 
 
 @wp.func(inline=False)
@@ -116,10 +123,17 @@ def cover(solids: Solids, s: int, p: wp.vec3d, h: wp.float64, flat: int) -> wp.f
     solid = solids.solids[s]
     size = solid.size
     # Smearing a curved surface adds volume, h^2/12 times the mean curvature; a smaller radius takes it away.
+    # Sheets end half an edge later, so that those that meet at an edge leave no gap between them.
     if solid.kind == BOX:
+        if wp.min(size[0], wp.min(size[1], size[2])) < h:
+            for a in range(3):
+                if size[a] >= h:
+                    size[a] = size[a] + HALF * h
         return _slab(p[0], size[0], h) * _slab(p[1], size[1], h) * _slab(p[2], size[2], h)
     if solid.kind == CYLINDER:
         radius = size[0] - h * h / (wp.float64(24.0) * size[0])
+        if size[2] < h:
+            radius = size[0] + HALF * h
         rim = wp.sqrt(p[0] * p[0] + p[1] * p[1])
         return ramp(rim - radius, h) * _slab(p[2], size[2], h)
     d = nearest(solids, s, p)[3]

@@ -52,7 +52,7 @@ def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace
     for i in range(n):
         c = system.cell[w, i]
         diagonal = wp.float64(0.0)
-        surface = int(0)
+        surface = wp.int32(0)
         for a in range(3):
             system.coupling[w, a, i] = ZERO
             if grid.wide[a] == 0:
@@ -68,7 +68,9 @@ def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace
                     if side == 1:
                         system.coupling[w, a, i] = -weight
                 elif fields.level[w, beyond] >= ZERO:
-                    diagonal += weight / wp.max(fields.level[w, c] / (fields.level[w, c] - fields.level[w, beyond]), wp.float64(0.25))
+                    diagonal += weight / wp.max(
+                        fields.level[w, c] / (fields.level[w, c] - fields.level[w, beyond]), wp.float64(0.25)
+                    )
                     surface = 1
         excess = wp.clamp(fields.filled[w, c] - ONE, -LARGEST, LARGEST)
         if surface == 1:
@@ -83,7 +85,7 @@ def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace
     x[none] = ZERO
     enough = wp.max(TOLERANCE * largest(r, n), NEGLIGIBLE * rate)
     factorise(system, w, n)
-    iterations = int(0)
+    iterations = wp.int32(0)
     rho = wp.float64(0.0)
     while largest(r, n) > enough and iterations < ITERATIONS:
         precondition(system, w, n)

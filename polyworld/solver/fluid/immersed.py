@@ -75,6 +75,38 @@ def _inside(grid: Grid, x: wp.vec3d) -> int:
 
 
 @wp.kernel
+def widen_window(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+    """The window of cells takes in the whole of the soft bodies that reach into it."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    for o in range(samples.kind.shape[0]):
+        if samples.kind[o] != SOFT or nodes.active[w, samples.node[samples.first[o], 0]] == 0:
+            continue
+        lo = grid.count
+        hi = wp.vec3i(0, 0, 0)
+        for s in range(samples.first[o], samples.last[o]):
+            x = _place(samples, nodes, w, s)
+            if _inside(grid, x) == 0:
+                continue
+            g = (x - grid.origin) / grid.cell
+            for a in range(3):
+                i = wp.int32(wp.floor(g[a]))
+                lo[a] = wp.min(lo[a], i - 2)
+                hi[a] = wp.max(hi[a], i + 3)
+        apart = wp.int32(0)
+        for a in range(3):
+            if grid.wide[a] == 1 and (lo[a] >= fields.window[w, 3 + a] or hi[a] <= fields.window[w, a]):
+                apart = 1
+        if apart == 1:
+            continue
+        for a in range(3):
+            if grid.wide[a] == 1:
+                fields.window[w, a] = wp.max(wp.min(fields.window[w, a], lo[a]), 0)
+                fields.window[w, 3 + a] = wp.min(wp.max(fields.window[w, 3 + a], hi[a]), grid.count[a])
+
+
+@wp.kernel
 def immerse_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
     """Adds mass, volume and momentum of the soft bodies that touch liquid to the faces."""
     w = wp.tid()
@@ -96,10 +128,11 @@ def immerse_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays
             x = _place(samples, nodes, w, s)
             if nodes.active[w, samples.node[s, 0]] == 0:
                 break
-            if _inside(grid, x) == 1 and _in_window(grid, fields, w, x) == 1:
-                if gather(grid, fields.content[w], stencil(grid, x, 3)) > WET * grid.volume:
-                    samples.wet[w, o] = 1
-                    break
+            if _inside(grid, x) == 0 or _in_window(grid, fields, w, x) == 0:
+                continue
+            if gather(grid, fields.content[w], stencil(grid, x, 3)) > WET * grid.volume:
+                samples.wet[w, o] = 1
+                break
     for o in range(samples.kind.shape[0]):
         if samples.wet[w, o] == 0:
             continue
@@ -151,7 +184,9 @@ def lift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
                 for a in range(3):
                     change = wp.float64(0.0)
                     if samples.solid_mass[w, a, c] > ZERO and fields.open[w, a, c] > OPEN:
-                        change = fields.velocity[w, a, c] - samples.solid_momentum[w, a, c] / samples.solid_mass[w, a, c]
+                        change = (
+                            fields.velocity[w, a, c] - samples.solid_momentum[w, a, c] / samples.solid_mass[w, a, c]
+                        )
                     samples.solid_momentum[w, a, c] = change
     for o in range(samples.kind.shape[0]):
         if samples.wet[w, o] == 0:
@@ -217,7 +252,9 @@ def _softness(grid: Grid, fields: Fields, w: int, a: int, at: Stencil) -> wp.flo
         weight = _corner_weight(at, n)
         c = _corner(grid, at, n)
         m = fields.mass[w, a, c]
-        if weight > ZERO and m > wp.float64(1.0e-3) * grid.volume * fields.mass[w, a, c] / wp.max(fields.bulk[w, a, c], wp.float64(1.0e-300)):
+        if weight > ZERO and m > wp.float64(1.0e-3) * grid.volume * fields.mass[w, a, c] / wp.max(
+            fields.bulk[w, a, c], wp.float64(1.0e-300)
+        ):
             held += weight
             soft += weight * weight / m
     if held < HALF:
@@ -268,7 +305,7 @@ def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
         liquid = wp.vec3d()
         soft = wp.vec3d()
         density = wp.float64(0.0)
-        dry = int(0)
+        dry = wp.int32(0)
         for a in range(3):
             if grid.wide[a] == 0:
                 continue

@@ -54,11 +54,12 @@ class Particles:
 class Fields:
     """On the grid, (W, C) or (W, 3, C) by axis of a face.
 
-    velocity: at first momentum. push: impulse per volume that pressure gave [N s/m^3]. mass, bulk: mass and volume that the face's neighbourhood
-    holds. open: fraction of a face that is not solid. room: fraction of a cell and its surroundings that is not
-    solid. content: volume of liquid and soft bodies around a cell's centre,
-    liquid: of liquid alone; filled: content over the room there. shift: move of the particles that evens out the content [m]. level: signed distance to the free surface, negative in the liquid [m].
-    pressure [Pa]. unknown: row of the pressure system, -1 for none. known: whether a face's velocity is.
+    velocity: at first momentum. push: impulse per volume that pressure gave [N s/m^3]. mass, bulk: mass and volume
+    that the face's neighbourhood holds. open: fraction of a face that is not solid. room: fraction of a cell and its
+    surroundings that is not solid. content: volume of liquid and soft bodies around a cell's centre, liquid: of
+    liquid alone; filled: content over the room there. shift: move of the particles that evens out the content [m].
+    level: signed distance to the free surface, negative in the liquid [m]. pressure [Pa]. unknown: row of the
+    pressure system, -1 for none. known: whether a face's velocity is, counted in layers from the liquid.
     """
 
     velocity: wp.array3d[wp.float64]
@@ -189,9 +190,9 @@ class Pace:
 class Viscous:
     """amount, sticky (W, C): viscosity times volume around a cell's centre, of all liquids and of those that stick.
 
-    mass (W, 3, C): of a face with all its
-    surroundings in the liquid. kind (W, 3, C): what a face is. residual, search, product, diagonal (W, 3, C): of the equations. active (W,); reach (W,): how well a boundary
-    layer is resolved, 1 and more fully.
+    mass (W, 3, C): of a face with all its surroundings in the liquid. kind (W, 3, C): what a face is. residual,
+    search, product, diagonal (W, 3, C): of the equations. active (W,); reach (W,): how well a boundary layer is
+    resolved, 1 and more fully.
     """
 
     amount: wp.array2d[wp.float64]

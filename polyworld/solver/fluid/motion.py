@@ -16,11 +16,13 @@ SHUT = wp.float64(1.0e-3)
 
 @wp.struct
 class Motion:
-    """Where and how fast; or, of the nearest solid, its outward normal, its velocity and its body, -1 for none."""
+    """Where and how fast; or, of the nearest solid, its outward normal, its velocity, its body, -1 for none,
+    and its distance."""
 
     x: wp.vec3d
     v: wp.vec3d
     body: int
+    distance: wp.float64
 
 
 @wp.func
@@ -59,7 +61,7 @@ def continue_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
                         if fields.known[w, a, c] > 0 or grid.wide[a] == 0:
                             continue
                         total = wp.float64(0.0)
-                        count = int(0)
+                        count = wp.int32(0)
                         for b in range(3):
                             if grid.wide[b] == 0:
                                 continue
@@ -82,7 +84,7 @@ def continue_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
 def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, statics: int) -> Motion:
     """Outward normal of the solid closest to p, its velocity there, and its body; with or without statics."""
     best = wp.float64(1.0e6)
-    owner = int(-1)
+    owner = wp.int32(-1)
     normal = wp.vec3d()
     velocity = wp.vec3d()
     still = wp.vec3d()
@@ -108,6 +110,7 @@ def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, stat
                 velocity = bodies[w, b].v + wp.cross(bodies[w, b].w, p - x)
     found = _motion(normal, velocity)
     found.body = owner
+    found.distance = best
     return found
 
 
@@ -117,7 +120,8 @@ def slide_along_solids(
 ) -> None:
     """Velocity of faces that solids shut: that of the liquid beside them, less its part into the solid.
 
-    Liquid near the solid hangs on these faces too: force and torque of `wetted` take what its momentum loses.
+    Walls of about an edge's thickness are shut at a face near their surface, on which half a cell of liquid hangs that
+    the pressure at the cell's centre does not bear: force and torque of `wetted` take the momentum that it loses.
     """
     w = wp.tid()
     if pace.dt[w] <= ZERO:
@@ -141,7 +145,7 @@ def slide_along_solids(
                         fields.velocity[w, a, c] = ZERO
                         continue
                     p = centre(grid, i, j, k, a)
-                    outside = int(0)
+                    outside = wp.int32(0)
                     for b in range(3):
                         if grid.wide[b] == 1 and (index[b] < grid.lower[b] or index[b] >= grid.upper[b]):
                             outside = 1
@@ -152,7 +156,8 @@ def slide_along_solids(
                     into = wp.dot(u - near.v, near.x)
                     slid = u[a] - into * near.x[a]
                     fields.velocity[w, a, c] = slid
-                    if near.body >= 0 and fields.mass[w, a, c] > ZERO:
+                    shallow = near.distance > -wp.float64(0.49) * grid.cell
+                    if near.body >= 0 and fields.mass[w, a, c] > ZERO and shallow:
                         lost = wp.vec3d()
                         lost[a] = fields.mass[w, a, c] * (fields.shift[w, a, c] - slid)
                         b = near.body
@@ -172,7 +177,7 @@ def _keep_out(
     mass: wp.float64,
     last: int,
 ) -> Motion:
-    """Position and velocity of a particle at x, v after solids [0, last) have pushed it out; bodies feel its impulse."""
+    """Position and velocity of a particle at x, v once solids [0, last) have pushed it out; bodies feel its impulse."""
     skin = SKIN * grid.cell
     for s in range(last):
         b = solids.solids[s].body
@@ -250,7 +255,7 @@ def move_particles(
         was = particles.v[w, p] + fall
         u = _velocity(grid, fields, w, x + v * (HALF * dt))
         x = x + u * dt + shift
-        gone = int(0)
+        gone = wp.int32(0)
         for a in range(3):
             if grid.wide[a] == 0:
                 continue
@@ -268,7 +273,7 @@ def move_particles(
             particles.fluid[w, p] = -1
             continue
         g = (x - grid.origin) / grid.cell
-        c = int(0)
+        c = wp.int32(0)
         for a in range(3):
             if grid.wide[a] == 1:
                 c += wp.clamp(wp.int32(g[a]), 0, grid.count[a] - 1) * grid.stride[a]

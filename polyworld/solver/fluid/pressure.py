@@ -47,7 +47,7 @@ def build_pressure(
         return
     h = grid.cell
     none = system.rows
-    n = int(0)
+    n = wp.int32(0)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for a in range(3):
@@ -150,12 +150,12 @@ def solve_pressure(
     enough = TOLERANCE * largest(r, n)
     multiply(system, w, n, x, y)
     if wet > 0:
-        gather_wrench(grid, wetted, system, w, wet, x)
+        gather_wrench(grid, wetted, w, x)
         respond(grid, solids, bodies, wetted, w, dt)
         add_outflow(grid, wetted, w, y, none)
     step_along(r, y, -ONE, n)
     factorise(system, w, n)
-    iterations = int(0)
+    iterations = wp.int32(0)
     rho = wp.float64(0.0)
     while largest(r, n) > enough and iterations < ITERATIONS:
         precondition(system, w, n)
@@ -168,7 +168,7 @@ def solve_pressure(
         rho = new
         multiply(system, w, n, s, y)
         if wet > 0:
-            gather_wrench(grid, wetted, system, w, wet, s)
+            gather_wrench(grid, wetted, w, s)
             respond(grid, solids, bodies, wetted, w, dt)
             add_outflow(grid, wetted, w, y, none)
         alpha = rho / dot(s, y, n)
@@ -218,7 +218,7 @@ def push_liquid(grid: Grid, fields: Fields, tension: Tension, tense: int, pace: 
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
-                    known = int(0)
+                    known = wp.int32(0)
                     push = wp.float64(0.0)
                     if fields.mass[w, a, c] > ZERO and fields.open[w, a, c] > OPEN:
                         known = 1

@@ -170,9 +170,7 @@ def _add_soft(rows: _Rows, item: Soft, mesh: DeformableMesh, first: int, spacing
 
 
 def _triangle_areas(corners: Array) -> Array:
-    areas: Array = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    areas: Array = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return areas
 
 

@@ -224,5 +224,3 @@ def _array(rows: Any, dtype: Any) -> Any:
     if len(rows) == 0:
         return wp.zeros(1, dtype=dtype, device="cpu")
     return wp.array(np.asarray(rows), dtype=dtype, device="cpu")
-
-

@@ -126,9 +126,9 @@ class FluidSolver:
         p.used.fill_(seeded)
         self._fields.pressure.zero_()
         wet, s = self._wetted, self._sources
-        for array in (wet.forecast, wet.forecast_torque, wet.lent, wet.lent_turn, self._system.overflow):
-            array.zero_()
-        for array in (s.due, s.allowed, s.emitted, s.drained, s.full):
+        arrays: list[Any] = [wet.forecast, wet.forecast_torque, wet.lent, wet.lent_turn, self._system.overflow]
+        arrays += [s.due, s.allowed, s.emitted, s.drained, s.full]
+        for array in arrays:
             array.zero_()
 
     def lend(self, clock: Clock) -> None:
@@ -193,7 +193,7 @@ class FluidSolver:
 
     def _read(self, rows: Any, points: Array) -> Array:
         out = storage.zeros((self.n_worlds, len(points)), wp.float64)
-        at = wp.array(np.ascontiguousarray(points, dtype=float), dtype=wp.vec3d, device="cpu")
+        at: Any = wp.array(np.ascontiguousarray(points, dtype=float), dtype=wp.vec3d, device="cpu")
         wp.launch(pressure.read_cells, dim=out.shape, inputs=[self.grid, rows, at, out], device="cpu")
         result: Array = out.numpy()
         return result
@@ -202,6 +202,12 @@ class FluidSolver:
     def particle_volume(self) -> float:
         """Volume of a particle [m^3]; per metre in a plane [m^2]."""
         return float(self._particles.volume)
+
+    @property
+    def substeps(self) -> NDArray[np.int32]:
+        """Sub-steps (W,) that the last coupling step took."""
+        result: NDArray[np.int32] = self._pace.steps.numpy()
+        return result
 
     @property
     def full(self) -> NDArray[np.bool_]:
@@ -214,9 +220,11 @@ class FluidSolver:
         p, q, wet, rows = self._particles, self._liquids, self._wetted, self._system
         go = self._launch
         go(transfer.choose_step, g, p, q, f, pace, b, len(self.world.objects))
+        immersed_soft = self._samples is not None and self._samples.solid_mass.shape[2] > 1
+        if immersed_soft:
+            go(immersed.widen_window, g, f, self._samples, self._nodes, pace)
         go(transfer.clear, g, f, pace)
         go(transfer.particles_to_grid, g, p, q, f, pace)
-        immersed_soft = self._samples is not None and self._samples.solid_mass.shape[2] > 1
         if immersed_soft:
             go(immersed.immerse_soft, g, f, self._samples, self._nodes, pace)
         go(transfer.momentum_to_velocity, g, f, pace)

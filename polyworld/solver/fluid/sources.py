@@ -100,7 +100,7 @@ def emit_and_drain(
     for d in range(sources.drains):
         s = sources.emitters + d
         on = opening(sources, s, t, h)
-        limited = int(0)
+        limited = wp.int32(0)
         if sources.drain_rate[d] >= ZERO:
             limited = 1
             share = sources.drain_rate[d] * on / particles.volume
@@ -116,7 +116,7 @@ def emit_and_drain(
             if limited == 1 and sources.allowed[w, d] < ONE:
                 break
             x = particles.x[w, p]
-            inside = int(1)
+            inside = wp.int32(1)
             for a in range(3):
                 if grid.wide[a] == 1 and (x[a] < lower[a] or x[a] > upper[a]):
                     inside = 0
@@ -125,7 +125,7 @@ def emit_and_drain(
                 sources.drained[w, d] = sources.drained[w, d] + 1
                 if limited == 1:
                     sources.allowed[w, d] = sources.allowed[w, d] - ONE
-    row = int(0)
+    row = wp.int32(0)
     capacity = particles.x.shape[1]
     for e in range(sources.emitters):
         on = opening(sources, e, t, h)
@@ -139,7 +139,7 @@ def emit_and_drain(
         factor = on / h
         speed = rate * factor / mouth
         v = sources.direction[e] * speed
-        k = int(0)
+        k = wp.int32(0)
         while due >= ONE - wp.float64(1.0e-9):  # rounding must not hold a particle back
             while row < capacity:
                 if row >= particles.used[w] or particles.fluid[w, row] < 0:

@@ -59,9 +59,7 @@ def particles_needed(world: World, seeded: int, rates: dict[str, float], volume:
 
     rates: highest rate of each emitter. Raises ValueError naming the numbers where they are too many.
     """
-    emitted = {
-        e.name: int(np.ceil(rates[e.name] * open_time(e, horizon) / volume)) + 2 for e in world.emitters
-    }
+    emitted = {e.name: int(np.ceil(rates[e.name] * open_time(e, horizon) / volume)) + 2 for e in world.emitters}
     total = seeded + sum(emitted.values())
     if total > MOST_PARTICLES:
         raise ValueError(

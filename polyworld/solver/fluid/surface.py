@@ -55,7 +55,7 @@ def find_surface(grid: Grid, fields: Fields, pace: Pace) -> None:
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                if fields.room[w, c] >= TIGHT or fields.room[w, c] <= ZERO:
+                if fields.room[w, c] >= TIGHT:
                     continue
                 index = wp.vec3i(i, j, k)
                 total = wp.float64(0.0)
@@ -65,8 +65,8 @@ def find_surface(grid: Grid, fields: Fields, pace: Pace) -> None:
                         if grid.wide[a] == 0 or index[a] + 2 * side - 1 < lo[a] or index[a] + 2 * side - 1 >= hi[a]:
                             continue
                         n = c + (2 * side - 1) * grid.stride[a]
-                        room = fields.room[w, n]
-                        if room >= TIGHT:
+                        room = fields.room[w, n] * fields.open[w, a, c + side * grid.stride[a]]
+                        if fields.room[w, n] >= TIGHT:
                             total += room * fields.level[w, n]
                             weight += room
                 if weight > ZERO:

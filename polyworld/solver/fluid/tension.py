@@ -75,7 +75,7 @@ def find_tension(
         if f >= 0:
             sigma = liquids.surface_tension[w % liquids.surface_tension.shape[0], f]
             scatter(grid, strength, stencil(grid, particles.x[w, p], 3), particles.volume * sigma)
-    for step in range(PASSES):
+    for _step in range(PASSES):
         for a in range(3):
             if grid.wide[a] == 0:
                 continue

@@ -41,7 +41,7 @@ def choose_step(
     fastest = wp.float64(0.0)
     lo = grid.count
     hi = wp.vec3i(0, 0, 0)
-    present = int(0)
+    present = wp.int32(0)
     for p in range(particles.used[w]):
         if particles.fluid[w, p] < 0:
             continue

@@ -192,7 +192,14 @@ def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int,
 
 @wp.func(inline=False)
 def _apply(
-    grid: Grid, fields: Fields, viscous: Viscous, w: int, dt: wp.float64, x: wp.array2d[wp.float64], y: wp.array2d[wp.float64], only: int
+    grid: Grid,
+    fields: Fields,
+    viscous: Viscous,
+    w: int,
+    dt: wp.float64,
+    x: wp.array2d[wp.float64],
+    y: wp.array2d[wp.float64],
+    only: int,
 ) -> None:
     """y = (inertia + dt dissipation) x on the liquid's faces; `only` 1: its diagonal alone, x then ignored."""
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
@@ -245,7 +252,9 @@ def _apply(
                             y[b, c] = y[b, c] + pull * s.b_above * s.b_above
                             y[b, ca] = y[b, ca] + pull * s.b_below * s.b_below
                         else:
-                            pull *= s.a_above * x[a, c] + s.a_below * x[a, cb] + s.b_above * x[b, c] + s.b_below * x[b, ca]
+                            pull *= (
+                                s.a_above * x[a, c] + s.a_below * x[a, cb] + s.b_above * x[b, c] + s.b_below * x[b, ca]
+                            )
                             y[a, c] = y[a, c] + pull * s.a_above
                             y[a, cb] = y[a, cb] + pull * s.a_below
                             y[b, c] = y[b, c] + pull * s.b_above
@@ -283,7 +292,7 @@ def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
                         first = wp.max(first, wp.abs(s[a, c]))
                         rho += r[a, c] * s[a, c]
     change = first
-    iterations = int(0)
+    iterations = wp.int32(0)
     enough = TOLERANCE * first + wp.float64(1.0e-12)
     while change > enough and iterations < ITERATIONS:
         _apply(grid, fields, viscous, w, dt, s, y, 0)
