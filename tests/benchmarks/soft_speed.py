@@ -32,8 +32,8 @@ THREADS = len(os.sched_getaffinity(0))
 DIFFERENCES = (
     "PolyWorld: 10-node tetrahedra, float64, step from the stiffness. Newton: linear tetrahedra, float32; "
     "SemiImplicit at our inner step, VBD at 1/600 s with 10 iterations, which may not be enough to converge. MuJoCo: "
-    "dim-3 flex of linear tetrahedra, float64, its discrete integrator, at 0.5 ms. 'sag': how far the free end has come "
-    "down in the given time; the row 'finer' shows what is right."
+    "dim-3 flex of linear tetrahedra, float64, its discrete integrator, at 0.5 ms. 'sag': how far the free end has "
+    "come down in the given time; the row 'finer' shows what is right."
 )
 
 
