@@ -100,11 +100,11 @@ def fit_world(
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed; equal seeds give equal worlds")] = 0,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
-    """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new
-    world, its errors on the frames (position_rmse [m], rotation_rmse [rad], shape_rmse), warnings where the minimum is doubtful,
-    every fitted value with its uncertainty, and what the data cannot determine. The same request is never computed
-    twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows the video; else FitWorld again
-    with another seed, more restarts or other parameters."""
+    """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new world,
+    its errors on the frames (position_rmse [m], rotation_rmse [rad], shape_rmse), warnings where the minimum is
+    doubtful, every fitted value with its uncertainty, and what the data cannot determine. The same request is never
+    computed twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows the video; else
+    FitWorld again with another seed, more restarts or other parameters."""
     found = app.case_to_model(case, "FitWorld")
     start = app.world(found, world)
     with explained(f"BuildWorld(case={found.id!r})"):
