@@ -15,6 +15,7 @@ from polyworld.solver.coupled import motion
 from polyworld.solver.coupled.attachment import Attachments
 from polyworld.solver.coupled.contact import Contacts
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
+from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.coupled.stage import MaterialStage, Paced
@@ -48,6 +49,7 @@ class Shard:
         self.owners = {d.name: i for i, d in enumerate(world.deformables)}
         self.nodes = self._allocate(n_worlds)
         self.clock = _clock(n_worlds)
+        load_kernels(world)
         self.stages = _stages(world, self.nodes, n_worlds)
         self.effects = MassEffects(world)
         self.record_events = record_events

@@ -1,0 +1,47 @@
+"""Kernels of a world's materials, compiled side by side: one after the other would keep a first user waiting."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+from types import ModuleType
+from typing import Any
+
+import warp as wp
+
+from polyworld.world import World
+
+# Loaded when first launched: which of them a world needs depends on its parameters.
+_LATER = frozenset({"solids_plastic", "solids_viscous", "slices", "solids", "viscosity", "tension"})
+
+
+def load_kernels(world: World) -> None:
+    """Compile, or load from Warp's cache, what the coupled solver needs for a world, on all cores."""
+    packages = ["coupled", *sorted({d.representation.removesuffix("_planar") for d in world.deformables})]
+    unneeded = {"twist"} if all(getattr(d, "twist_stiffness", 0.0) == 0.0 for d in world.deformables) else set()
+    if not world.attachments:
+        unneeded |= {"attachment_kernels", "attachment_ropes"}
+    if "rope" not in packages:
+        unneeded |= {"attachment_ropes"}
+    if not world.effects:
+        unneeded |= {"mass_effects"}
+    found: list[Any] = []
+    for package in packages:
+        home = importlib.import_module(f"polyworld.solver.{package}")
+        for part in pkgutil.iter_modules(home.__path__):
+            if part.name not in _LATER | unneeded:
+                found += _kernel_modules(importlib.import_module(f"{home.__name__}.{part.name}"))
+    if world.objects or world.statics:
+        from polyworld.solver.spatial.kernels import load_worlds, step_kernel
+
+        found.append(load_worlds.module)
+        if world.objects:
+            found.append(step_kernel(bool(world.joints)).module)
+    unique = list({id(m): m for m in found}.values())
+    wp.force_load(device="cpu", modules=unique, max_workers=len(os.sched_getaffinity(0)))
+
+
+def _kernel_modules(module: ModuleType) -> list[Any]:
+    """The Warp modules of the kernels that a Python module defines."""
+    return [k.module for k in vars(module).values() if isinstance(k, wp.Kernel) and k.module.name == module.__name__]
