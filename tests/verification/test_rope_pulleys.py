@@ -184,3 +184,11 @@ def test_loose_end_runs_off_the_wheel() -> None:
     speeds = trajectory.velocities[:, 0, 2]
     assert speeds[3] - speeds[2] == pytest.approx(-0.5 * G, rel=1e-3)
     assert motion.points[-1, :, 2].max() < 0.0
+
+
+def test_load_that_comes_to_the_wheel_stops_there() -> None:
+    """The heavier load pulls the other up to the wheel, which it does not pass; both then hang still."""
+    trajectory, _ = run(atwood(1.0, 1.5), 3.0, 1.5)
+    np.testing.assert_allclose(trajectory.positions[1:, 0], [[-RADIUS, 0, 0]] * 2, atol=0.02)
+    np.testing.assert_allclose(trajectory.positions[1:, 1], [[RADIUS, 0, -2]] * 2, atol=0.02)
+    np.testing.assert_allclose(trajectory.positions[2], trajectory.positions[1], atol=1e-3)

@@ -69,6 +69,7 @@ class Wheel:
     wrap: wp.float64
     mode: int
     place: int
+    blocked: int  # sign of the flow that a knot or a load at the wheel keeps from going on, 0 for none
     radial_in: wp.vec3d
     radial_out: wp.vec3d
     begin: wp.float64

@@ -3,15 +3,14 @@
 import warp as wp
 
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.rope.wheels import push_wheel
+from polyworld.solver.rope.wheels import NEAREST, push_wheel
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
 wp.set_module_options(OPTIONS)
 
 
-# A node passes a wheel where it is this near to it, and goes on this far beyond it, over a segment's length: a nearer
+# A node passes a wheel where it is NEAREST to it, and goes on this far beyond it, over a segment's length: a nearer
 # one would swing across the rope faster than the inner step resolves.
-NEAREST = wp.constant(wp.float64(0.1))
 BEYOND = wp.constant(wp.float64(0.15))
 
 

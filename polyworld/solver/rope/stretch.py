@@ -12,7 +12,7 @@ buckled, and a rope without bending stiffness goes slack.
 
 import warp as wp
 
-from polyworld.solver.rope.ends import join_end, prepare_end, push_end
+from polyworld.solver.rope.ends import end_node, join_end, prepare_end, push_end
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.rope.wheels import (
     judge_wheel,
@@ -72,7 +72,7 @@ def prepare_links(
     for end in range(2):
         prepare_end(ropes, state, bodies, inverse_mass, half_fall, w, r, end)
     if ropes.wheels[r] > 0:
-        place_wheels(ropes, state, bodies, gravity, x, w, r, h)
+        place_wheels(ropes, state, bodies, gravity, inverse_mass, x, w, r, h)
     stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
     damping = ropes.stretch_damping[w % ropes.stretch_damping.shape[0], r]
     shortest = SHORTEST * ropes.segment_length[r]
@@ -310,6 +310,8 @@ def solve_tensions(
         join_end(ropes, state, bodies, inverse_mass, v, w, r, end)
     for p in range(first_wheel, last_wheel):
         move_carrier(ropes, state, bodies, w, p)
+        if state.wheels[w, p].blocked != 0:
+            stop_load(ropes, state, bodies, v, w, r, p)
     find_rates(ropes, state, inverse_mass, v, half_fall, h, w, r)
     bending = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
     order = first + r
@@ -348,6 +350,26 @@ def solve_tensions(
             state.wheels[w, p].speed = wheel_speed(state, w, p, first + state.wheels[w, p].place - 1, h)
     apply_tensions(ropes, state, bodies, inverse_mass, v, w, r, h)
     calm_overloaded(ropes, state, inverse_mass, v, w, r, h)
+
+
+@wp.func
+def stop_load(
+    ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], v: wp.array2d[wp.vec3d], w: int, r: int, p: int
+) -> None:
+    """An end that has come to a wheel with what it carries stops there, without rebound."""
+    k = ropes.first_link[r] + state.wheels[w, p].place - 1
+    n = state.direction[w, k]
+    end = wp.int32(0)
+    if state.wheels[w, p].blocked < 0:
+        n = -state.direction[w, k + 1]
+        end = 1
+    approach = wp.dot(n, v[w, end_node(ropes, r, end)] - state.end_lag[w, r, end] - state.wheels[w, p].velocity)
+    mobility = wp.dot(n, state.end_mobility[w, r, end] * n) + wp.dot(n, state.wheels[w, p].mobility * n)
+    if approach > wp.float64(0.0) and mobility > wp.float64(0.0):
+        impulse = n * (approach / mobility)
+        push_end(ropes, state, bodies, v, w, r, end, -impulse)
+        push_wheel(ropes, state, bodies, w, p, impulse)
+        move_carrier(ropes, state, bodies, w, p)
 
 
 @wp.func

@@ -9,13 +9,14 @@ the square of the difference in strain between two neighbouring links.
 
 import warp as wp
 
-from polyworld.solver.rope.ends import point_mobility, point_velocity, push_body
+from polyworld.solver.rope.ends import end_node, point_mobility, point_velocity, push_body
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
 wp.set_module_options(OPTIONS)
 
 SKIPPED = wp.constant(wp.float64(0.125))  # mean length that a node skips on each side of a wheel, over a segment's
+NEAREST = wp.constant(wp.float64(0.1))  # distance from a wheel at which a node passes it, over a segment's
 LEAST_INERTIA = wp.constant(wp.float64(1.0e-3))  # of a wheel, over a segment's mass
 
 
@@ -65,6 +66,7 @@ def place_wheels(
     state: RopeState,
     bodies: wp.array2d[Body],
     gravity: wp.array[wp.vec3d],
+    inverse_mass: wp.array2d[wp.float64],
     x: wp.array2d[wp.vec3d],
     w: int,
     r: int,
@@ -125,9 +127,23 @@ def place_wheels(
             arriving = wp.normalize(wheel.centre - begin)
             leaving = wp.normalize(end - wheel.centre)
             wheel.wrap = wp.atan2(wp.length(wp.cross(arriving, leaving)), wp.dot(arriving, leaving))
+        wheel.blocked = 0
+        near = NEAREST * ropes.segment_length[r]
+        if previous == 0 and wp.length(wheel.arrives - begin) < near:
+            wheel.blocked = is_held(ropes, state, inverse_mass, w, r, 0)
+        if following == ropes.nodes[r] - 1 and wp.length(wheel.leaves - end) < near:
+            wheel.blocked = -is_held(ropes, state, inverse_mass, w, r, 1)
         wheel.begin = wheel.speed
         state.wheels[w, p] = wheel
         turn_wheel(ropes, state, gravity, w, r, p, h)
+
+
+@wp.func
+def is_held(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float64], w: int, r: int, end: int) -> int:
+    """1 where an end carries a load or is held, so that it does not slip through a pulley; 0 where it is loose."""
+    if inverse_mass[w % inverse_mass.shape[0], end_node(ropes, r, end)] <= wp.float64(0.0):
+        return 1
+    return state.attached[w, r, end]
 
 
 @wp.func
@@ -217,7 +233,7 @@ def judge_wheel(
         else:
             resists = dry_force(ropes, w, p) > zero
         speed = wheel.drive + h * wheel.inverse_mass * (wheel.weight_out * after - wheel.weight_in * before)
-        if resists and wp.float64(mode) * speed < zero:
+        if (resists and wp.float64(mode) * speed < zero) or wp.float64(wheel.blocked) * speed > zero:
             state.wheels[w, p].mode = 0
             turn_wheel(ropes, state, gravity, w, r, p, h)
             return 1
@@ -239,7 +255,7 @@ def judge_wheel(
         pull = after - before + force + mass * wheel.begin / h
         if wp.abs(pull) > dry_force(ropes, w, p):
             least = wp.sign(pull)
-    if least == zero:
+    if least == zero or wp.int32(least) == wheel.blocked:
         return 0
     state.wheels[w, p].mode = wp.int32(least)
     turn_wheel(ropes, state, gravity, w, r, p, h)
