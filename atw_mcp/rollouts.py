@@ -18,7 +18,7 @@ from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory
 from polyworld.world import World
 
 KIND = "rollout"
-ENGINE = 1  # raise when the engine's results change: stored rollouts then no longer answer for new ones
+ENGINE = 2  # raise when the engine's results change: stored rollouts then no longer answer for new ones
 MAX_SAMPLES = 20_000  # frames in one rollout
 MANY_POINTS = 4_000  # of one object
 
