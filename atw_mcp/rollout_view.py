@@ -103,7 +103,8 @@ class RolloutView:
             plan = plan or PlanView(self.world, trajectory, self.camera, names, samples, len(canvas.image))
             strip = plan.draw(sample, self.marks, self.dashed_from, self._observed_places(names, frame))
             line = np.full((len(strip), 3, 3), 255, np.uint8)
-            drawn[f"frame {frame}"] = np.concatenate([canvas.image, line, strip], axis=1)
+            # Stored pictures come back in the order of their names.
+            drawn[f"frame {frame:06d}"] = np.concatenate([canvas.image, line, strip], axis=1)
             rows.append({"frame": frame, "time": time, "over_video": real, "objects": about})
         return drawn, rows
 

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 BALL = 0.85  # radius of a drawn particle, in spacings of the particles
 SMOOTH = 1.6  # width of the smoothing, in radii of a drawn particle
 OPAQUE = 12.0  # spacings of fluid after which hardly anything behind is seen
+SLICE = 8.0  # spacings that a planar fluid seems to be thick
 SEEN_THROUGH = 0.55  # weight of a hollow or static thing's own colour where a fluid is behind it
 WATER = (64, 140, 210)
 SKY = np.array([0.93, 0.96, 1.0])
@@ -86,6 +87,8 @@ def liquid_seen(
         return None
     far = np.where(found >= 0, distance.numpy().astype(float), np.inf)
     thick = thickness.numpy().astype(float)
+    if world.planar:  # a slice: as if it went on across the plane
+        thick *= SLICE
     width = 1.4 * BALL * spacing * camera.intrinsics[0][0] / float(np.median(far[found >= 0]))
     found, far, thick = _without_gaps(found, far, thick, width)
     if world.fluid_grid.closed:
