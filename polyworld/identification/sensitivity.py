@@ -46,7 +46,7 @@ def sensitivity(forward: ForwardModel, optimum: Array, samples: int) -> Sensitiv
     residuals of each object and kind have the variance they show, times their correlation time, since
     residuals correlated in time carry less information than their number says (Priestley, Spectral Analysis
     and Time Series, 5.3.2). A flat belief within the bounds keeps what the data leave open finite.
-    Costs 4 P + 2 rollouts, and 2 P more where the response is rough.
+    Costs 4 P + 2 rollouts, and 2 P more in coupled worlds and where the response is rough.
     """
     space = forward.space
     width = space.upper - space.lower
@@ -97,20 +97,30 @@ def _smoothed(
 ) -> Array:
     """The last Jacobian (r, P) of `tried` (steps (P,), Jacobian), or one from wider steps where the response is rough.
 
-    A turbulent fluid or a contact that comes and goes answers a tiny step with a jump: its quotient grows without
-    bound as the step shrinks, and would pass for knowledge. Where quotients of two steps differ in size by more than
-    `ROUGH`, one across a fiftieth of the range is taken too, and the middle one of the three in size counts.
+    A turbulent fluid or a contact that comes and goes answers a small step with jumps: its quotient grows as the step
+    shrinks, and would pass for knowledge. In coupled worlds, and where quotients of two steps differ in size by more
+    than `ROUGH`, one across a fiftieth of the range is taken too; where it differs, the smallest counts (a Jacobian of
+    zeros is one of rollouts that diverged, and does not).
     """
     width = forward.space.upper - forward.space.lower
     (_, first), (_, last) = tried
-    sizes = [np.sqrt((weights[:, None] * j**2).sum(axis=0)) for j in (first, last)]
-    rough = np.maximum(*sizes) > ROUGH * np.maximum(np.minimum(*sizes), 1e-300)
-    if not rough.any():
+    if not forward.world.coupled and not _differ(np.stack([first, last]), weights).any():
         return last
     wide = difference_quotients(forward, at, 0.02 * width, samples)
     options = np.stack([first, last, wide])
-    middle = np.argsort((weights[None, :, None] * options**2).sum(axis=1), axis=0)[1]
-    return np.where(rough, np.take_along_axis(options, middle[None, None, :], axis=0)[0], last)
+    squares = (weights[None, :, None] * options**2).sum(axis=1)
+    least = np.argmin(np.where(squares > 0.0, squares, np.inf), axis=0)
+    smallest = np.take_along_axis(options, least[None, None, :], axis=0)[0]
+    return np.where(_differ(options, weights), smallest, last)
+
+
+def _differ(options: Array, weights: Array) -> NDArray[np.bool_]:
+    """Which parameters' columns (P,) of Jacobians (n, r, P) differ in size by more than `ROUGH`, zeros aside."""
+    sizes = np.sqrt((weights[None, :, None] * options**2).sum(axis=1))
+    largest = sizes.max(axis=0)
+    smallest = np.where(sizes > 0.0, sizes, np.inf).min(axis=0)
+    differ: NDArray[np.bool_] = largest > ROUGH * np.where(np.isfinite(smallest), smallest, np.inf)
+    return differ
 
 
 @dataclass(frozen=True)
