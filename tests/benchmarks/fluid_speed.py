@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+import warp as wp
 
 from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
 from polyworld.shapes import Box
@@ -50,9 +51,9 @@ def newton_row(particles: int, duration: float) -> str:
         SolverImplicitMPM.register_custom_attributes(builder)
         n = round(1.0 / cell)
         builder.add_particle_grid(
-            pos=(cell / 4,) * 3,
-            rot=(0.0, 0.0, 0.0, 1.0),
-            vel=(0.0, 0.0, 0.0),
+            pos=wp.vec3(cell / 4, cell / 4, cell / 4),
+            rot=wp.quat_identity(),
+            vel=wp.vec3(0.0, 0.0, 0.0),
             dim_x=n,
             dim_y=n,
             dim_z=n,

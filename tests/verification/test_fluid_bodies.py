@@ -121,7 +121,7 @@ def _bucket() -> World:
         density=50.0,
         position=(0.2, 0.2, 0.2),
     )
-    volume = FluidVolume(shape=Box(half_extents=(0.1, 0.1, 0.08)), position=(0.2, 0.2, 0.22))
+    volume = FluidVolume(shape=Box(half_extents=(0.1, 0.1, 0.08)), position=(0.2, 0.2, 0.2071))  # on its floor
     water = Fluid(name="water", volumes=(volume,))
     grid = FluidGrid(lower=(0, 0, 0), upper=(0.4, 0.4, 0.4), cell=0.02)
     return World(objects=(bucket,), deformables=(water,), fluid_grid=grid)

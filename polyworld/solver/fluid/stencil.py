@@ -95,20 +95,20 @@ def scatter(grid: Grid, row: wp.array[wp.float64], s: Stencil, value: wp.float64
     i = grid.stride[0]
     j = grid.stride[1]
     k = grid.stride[2]
-    fx = s.f[0]
     fy = s.f[1]
     fz = s.f[2]
-    for n in range(2):
-        b = s.base + n * i
-        u = (ONE - fx) * value
-        if n == 1:
-            u = fx * value
-        v0 = (ONE - fy) * u
-        v1 = fy * u
-        row[b] = row[b] + (ONE - fz) * v0
-        row[b + k] = row[b + k] + fz * v0
-        row[b + j] = row[b + j] + (ONE - fz) * v1
-        row[b + j + k] = row[b + j + k] + fz * v1
+    b = s.base
+    low = (ONE - s.f[0]) * value
+    row[b] = row[b] + (ONE - fy) * (ONE - fz) * low
+    row[b + k] = row[b + k] + (ONE - fy) * fz * low
+    row[b + j] = row[b + j] + fy * (ONE - fz) * low
+    row[b + j + k] = row[b + j + k] + fy * fz * low
+    high = s.f[0] * value
+    b += i
+    row[b] = row[b] + (ONE - fy) * (ONE - fz) * high
+    row[b + k] = row[b + k] + (ONE - fy) * fz * high
+    row[b + j] = row[b + j] + fy * (ONE - fz) * high
+    row[b + j + k] = row[b + j + k] + fy * fz * high
 
 
 @wp.func
@@ -116,17 +116,28 @@ def scatter_linear(
     grid: Grid, row: wp.array[wp.float64], s: Stencil, weight: wp.float64, value: wp.float64, slope: wp.vec3d
 ) -> None:
     """Share weight times (value + slope · (sample - point)) out among the eight samples."""
-    h = grid.cell
-    for n in range(8):
-        a = n // 4
-        b = (n // 2) % 2
-        c = n % 2
-        fx = wp.float64(a) - s.f[0]
-        fy = wp.float64(b) - s.f[1]
-        fz = wp.float64(c) - s.f[2]
-        w = weight * (ONE - wp.abs(fx)) * (ONE - wp.abs(fy)) * (ONE - wp.abs(fz))
-        at = s.base + a * grid.stride[0] + b * grid.stride[1] + c * grid.stride[2]
-        row[at] = row[at] + w * (value + h * (slope[0] * fx + slope[1] * fy + slope[2] * fz))
+    i = grid.stride[0]
+    j = grid.stride[1]
+    k = grid.stride[2]
+    fy = s.f[1]
+    fz = s.f[2]
+    dx = slope[0] * grid.cell
+    dy = slope[1] * grid.cell
+    dz = slope[2] * grid.cell
+    b = s.base
+    v = value - s.f[0] * dx - fy * dy - fz * dz  # at the lowest sample
+    w = (ONE - s.f[0]) * weight
+    row[b] = row[b] + (ONE - fy) * (ONE - fz) * w * v
+    row[b + k] = row[b + k] + (ONE - fy) * fz * w * (v + dz)
+    row[b + j] = row[b + j] + fy * (ONE - fz) * w * (v + dy)
+    row[b + j + k] = row[b + j + k] + fy * fz * w * (v + dy + dz)
+    b += i
+    v += dx
+    w = s.f[0] * weight
+    row[b] = row[b] + (ONE - fy) * (ONE - fz) * w * v
+    row[b + k] = row[b + k] + (ONE - fy) * fz * w * (v + dz)
+    row[b + j] = row[b + j] + fy * (ONE - fz) * w * (v + dy)
+    row[b + j + k] = row[b + j + k] + fy * fz * w * (v + dy + dz)
 
 
 @wp.func
