@@ -79,7 +79,7 @@ def inspect_frames(
         elif observation is not None:
             row["objects"] = None
         canvas.write(f"frame {frame}   {frame * frame_time:.3f} s{clock}", (8, 16))
-        drawn[f"frame {frame}"] = canvas.image
+        drawn[f"frame {frame:06d}"] = canvas.image
         rows.append(row)
     what = "as they are" if observation is None else f"with {len(names)} objects outlined"
     facts = {

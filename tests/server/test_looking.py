@@ -59,7 +59,7 @@ def picture(file: bytes) -> np.ndarray[Any, Any]:
 def test_frames_are_pictures_with_outlines_where_the_objects_are(app: App) -> None:
     drawn = looking.inspect_frames(app, CASE, frames=[0, 24])
     bare = looking.inspect_frames(app, CASE, frames=[0, 24], plain=True)
-    assert list(drawn.pictures) == ["frame 0.jpg", "frame 24.jpg"]
+    assert list(drawn.pictures) == ["frame 000000.jpg", "frame 000024.jpg"]
     assert [row["frame"] for row in drawn.data["frames"]] == [0, 24]
     for name, file in drawn.pictures.items():
         changed = np.abs(picture(file) - picture(bare.pictures[name])).max(axis=2) > 60
@@ -67,8 +67,8 @@ def test_frames_are_pictures_with_outlines_where_the_objects_are(app: App) -> No
         assert changed.mean() < 0.15  # and the frame still to be seen
     (blue,) = [item for item in drawn.data["frames"][0]["objects"] if item["name"] == "blue_cube"]
     u, v = blue["centroid"]
-    scale = picture(bare.pictures["frame 0.jpg"]).shape[1] / 480
-    b, _, r = picture(bare.pictures["frame 0.jpg"])[round(v * scale), round(u * scale)]
+    scale = picture(bare.pictures["frame 000000.jpg"]).shape[1] / 480
+    b, _, r = picture(bare.pictures["frame 000000.jpg"])[round(v * scale), round(u * scale)]
     assert b > 2 * r
 
 
@@ -106,9 +106,9 @@ def test_world_is_drawn_over_the_frames_with_its_error(app: App) -> None:
         assert first[name]["error_m"] < 0.01
     assert last["red_cylinder"]["error_m"] > 0.05  # never fitted: it must show
     assert answer.data["error"]["position_rmse_by_object"]["red_cylinder"] > 0.05
-    magenta = picture(answer.pictures["frame 0.jpg"])
+    magenta = picture(answer.pictures["frame 000000.jpg"])
     plain = looking.inspect_frames(app, CASE, frames=[0], plain=True)
-    frame = picture(plain.pictures["frame 0.jpg"])
+    frame = picture(plain.pictures["frame 000000.jpg"])
     gained = (magenta[:, : frame.shape[1]] - frame)[..., [0, 2]].min(axis=2) > 60
     assert gained.sum() > 200
 
