@@ -33,8 +33,9 @@ class FluidVolume(Description):
 class Fluid(Description):
     """An incompressible liquid with a free surface against air, which has no mass.
 
-    Carried by particles, `particles_per_cell` in a cell of `FluidGrid`. Several fluids share the grid; each keeps
-    its density and viscosity. fluid_planar flows in environment.motion_plane only; amounts are then those of a
+    Carried by particles, two along each edge of a cell of `FluidGrid`. Several fluids share the grid; each keeps its
+    density and viscosity. Soft bodies move with the liquid around them, ropes and sheets are dragged by it; sheets
+    let nothing through. fluid_planar flows in environment.motion_plane only; amounts are then those of a
     slice one metre thick.
     """
 
@@ -68,7 +69,7 @@ class FluidGrid(Description):
         return self
 
 
-Schedule = tuple[Annotated[tuple[float, float], fixed_length(2)], ...]
+Schedule = tuple[Annotated[tuple[float, NonNegative], fixed_length(2)], ...]
 
 
 class Emitter(Description):

@@ -174,7 +174,8 @@ class Pace:
     """Sub-steps: left (W,) of the coupling step, dt (W,) of this sub-step, 0 where a world is done; go (1,).
 
     given (W,): momentum that bodies and nodes have taken from the liquid in this sub-step. touching (W,): 1 where
-    liquid is near a static or a side of the box, which then take momentum too.
+    liquid is near a static or a side of the box, which then take momentum too. lost (W,): first particle that is
+    not a number or too fast, -1 for none.
     """
 
     left: wp.array[wp.float64]
@@ -184,6 +185,7 @@ class Pace:
     fastest: wp.array[wp.float64]
     given: wp.array[wp.vec3d]
     touching: wp.array[wp.int32]
+    lost: wp.array[wp.int32]
 
 
 @wp.struct

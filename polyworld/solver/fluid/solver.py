@@ -125,6 +125,7 @@ class FluidSolver:
             p.fluid.numpy()[:, :seeded] = np.repeat(np.arange(len(counts)), counts)
         p.used.fill_(seeded)
         self._fields.pressure.zero_()
+        self._pace.lost.fill_(-1)
         wet, s = self._wetted, self._sources
         arrays: list[Any] = [wet.forecast, wet.forecast_torque, wet.lent, wet.lent_turn, self._system.overflow]
         arrays += [s.due, s.allowed, s.emitted, s.drained, s.full]
@@ -208,6 +209,11 @@ class FluidSolver:
         """Sub-steps (W,) that the last coupling step took."""
         result: NDArray[np.int32] = self._pace.steps.numpy()
         return result
+
+    @property
+    def lost(self) -> Any:
+        """Warp array (W,) int32: the first particle that was not a number or too fast, -1 for none; its world stops."""
+        return self._pace.lost
 
     @property
     def full(self) -> NDArray[np.bool_]:

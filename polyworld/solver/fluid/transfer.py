@@ -12,6 +12,7 @@ from polyworld.solver.spatial.layout import Body
 wp.set_module_options(OPTIONS)
 
 COURANT = wp.float64(1.0)  # edges that the fastest particle crosses in a sub-step
+TOO_FAST = wp.float64(1.0e4)  # no liquid of a scene moves like this [m/s]
 CAPILLARY = wp.float64(0.28)  # 1 / sqrt(4 pi)
 MARGIN = 3  # cells of the window around the particles
 
@@ -28,7 +29,10 @@ def begin_step(pace: Pace, h: wp.array[wp.float64]) -> None:
 def choose_step(
     grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace, bodies: wp.array2d[Body], count: int
 ) -> None:
-    """Length of the next sub-step, an equal part of what is left, and the window of cells around the particles."""
+    """Length of the next sub-step, an equal part of what is left, and the window of cells around the particles.
+
+    A world with a particle that is lost stops: `lost` tells which.
+    """
     w = wp.tid()
     if w == 0:
         pace.go[0] = 0
@@ -47,6 +51,12 @@ def choose_step(
             continue
         present = 1
         v = particles.v[w, p]
+        speed = wp.length(v)
+        if not (speed < TOO_FAST):  # not a number, too
+            if pace.lost[w] < 0:
+                pace.lost[w] = p
+            pace.left[w] = ZERO
+            return
         g = (particles.x[w, p] - grid.origin) / grid.cell
         for a in range(3):
             fastest = wp.max(fastest, wp.abs(v[a]))

@@ -57,3 +57,13 @@ def test_reset_starts_again_from_the_same_bytes() -> None:
     run.time = 0.0
     run.run(0.1)
     assert _final(run) == first
+
+
+def test_world_with_a_lost_particle_stops_and_tells_which() -> None:
+    run = Run(_world(), n_worlds=2)
+    run.run(0.01)
+    run.fluid._particles.v.numpy()[1, 7] = np.nan
+    run.run(0.01)
+    assert run.fluid.lost.numpy().tolist() == [-1, 7]
+    x, _, _ = run.fluid.particles()
+    assert np.isfinite(x[0][run.fluid.particles()[2][0] >= 0]).all()
