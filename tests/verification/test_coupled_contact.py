@@ -44,6 +44,25 @@ def test_soft_cube_below_critical_slope_does_not_creep(friction: float) -> None:
     assert abs(down[-1] - down[-2]) < 1e-7  # in half a second, once it has come to rest
 
 
+def test_soft_cube_on_a_plate_on_a_slope_does_not_creep_and_nor_does_the_plate() -> None:
+    angle = 0.3
+    turn = (np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0)
+    plate = RigidObject(
+        name="plate",
+        shape=Box(half_extents=(0.1, 0.1, 0.01)),
+        mass=1.0,
+        friction=0.6,
+        position=(0.01 * np.sin(angle), 0.0, 0.01 * np.cos(angle)),
+        orientation=turn,
+    )
+    at = 0.0702
+    block = cube(angle, friction=0.6, position=(at * np.sin(angle), 0.0, at * np.cos(angle)))
+    run = Run(World(statics=(slope(angle),), objects=(plate,), deformables=(block,)), 1.5, samples=4)
+    for name in ("plate", "cube"):
+        down = run.along(name, (np.cos(angle), 0.0, -np.sin(angle)))
+        assert abs(down[-1] - down[-2]) < 2e-6  # in half a second
+
+
 def test_soft_cube_above_critical_slope_accelerates_as_coulomb_says() -> None:
     friction = 0.5
     angle = 1.2 * np.arctan(friction)

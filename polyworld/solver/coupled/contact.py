@@ -52,6 +52,8 @@ class Contacts:
             self._geometry = Geometry()
             self._bodies: Any = _zeros((w, 1), Body)
             self._acceleration: Any = _zeros((w, 1), wp.vec3d)
+            self._before: Any = self._acceleration
+            self._flying: Any = _zeros((w, 1), wp.int32)
             self._inverse_inertia: Any = _zeros((w, 1), wp.mat33d)
             self.obstacles = layout.Obstacles()
             self.obstacles.parts = _zeros((0,), layout.Part)
@@ -59,6 +61,8 @@ class Contacts:
         else:
             self._bodies = carried.bodies
             self._acceleration = carried.carried.acceleration
+            self._before = carried.carried.before
+            self._flying = carried.carried.flying
             self._inverse_inertia = carried.carried.inverse_inertia
             self._geometry = rigid.geometry
             self.obstacles = build_obstacles(rigid.geometry)
@@ -167,6 +171,8 @@ class Contacts:
                 self.surface.across,
                 self._bodies,
                 self._acceleration,
+                self._before,
+                self._flying,
                 self._inverse_inertia,
                 nodes.inverse_mass,
                 nodes.x,

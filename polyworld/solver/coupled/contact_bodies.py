@@ -18,12 +18,17 @@ from polyworld.solver.spatial.motion import turned
 wp.set_module_options(OPTIONS)
 
 
+LIGHT = wp.constant(wp.float64(3.0))  # push of the nodes, per weight, from which on a body is light beside them
+
+
 @wp.struct
 class Carried:
     """Of bodies (W, B): state at the start of the coupling step, and how they are carried through it.
 
     x, q, v, w: kept state. acceleration, turning: of all but the nodes. last, last_turning: what the step before
-    showed beyond gravity. inverse_inertia: world axes. h (W,): length of the step before. seen: 1 once it moved.
+    showed beyond gravity. before, before_turning: velocities when the inner step began. inverse_inertia: world axes.
+    h (W,): length of the step before. seen: 1 once it moved. flying: 0 while it rests on
+    something rigid.
     """
 
     x: wp.array2d[wp.vec3d]
@@ -34,8 +39,11 @@ class Carried:
     turning: wp.array2d[wp.vec3d]
     last: wp.array2d[wp.vec3d]
     last_turning: wp.array2d[wp.vec3d]
+    before: wp.array2d[wp.vec3d]
+    before_turning: wp.array2d[wp.vec3d]
     inverse_inertia: wp.array2d[wp.mat33d]
     seen: wp.array2d[wp.int32]
+    flying: wp.array2d[wp.int32]
     h: wp.array[wp.float64]
 
 
@@ -75,6 +83,13 @@ def begin_step(
         other = (b.w - carried.w[w, i]) * rate - carried.inverse_inertia[w, i] * b.push_torque
         carried.turning[w, i] = shorter(other, carried.last_turning[w, i])
         carried.last_turning[w, i] = other
+        most = LIGHT * wp.length(pull)
+        if carried.flying[w, i] == 1:
+            most = most * wp.float64(0.5)
+        held = wp.length(carried.acceleration[w, i] - pull) > wp.float64(0.5) * wp.length(pull)
+        carried.flying[w, i] = wp.where(held and wp.length(b.push) * b.inverse_mass <= most, 0, 1)
+    else:
+        carried.flying[w, i] = 1
     carried.inverse_inertia[w, i] = world_inverse_inertia(b)
     carried.seen[w, i] = b.active
     carried.x[w, i] = b.x
@@ -101,6 +116,8 @@ def accelerate_bodies(
     t = dt[w]
     if t <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
         return
+    carried.before[w, i] = bodies[w, i].v
+    carried.before_turning[w, i] = bodies[w, i].w
     bodies[w, i].v = bodies[w, i].v + carried.acceleration[w, i] * t
     bodies[w, i].w = bodies[w, i].w + carried.turning[w, i] * t
 
@@ -112,14 +129,22 @@ def carry_bodies(
     bodies: wp.array2d[Body],
     carried: Carried,
 ) -> None:
-    """Positions from velocities; the guessed acceleration acts half its velocity, as gravity does on nodes."""
+    """Positions from velocities.
+
+    Of what flies, hangs or lies on deformable objects, the guessed acceleration acts half its velocity, as gravity
+    does on nodes. What rests on something rigid moves with the mean of its velocities before and after, so that it
+    stays; but for a body that is light beside what presses on it, which would swing against its support.
+    """
     w, i = wp.tid()
     t = dt[w]
     if t <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
         return
     half = wp.float64(0.5) * t
-    bodies[w, i].x = bodies[w, i].x + (bodies[w, i].v - carried.acceleration[w, i] * half) * t
-    q = turned(bodies[w, i].q, (bodies[w, i].w - carried.turning[w, i] * half) * t)
+    if carried.flying[w, i] == 1:
+        carried.before[w, i] = bodies[w, i].v - carried.acceleration[w, i] * t
+        carried.before_turning[w, i] = bodies[w, i].w - carried.turning[w, i] * t
+    bodies[w, i].x = bodies[w, i].x + (bodies[w, i].v + carried.before[w, i]) * half
+    q = turned(bodies[w, i].q, (bodies[w, i].w + carried.before_turning[w, i]) * half)
     bodies[w, i].q = q
     bodies[w, i].rotation = wp.quat_to_matrix(q)
 
@@ -165,16 +190,27 @@ class CarriedBodies:
         self.objects = objects
         self.carried = Carried()
         shape = bodies.shape
-        for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning"):
+        for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning", "before", "before_turning"):
             setattr(self.carried, name, wp.zeros(shape, dtype=wp.vec3d, device="cpu"))
         self.carried.q = wp.zeros(shape, dtype=wp.quatd, device="cpu")
         self.carried.inverse_inertia = wp.zeros(shape, dtype=wp.mat33d, device="cpu")
+        self.carried.flying = wp.zeros(shape, dtype=wp.int32, device="cpu")
         self.carried.seen = wp.zeros(shape, dtype=wp.int32, device="cpu")
         self.carried.h = wp.zeros(shape[0], dtype=wp.float64, device="cpu")
 
     def reset(self) -> None:
         """Forget the steps of the last run."""
-        for name in ("acceleration", "turning", "last", "last_turning", "inverse_inertia", "seen", "h"):
+        for name in (
+            "acceleration",
+            "turning",
+            "last",
+            "last_turning",
+            "before",
+            "inverse_inertia",
+            "seen",
+            "flying",
+            "h",
+        ):
             getattr(self.carried, name).numpy()[:] = 0
 
     def launch_begin(self, clock: Clock) -> None:

@@ -325,6 +325,8 @@ def settle(
     dt: wp.float64,
     bodies: wp.array2d[Body],
     acceleration: wp.array2d[wp.vec3d],
+    before: wp.array2d[wp.vec3d],
+    flying: wp.array2d[wp.int32],
     inverse_mass: wp.array2d[wp.float64],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
@@ -341,7 +343,9 @@ def settle(
     if c.impulse > zero and c.rebound == zero:
         rest = pull
         if c.body >= 0:
-            rest = pull - acceleration[w, c.body]
+            rest = pull - (bodies[w, c.body].v - before[w, c.body]) / dt
+            if flying[w, c.body] == 1:
+                rest = pull - acceleration[w, c.body]
         lift = rest * (wp.float64(0.5) * dt * dt)
     deeper = -c.gap - wp.max(wp.dot(c.normal, relative_velocity(c, bodies, v, w)), zero) * dt
     mobility = node_mobility(c, inverse_mass, w)
@@ -459,6 +463,8 @@ def solve_contacts(
     across: wp.vec3d,
     bodies: wp.array2d[Body],
     acceleration: wp.array2d[wp.vec3d],
+    before: wp.array2d[wp.vec3d],
+    flying: wp.array2d[wp.int32],
     inverse_inertia: wp.array2d[wp.mat33d],
     inverse_mass: wp.array2d[wp.float64],
     x: wp.array2d[wp.vec3d],
@@ -512,7 +518,7 @@ def solve_contacts(
         if found.contacts[w, k].impulse == zero and found.contacts[w, k].gap >= zero:
             continue
         c = found.contacts[w, k]
-        settle(c, pull, dt, bodies, acceleration, inverse_mass, x, v, found, w)
+        settle(c, pull, dt, bodies, acceleration, before, flying, inverse_mass, x, v, found, w)
         if tally.record == 1 and c.impulse > zero:
             note(c, tally, x[w, c.n0], now, dt, w)
     for a in range(count):
