@@ -104,6 +104,7 @@ class RopeState:
     elongation: wp.array2d[wp.float64]
     before: wp.array2d[wp.float64]
     least_steps: wp.array[wp.int32]  # (W,) inner steps of the first coupling step, 0 before it
+    need: wp.array[wp.float64]  # (W,) inner steps that the tension asks for, past ones fading
     attached: wp.array3d[wp.int32]
     wheels: wp.array2d[Wheel]
     twist: wp.array2d[wp.float64]  # (W, n) angle from one clamped end to the other [rad]

@@ -12,7 +12,10 @@ from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
-STEPS_PER_RADIAN = wp.constant(wp.float64(1.0 / 1.2))  # 0.6 of the longest stable step, 2/omega
+STEPS_PER_RADIAN = wp.constant(wp.float64(1.0 / 0.9))  # 0.45 of the longest stable step, 2/omega
+REMEMBERED = wp.constant(
+    wp.float64(0.5)
+)  # time in which a past need is forgotten: what snatched once does so again [s]
 MOST_STEPS = 1024  # a rope that asks for more is about to diverge
 
 
@@ -69,4 +72,8 @@ def choose_inner_steps(
         if active[w, ropes.first_node[r]] == 1:
             square = wp.max(square, fastest_swing(ropes, state, inverse_mass, w, r))
     wanted = wp.min(h[w] * wp.sqrt(square) * STEPS_PER_RADIAN, wp.float64(MOST_STEPS))
-    inner_steps[w] = wp.max(state.least_steps[w], wp.int32(wp.ceil(wanted)))
+    kept = state.need[w] * wp.exp(-h[w] / REMEMBERED)
+    if wanted > kept:
+        kept = wanted
+    state.need[w] = kept
+    inner_steps[w] = wp.max(state.least_steps[w], wp.int32(wp.ceil(kept)))

@@ -38,6 +38,7 @@ WHEEL_FIELDS = {
     "wheel_inertia": "inertia",
 }
 SHARED_SWEEPS = 10  # over the ropes of a world, where a body is held by more than one of their links
+SWING = 3.0  # tension of a pendulum that falls from the horizontal, over its weight
 SAFETY = 0.6  # of the longest stable step
 
 
@@ -178,6 +179,7 @@ class RopeStage:
         pulleys = sum(len(t.pulleys) for t in self.threads)
         state = RopeState()
         state.order = _zeros((w, links + n), wp.int32)
+        state.need = _zeros((w,), wp.float64)
         state.least_steps = _zeros((w,), wp.int32)
         state.elements = _zeros((w, n), wp.int32)
         state.attached = _zeros((w, n, 2), wp.int32)
@@ -253,6 +255,7 @@ class RopeStage:
         s.twist.numpy()[:] = self._ropes.twist_at_start.numpy()
         s.before.numpy()[:] = 1.0
         s.least_steps.numpy()[:] = 0
+        s.need.numpy()[:] = 0.0
         if s.wheels.shape[1] > 0:
             rows = np.zeros(s.wheels.shape, dtype=Wheel.numpy_dtype())
             at = 0
@@ -294,7 +297,7 @@ class RopeStage:
         gravity = float(np.linalg.norm(self.world.environment.gravity))
         load = sum(_mass(self.world, name) for name in self._loads(rope))
         length = float(thread.rest.sum())
-        weight = (load + f["linear_density"] * length) * gravity
+        weight = SWING * (load + f["linear_density"] * length) * gravity
         chord = np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1).mean()
         strain = 0.0 if thread.pulleys else max(float(chord) / thread.segment_length - 1.0, 0.0)
         slack = 0.0 if thread.pulleys else max((thread.segment_length - float(chord)) * rope.segments, 0.0)
