@@ -9,23 +9,20 @@ that says why. No air and no contact with itself, which not all of them have.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from polyworld import World, simulator
+from tests.benchmarks.speed_rows import THREADS, Row, header, print_rows, timed
 
 SIZE, AREAL_DENSITY, THICKNESS = 1.0, 0.2, 0.002  # [m], [kg/m^2], [m]
 STRETCH, POISSON = 500.0, 0.3  # E t [N/m]
 PLATE = STRETCH * THICKNESS**2 / (12.0 * (1.0 - POISSON**2))  # that of a homogeneous sheet [N m]
 GRAVITY = 9.81
-THREADS = len(os.sched_getaffinity(0))
 DIFFERENCES = (
     "PolyWorld: true forces, step from the stiffness (0.85 of the stability limit). Newton: tri_ke, tri_ka the Lame "
     "constants, edge_ke the plate stiffness; float32; SemiImplicit at our inner step; VBD at 1/600 s, 10 iterations "
@@ -33,40 +30,6 @@ DIFFERENCES = (
     "MuJoCo: dim-2 flex with elastic2d both, at 0.25 ms. 'drop': lowest point below the corners at the end, where all "
     "should agree."
 )
-
-
-@dataclass
-class Row:
-    """One measurement: wall and CPU seconds for `simulated` seconds of `worlds` worlds, in steps of dt."""
-
-    name: str
-    worlds: int
-    dt: float
-    simulated: float
-    wall: float
-    cpu: float
-    drop: float
-
-    def text(self, triangles: int) -> str:
-        steps = self.simulated / self.dt
-        per = self.worlds * triangles * steps
-        return (
-            f"{self.name:34s} {self.worlds:3d} {1e3 * self.dt:8.4f} {self.wall / self.simulated / self.worlds:10.3f} "
-            f"{1e9 * self.wall / per:9.1f} {1e9 * self.cpu / per:9.1f} {self.drop:8.4f}"
-        )
-
-
-HEADER = (
-    f"{'engine':34s} {'W':>3s} {'dt ms':>8s} {'s / s':>10s} {'ns wall':>9s} {'ns cpu':>9s} {'drop m':>8s}\n"
-    "  s / s: wall seconds per simulated second of one world; ns: per triangle and (inner) step of one world"
-)
-
-
-def timed(work: Callable[[], Any]) -> tuple[float, float]:
-    """Wall and CPU seconds of one call."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    work()
-    return time.perf_counter() - wall, time.process_time() - cpu
 
 
 def scene(divisions: int, **more: Any) -> World:
@@ -108,7 +71,7 @@ def polyworld_row(name: str, divisions: int, worlds: int, seconds: float, **more
     shard = run._shards[0]  # type: ignore[attr-defined]
     dt = float(shard.world.time.substep / shard.clock.inner_steps.numpy()[0])
     drop = -float(result[0].deformables["sheet"].points[0, -1, :, 2].min())
-    return Row(name, worlds, dt, seconds, wall, cpu, drop)
+    return Row(name, 2 * divisions**2, worlds, dt, seconds, wall, cpu, drop)
 
 
 def newton_row(kind: str, divisions: int, worlds: int, seconds: float, explicit_dt: float) -> Row:
@@ -172,7 +135,7 @@ def newton_row(kind: str, divisions: int, worlds: int, seconds: float, explicit_
 
         wall, cpu = timed(run)
         drop = -float(states[0].particle_q.numpy()[:count, 2].min())
-    return Row(f"Newton {newton.__version__} {kind}", worlds, dt, 2 * pairs * dt, wall, cpu, drop)
+    return Row(f"Newton {newton.__version__} {kind}", 2 * divisions**2, worlds, dt, 2 * pairs * dt, wall, cpu, drop)
 
 
 def mujoco_row(divisions: int, worlds: int, seconds: float) -> Row:
@@ -206,7 +169,7 @@ def mujoco_row(divisions: int, worlds: int, seconds: float) -> Row:
     pool.rollout(model, data, start, nstep=2)
     wall, cpu = timed(lambda: pool.rollout(model, data, start, nstep=steps))
     drop = -float(data[0].flexvert_xpos[:, 2].min())
-    return Row(f"MuJoCo {mujoco.__version__} flex", worlds, dt, steps * dt, wall, cpu, drop)
+    return Row(f"MuJoCo {mujoco.__version__} flex", 2 * divisions**2, worlds, dt, steps * dt, wall, cpu, drop)
 
 
 def main() -> None:
@@ -216,11 +179,10 @@ def main() -> None:
     parser.add_argument("--divisions", type=int, default=50)
     args = parser.parse_args()
     n, seconds = args.divisions, args.seconds
-    triangles = 2 * n * n
     many = seconds / 20  # so that many worlds take a patient minute
-    print(f"{triangles} triangles, {THREADS} threads\n{HEADER}")
+    print(header("tris", "drop m"))
     first = polyworld_row("PolyWorld", n, 1, seconds)
-    print(first.text(triangles), flush=True)
+    print(first.text(), flush=True)
     rows: list[tuple[str, Callable[[], Row]]] = [
         (
             "PolyWorld, stretch damping 5 ms",
@@ -235,13 +197,7 @@ def main() -> None:
         ("MuJoCo flex", lambda: mujoco_row(n, 1, min(seconds, 0.5))),
         ("MuJoCo flex", lambda: mujoco_row(n, args.worlds, many / 10)),
     ]
-    for name, measure in rows:
-        try:
-            print(measure().text(triangles), flush=True)
-        except ImportError as error:
-            print(f"{name:34s} left out: {error}", flush=True)
-        except Exception as error:  # a peer that fails is a finding, not the end of the comparison
-            print(f"{name:34s} failed: {type(error).__name__}: {error}"[:200], flush=True)
+    print_rows(rows)
     print(DIFFERENCES, file=sys.stderr)
 
 

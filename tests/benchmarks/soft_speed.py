@@ -10,11 +10,8 @@ a row that says why.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,54 +21,17 @@ from polyworld import World, simulator
 from polyworld.meshing import mesh_of
 from polyworld.meshing.soft import soft_form
 from polyworld.representations.soft import Soft
+from tests.benchmarks.speed_rows import THREADS, Row, header, print_rows, timed
 
 SIZE, SPACING = (0.6, 0.2, 0.2), 0.05  # of the block, and of its nodes [m]
 NODES = tuple(round(a / SPACING) + 1 for a in SIZE)
 E, NU, DENSITY, GRAVITY = 1e6, 0.3, 1000.0, 9.81
-THREADS = len(os.sched_getaffinity(0))
 DIFFERENCES = (
     "PolyWorld: 10-node tetrahedra, float64, step from the stiffness. Newton: linear tetrahedra, float32; "
     "SemiImplicit at our inner step, VBD at 1/600 s with 10 iterations, which may not be enough to converge. MuJoCo: "
     "dim-3 flex of linear tetrahedra, float64, its discrete integrator, at 0.5 ms. 'sag': how far the free end has "
     "come down in the given time; the row 'finer' shows what is right."
 )
-
-
-@dataclass
-class Row:
-    """One measurement: wall and CPU seconds for `simulated` seconds of `worlds` worlds, in steps of dt."""
-
-    name: str
-    nodes: int
-    elements: int
-    worlds: int
-    dt: float
-    simulated: float
-    wall: float
-    cpu: float
-    sag: float
-
-    def text(self) -> str:
-        steps = self.worlds * self.simulated / self.dt
-        return (
-            f"{self.name:30s} {self.elements:5d} {self.worlds:3d} {1e3 * self.dt:7.4f} "
-            f"{self.wall / self.simulated / self.worlds:8.4f} {1e9 * self.wall / steps / self.elements:8.1f} "
-            f"{1e9 * self.cpu / steps / self.elements:8.1f} {1e9 * self.cpu / steps / self.nodes:8.1f} {self.sag:8.4f}"
-        )
-
-
-HEADER = (
-    f"{'engine':30s} {'tets':>5s} {'W':>3s} {'dt ms':>7s} {'s / s':>8s} {'ns wall':>8s} {'ns cpu':>8s} "
-    f"{'cpu/node':>8s} {'sag m':>8s}\n"
-    "  s / s: wall seconds per simulated second of one world; ns: per tetrahedron, or node, and step of one world"
-)
-
-
-def timed(work: Callable[[], Any]) -> tuple[float, float]:
-    """Wall and CPU seconds of one call."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    work()
-    return time.perf_counter() - wall, time.process_time() - cpu
 
 
 def scene(resolution: float, **more: Any) -> World:
@@ -113,7 +73,7 @@ def polyworld_row(name: str, worlds: int, seconds: float, resolution: float = 2 
     shard = run._shards[0]  # type: ignore[union-attr]
     dt = float(shard.world.time.substep / shard.clock.inner_steps.numpy()[0])
     sag = _sag(result[0].deformables["block"].points[0, -1], mesh_of(world, block).nodes)
-    return Row(name, len(form.nodes), len(form.elements), worlds, dt, seconds, wall, cpu, sag)
+    return Row(name, len(form.elements), worlds, dt, seconds, wall, cpu, sag)
 
 
 def _sag(points: Any, start: Any) -> float:
@@ -178,7 +138,7 @@ def newton_row(kind: str, worlds: int, seconds: float, explicit_dt: float) -> Ro
         count = int(np.prod(NODES))
         sag = _sag(states[0].particle_q.numpy()[:count], model.particle_q.numpy()[:count])
         elements = model.tet_count // worlds
-    return Row(f"Newton {newton.__version__} {kind}", count, elements, worlds, dt, 2 * pairs * dt, wall, cpu, sag)
+    return Row(f"Newton {newton.__version__} {kind}", elements, worlds, dt, 2 * pairs * dt, wall, cpu, sag)
 
 
 def mujoco_row(worlds: int, seconds: float) -> Row:
@@ -216,9 +176,7 @@ def mujoco_row(worlds: int, seconds: float) -> Row:
     wall, cpu = timed(lambda: pool.rollout(model, data, start, nstep=steps))
     elements = int(model.flex_elemnum[0])
     sag = _sag(data[0].flexvert_xpos, before)
-    return Row(
-        f"MuJoCo {mujoco.__version__} flex", int(np.prod(NODES)), elements, worlds, dt, steps * dt, wall, cpu, sag
-    )
+    return Row(f"MuJoCo {mujoco.__version__} flex", elements, worlds, dt, steps * dt, wall, cpu, sag)
 
 
 def main() -> None:
@@ -229,7 +187,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=64, help="in one batch; many take Newton minutes")
     args = parser.parse_args()
     seconds, many = args.seconds, args.seconds / 10
-    print(f"{int(np.prod(NODES))} nodes, {THREADS} threads\n{HEADER}")
+    print(f"{int(np.prod(NODES))} nodes\n{header('tets', 'sag m')}")
     first = polyworld_row("PolyWorld", 1, seconds)
     print(first.text(), flush=True)
     rows: list[tuple[str, Callable[[], Row]]] = [
@@ -239,19 +197,13 @@ def main() -> None:
         ("PolyWorld", lambda: polyworld_row("PolyWorld", args.worlds, many)),
         *(
             (f"Newton {kind}", lambda kind=kind, w=w, s=s: newton_row(kind, w, s, first.dt))
-            for w, s in ((1, seconds), (args.worlds, many))
+            for w, s in ((1, seconds), (args.worlds, many / 10))
             for kind in ("SemiImplicit", "VBD")
         ),
         ("MuJoCo flex", lambda: mujoco_row(1, seconds)),
         ("MuJoCo flex", lambda: mujoco_row(args.worlds, many)),
     ]
-    for name, measure in rows:
-        try:
-            print(measure().text(), flush=True)
-        except ImportError as error:
-            print(f"{name:30s} left out: {error}", flush=True)
-        except Exception as error:  # a peer that fails is a finding, not the end of the comparison
-            print(f"{name:30s} failed: {type(error).__name__}: {error}"[:200], flush=True)
+    print_rows(rows)
     print(DIFFERENCES, file=sys.stderr)
 
 
