@@ -41,7 +41,7 @@ def header(element: str, check: str) -> str:
     """Head of a table whose elements and check are called so."""
     return (
         f"{'engine':34s} {element:>6s} {'W':>3s} {'dt ms':>8s} {'s / s':>9s} {'ns wall':>9s} {'ns cpu':>9s} "
-        f"{check:>8s}\n  s / s: wall seconds per simulated second of one world; ns: per element and (inner) step of one; "
+        f"{check:>8s}\n  s / s: wall seconds per simulated second of one world; ns: per element and inner step; "
         f"{THREADS} threads"
     )
 
