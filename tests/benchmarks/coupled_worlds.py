@@ -132,7 +132,7 @@ def floating_and_sinking() -> World:
         ),
         deformables=(Fluid(name="water", volumes=(block(0.32, 0.2, 0.12, (0.0, 0.0, 0.12)),)),),
         fluid_grid=FluidGrid(lower=(-0.32, -0.2, 0.0), upper=(0.32, 0.2, 0.52), cell=0.04),
-        statics=(FLOOR,),
+        statics=(FLOOR, *glass_walls(0.32, 0.2, 0.5)),
         time=TIME,
     )
 
@@ -258,19 +258,19 @@ def all_in_one_box() -> World:
         deformables=(rope, sheet, jelly, Fluid(name="water", volumes=(block(0.35, 0.25, 0.08, (0.0, 0.0, 0.08)),))),
         attachments=(Attachment(name="hook", object="cord", end="start"),),
         fluid_grid=FluidGrid(lower=(-0.35, -0.25, 0.0), upper=(0.35, 0.25, 0.75), cell=0.05),
-        statics=(FLOOR, *walls()),
+        statics=(FLOOR, *glass_walls(0.35, 0.25, 0.75)),
         time=TIME,
     )
 
 
-def walls() -> tuple[StaticObject, ...]:
-    """Four walls around the box of `all_in_one_box`, outside the fluid's grid."""
-    thick = 0.02
+def glass_walls(x: float, y: float, height: float) -> tuple[StaticObject, ...]:
+    """Four walls around a tank of half edges x, y [m]: a fluid's grid holds the fluid alone, not what floats in it."""
+    thick, up = 0.02, height / 2
     places = {
-        "west": ((thick, 0.3, 0.36), (-0.35 - thick, 0.0, 0.36)),
-        "east": ((thick, 0.3, 0.36), (0.35 + thick, 0.0, 0.36)),
-        "south": ((0.39, thick, 0.36), (0.0, -0.25 - thick, 0.36)),
-        "north": ((0.39, thick, 0.36), (0.0, 0.25 + thick, 0.36)),
+        "west": ((thick, y + 2 * thick, up), (-x - thick, 0.0, up)),
+        "east": ((thick, y + 2 * thick, up), (x + thick, 0.0, up)),
+        "south": ((x, thick, up), (0.0, -y - thick, up)),
+        "north": ((x, thick, up), (0.0, y + thick, up)),
     }
     return tuple(
         StaticObject(name=name, shape=Box(half_extents=half), position=place, appearance=GLASS)
