@@ -56,7 +56,7 @@ class FluidGrid(Description):
     lower: Vec3 = Field(description="lower corner [m]")
     upper: Vec3 = Field(description="upper corner [m]")
     cell: Positive = Field(description="edge of a cell [m]; two particles lie along it, walls should be thicker")
-    closed: bool = Field(default=True, description="whether the sides are walls; else fluid leaves")
+    closed: bool = Field(default=True, description="whether the sides hold the fluid; else it leaves. Bodies pass them")
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
