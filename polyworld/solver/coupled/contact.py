@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.coupled import contact_layout as layout
@@ -117,14 +118,14 @@ class Contacts:
         """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""
         return self._log.events(w, end, self.world.time.substep)
 
-    def check_room(self) -> None:
-        """Raise RuntimeError where a world had more contacts than there is room for."""
-        crowded = self.found.crowded.numpy()
-        if crowded.any():
-            raise RuntimeError(
-                f"{np.count_nonzero(crowded)} of {self.n_worlds} worlds had more than {self.found.contacts.shape[1]} "
-                "contacts of deformable objects at once: they overlap too much, or a mesh is too fine for them"
-            )
+    def crowded(self) -> NDArray[np.bool_]:
+        """Worlds (W,) that had more contacts than there is room for."""
+        return self.found.crowded.numpy() > 0
+
+    @property
+    def room(self) -> int:
+        """Contacts that a world has room for."""
+        return int(self.found.contacts.shape[1])
 
     def launch_search(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the search for all that may touch within the coupling step."""

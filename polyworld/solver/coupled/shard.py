@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LONGEST_INNER_STEP = 1e-3  # contacts are first order in it [s]
+BLOWN_UP = 100.0  # speed of a node above which a crowd of contacts is taken for the end of the world [m/s]
 RIGID_LOST = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
 BLOCK = 8  # inner steps in one graph
 DENSITY = {"rope": "linear_density", "cloth": "areal_density", "soft": "density"}
@@ -212,8 +213,24 @@ class Shard:
                 left -= size
             wp.capture_launch(graphs["end"])
             self._note_lost_bodies()
-            self.contacts.check_room()
+            self._note_crowded()
         time[:] = np.where(lost >= 0, time, end)
+
+    def _note_crowded(self) -> None:
+        """A world without room for its contacts has blown up, at its fastest node; or its objects are too fine."""
+        crowded = self.contacts.crowded()
+        if not crowded.any():
+            return
+        lost = self.diverged_node.numpy()
+        for w in np.flatnonzero(crowded & (lost < 0)):
+            speed = np.linalg.norm(np.nan_to_num(self.nodes.v.numpy()[w], nan=np.inf), axis=1)
+            if self.n_worlds == 1 and speed.max() < BLOWN_UP:
+                raise RuntimeError(
+                    f"more than {self.contacts.room} contacts of deformable objects at once, at "
+                    f"{self.clock.time.numpy()[w]:.6g} s: they overlap too much, or a mesh is too fine for them"
+                )
+            lost[w] = int(np.argmax(speed))
+            self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
 
     def _note_lost_bodies(self) -> None:
         """Rigid objects whose state cannot be trusted end their world as nodes do."""
