@@ -7,39 +7,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.solver.fluid.distance import nearest, to_solid
-from polyworld.solver.fluid.layout import OPTIONS, Solids
+from polyworld.solver.fluid.covering import distances
 from polyworld.solver.fluid.scene import build_solids
 from polyworld.world import World
 
-wp.set_module_options(OPTIONS)
-
 Array = NDArray[np.float64]
-
-
-@wp.kernel
-def distances(
-    solids: Solids,
-    present: wp.array[wp.int32],
-    place: wp.array[wp.vec3d],
-    rotation: wp.array[wp.mat33d],
-    points: wp.array[wp.vec3d],
-    out: wp.array[wp.float64],
-) -> None:
-    """out: distance of points from the nearest solid, negative inside."""
-    i = wp.tid()
-    d = wp.float64(1.0e6)
-    for s in range(solids.solids.shape[0]):
-        x = wp.vec3d()
-        r = wp.identity(n=3, dtype=wp.float64)
-        b = solids.solids[s].body
-        if b >= 0:
-            if present[b] == 0:
-                continue
-            x = place[b]
-            r = rotation[b]
-        d = wp.min(d, nearest(solids, s, to_solid(solids.solids[s], x, r, points[i]))[3])
-    out[i] = d
 
 
 def clearance(world: World, points: Array) -> Array:

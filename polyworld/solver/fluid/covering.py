@@ -186,3 +186,28 @@ def cover_by_bodies(
                         count += 1
         first = last
     wetted.count[w] = count
+
+
+@wp.kernel
+def distances(
+    solids: Solids,
+    present: wp.array[wp.int32],
+    place: wp.array[wp.vec3d],
+    rotation: wp.array[wp.mat33d],
+    points: wp.array[wp.vec3d],
+    out: wp.array[wp.float64],
+) -> None:
+    """out: distance of points from the nearest solid, negative inside."""
+    i = wp.tid()
+    d = wp.float64(1.0e6)
+    for s in range(solids.solids.shape[0]):
+        x = wp.vec3d()
+        r = wp.identity(n=3, dtype=wp.float64)
+        b = solids.solids[s].body
+        if b >= 0:
+            if present[b] == 0:
+                continue
+            x = place[b]
+            r = rotation[b]
+        d = wp.min(d, nearest(solids, s, to_solid(solids.solids[s], x, r, points[i]))[3])
+    out[i] = d

@@ -33,6 +33,9 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
+# Viscosity times step over density and cell^2: below this in all worlds nobody needs the kernels of viscosity, which
+# themselves pass over a world that is below twice this.
+INVISCID = 5e-6
 FLUID_PARAMETERS = ("density", "viscosity", "surface_tension")
 
 
@@ -60,6 +63,7 @@ class FluidSolver:
         self._viscous = storage.viscous_arrays(g, w)
         self._pace = storage.pace_arrays(w)
         self._tense = -1
+        self._has_viscosity = False
         self._tension: Any = None
         self._sources = build_sources(world, self.names, w, g.thin)
         self._liquids = _liquids(self.fluids)
@@ -101,6 +105,10 @@ class FluidSolver:
             self._particles = storage.particle_arrays(self.grid, self.n_worlds, needed)
             self.reset()
             anew = True
+        thickest = float((self._liquids.viscosity.numpy() / self._liquids.density.numpy()).max(initial=0.0))
+        viscous = self.world.time.substep * thickest / float(self.grid.cell) ** 2 > INVISCID
+        anew |= viscous != self._has_viscosity
+        self._has_viscosity = viscous
         tense = int(bool((self._liquids.surface_tension.numpy() > 0.0).any()))
         if tense != self._tense:
             self._tense, anew = tense, True
@@ -240,8 +248,9 @@ class FluidSolver:
         go(surface.find_surface, g, f, pace)
         if self._tense:
             go(tension.find_tension, g, p, q, f, self._tension, pace)
-        go(viscosity.gather_viscosity, g, p, q, s, f, self._viscous, b, pace)
-        go(viscosity.diffuse, g, f, self._viscous, pace)
+        if self._has_viscosity:
+            go(viscosity.gather_viscosity, g, p, q, s, f, self._viscous, b, pace)
+            go(viscosity.diffuse, g, f, self._viscous, pace)
         go(pressure.build_pressure, g, f, rows, wet, self._tension, self._tense, pace)
         go(pressure.solve_pressure, g, s, f, rows, wet, b, pace)
         go(pressure.push_liquid, g, f, self._tension, self._tense, pace)
@@ -253,7 +262,8 @@ class FluidSolver:
             go(immersed.lift_thin, g, f, self._samples, self._nodes, pace)
         go(motion.continue_velocity, g, f, pace)
         go(motion.slide_along_solids, g, s, f, wet, b, pace)
-        go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
+        if self._has_viscosity:
+            go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
         go(drift.find_shift, g, f, rows, int(immersed_soft), pace)
         if immersed_soft:
             go(immersed.shift_soft, g, f, self._samples, self._nodes, pace)
