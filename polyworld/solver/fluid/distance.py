@@ -6,6 +6,7 @@ from polyworld.solver.fluid.layout import Solid, Solids
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO
 from polyworld.solver.spatial.layout import BOX, CAPSULE, CONVEX, CYLINDER, MESH, PLANE, SPHERE
 
+OPEN_MESH = 1  # `faces` of a mesh that does not enclose a volume: what lies behind its nearest face is solid
 THIN = wp.float64(1.0e-3)  # of an edge
 FAR = wp.float64(1.0e3)  # farther than this from a mesh counts as outside [m]
 
@@ -83,7 +84,9 @@ def nearest(solids: Solids, s: int, p: wp.vec3d) -> wp.vec4d:
         d = wp.dot(size, p) - solid.offset
     elif kind == MESH:
         point = wp.vec3(wp.float32(p[0]), wp.float32(p[1]), wp.float32(p[2]))
-        hit = wp.mesh_query_point_sign_normal(solids.meshes[s], point, wp.float32(FAR))
+        hit = wp.mesh_query_point_sign_winding_number(solids.meshes[s], point, wp.float32(FAR))
+        if solid.faces == OPEN_MESH:
+            hit = wp.mesh_query_point_sign_normal(solids.meshes[s], point, wp.float32(FAR))
         if hit.result:
             on = wp.mesh_eval_position(solids.meshes[s], hit.face, hit.u, hit.v)
             face = wp.mesh_eval_face_normal(solids.meshes[s], hit.face)

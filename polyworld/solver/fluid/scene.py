@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import trimesh
 import warp as wp
 from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.fluid import layout
+from polyworld.solver.fluid.distance import OPEN_MESH
 from polyworld.solver.spatial import layout as rigid
 from polyworld.world import World
 
@@ -107,9 +109,12 @@ class _Table:
         mesh = wp.Mesh(
             points=wp.array(points, dtype=wp.vec3, device="cpu"),
             indices=wp.array(np.asarray(shape.faces, dtype=np.int32).reshape(-1), dtype=wp.int32, device="cpu"),
+            support_winding_number=True,
         )
+        solid = trimesh.Trimesh(shape.vertices, shape.faces)  # merges equal vertices
+        faces = 0 if solid.is_watertight else OPEN_MESH
         bound = float(np.linalg.norm(points, axis=1).max())
-        self._append({"kind": rigid.MESH, "bound": bound}, -1, position, rotation, mesh)
+        self._append({"kind": rigid.MESH, "bound": bound, "faces": faces}, -1, position, rotation, mesh)
 
     def _append(self, row: dict[str, Any], body: int, position: Array, rotation: Array, mesh: Any = None) -> None:
         self.rows.append({**row, "body": body, "position": position, "rotation": rotation})
