@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,9 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         for field, spec in PULLEY_PARAMETERS.items():
             paths[f"pulleys.{pulley.name}.{field}"] = spec
     for emitter in world.emitters:
+        planar = world.deformable(emitter.fluid).representation == "fluid_planar"
         for field, spec in EMITTER_PARAMETERS.items():
-            paths[f"emitters.{emitter.name}.{field}"] = spec
+            paths[f"emitters.{emitter.name}.{field}"] = replace(spec, unit="m^2/s") if planar else spec
     for joint in () if world.planar and not world.coupled else world.joints:  # planar hinges turn freely
         for field, spec in JOINT_PARAMETERS.items():
             if hasattr(joint, field):
