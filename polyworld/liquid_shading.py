@@ -92,9 +92,10 @@ def liquid_seen(
     width = 1.4 * BALL * spacing * camera.intrinsics[0][0] / float(np.median(far[found >= 0]))
     found, far, thick = _without_gaps(found, far, thick, width)
     if world.fluid_grid.closed:
-        # Balls stand out of the walls that hold the fluid: only rays through the box can meet it.
-        through = _through_box(world.fluid_grid, camera, pixel_to_ray)
-        found, far = np.where(through, found, -1), np.where(through, far, np.inf)
+        # Balls stand out of the walls that hold the fluid: rays meet it in the box only.
+        enter = _into_box(world.fluid_grid, camera, pixel_to_ray)
+        through = np.isfinite(enter)
+        found, far = np.where(through, found, -1), np.where(through, np.maximum(far, enter), np.inf)
     if not (found >= 0).any():
         return None
     # Balls of this size overlap: their summed length counts the fluid about so many times.
@@ -116,16 +117,17 @@ def _without_gaps(found: Any, far: Array, thick: Array, width: float) -> tuple[A
     return found, far, thick
 
 
-def _through_box(grid: FluidGrid, camera: Camera, pixel_to_ray: Array) -> NDArray[np.bool_]:
-    """Pixels (H, W) whose rays pass through a grid's box: the slab test."""
+def _into_box(grid: FluidGrid, camera: Camera, pixel_to_ray: Array) -> Array:
+    """Distance (H, W) [m] at which the ray of each pixel enters a grid's box, inf where it misses: the slab test."""
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ pixel_to_ray.T
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         a = (np.asarray(grid.lower) - camera.centre) / rays
         b = (np.asarray(grid.upper) - camera.centre) / rays
     enter, leave = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
-    passed: NDArray[np.bool_] = (enter <= leave) & (leave > 0.0)
-    return passed
+    inside: Array = np.where((enter <= leave) & (leave > 0.0), np.maximum(enter, 0.0), np.inf)
+    return inside
 
 
 def with_liquid(liquid: Liquid, raster: Raster, color: Array, opaque: Array, through: NDArray[np.bool_]) -> Array:
