@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 LONGEST_INNER_STEP = 1e-3  # contacts are first order in it [s]
 BLOWN_UP = 100.0  # speed of a node above which a crowd of contacts is taken for the end of the world [m/s]
+FLUID_LOST = 1 << 29  # added to the index of a particle where it, not a node, diverged
 RIGID_LOST = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
 BLOCK = 8  # inner steps in one graph
 DENSITY = {"rope": "linear_density", "cloth": "areal_density", "soft": "density"}
@@ -123,8 +124,7 @@ class Shard:
         anew = self._write_nodes(fields)
         anew |= self.effects.write(arrays)
         if self.fluid is not None:
-            self.fluid.write(fields)
-            anew = True  # its parameter arrays are made anew
+            anew |= self.fluid.write(fields)
         for stage in self.stages:
             anew |= stage.write(fields)
         gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
@@ -214,6 +214,8 @@ class Shard:
             wp.capture_launch(graphs["end"])
             self._note_lost_bodies()
             self._note_crowded()
+            if self.fluid is not None:
+                self._note_lost_fluid(self.fluid)
         time[:] = np.where(lost >= 0, time, end)
 
     def _note_crowded(self) -> None:
@@ -230,6 +232,19 @@ class Shard:
                     f"{self.clock.time.numpy()[w]:.6g} s: they overlap too much, or a mesh is too fine for them"
                 )
             lost[w] = int(np.argmax(speed))
+            self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
+
+    def _note_lost_fluid(self, fluid: FluidSolver) -> None:
+        """A particle that cannot be trusted ends its world; a nozzle without room for its fluid is an error."""
+        if fluid.full.any():
+            raise RuntimeError(
+                f"more fluid was emitted than the {fluid.particles()[0].shape[1]} particles that there is room for: "
+                "lower the emitters' rates, or make the cells of the fluid grid larger"
+            )
+        particle = fluid.lost.numpy()
+        lost = self.diverged_node.numpy()
+        for w in np.flatnonzero((particle >= 0) & (lost < 0)):
+            lost[w] = FLUID_LOST + particle[w]
             self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
 
     def _note_lost_bodies(self) -> None:
@@ -291,6 +306,11 @@ class Shard:
         for w in np.flatnonzero(node >= 0):
             if node[w] >= RIGID_LOST:
                 objects[w], elements[w] = node[w] - RIGID_LOST, 0
+                continue
+            if node[w] >= FLUID_LOST and self.fluid is not None:
+                number = int(self.fluid.particles()[2][w, node[w] - FLUID_LOST])
+                objects[w] = rigid_count + self.owners[self.fluid.names[max(number, 0)]]
+                elements[w] = node[w] - FLUID_LOST
                 continue
             owner = int(self.nodes.owner.numpy()[node[w]])
             name = self.world.deformables[owner].name
@@ -371,6 +391,8 @@ class Shard:
         c = self.clock
         if self.rigid is not None and self.carried is not None:
             self.carried.launch_end(c)
+            if self.fluid is not None:
+                self.fluid.lend(c)
             self.rigid.launch_step(c.time, c.h)
         if self.fluid is not None:
             self.fluid.step(c)
