@@ -50,11 +50,13 @@ def external_forces(
     damping: wp.array2d[wp.float64],
     v: wp.array2d[wp.vec3d],
     f: wp.array2d[wp.vec3d],
+    before: wp.array2d[wp.vec3d],
 ) -> None:
-    """Set the force on each node to its weight and linear damping; the stages add theirs."""
+    """Set the force on each node to its weight and linear damping; the stages add theirs. Notes its velocity."""
     w, i = wp.tid()
     if dt[w] <= wp.float64(0.0):
         return
+    before[w, i] = v[w, i]
     m = mass[w % mass.shape[0], i]
     c = damping[w % damping.shape[0], owner[i]]
     f[w, i] = (gravity[w % gravity.shape[0]] - c * v[w, i]) * m

@@ -51,6 +51,7 @@ class Shard:
         self.owners = {d.name: i for i, d in enumerate(world.deformables)}
         self.nodes = self._allocate(n_worlds)
         self.clock = _clock(n_worlds)
+        self._before: Any = wp.zeros(self.nodes.v.shape, dtype=wp.vec3d, device="cpu")
         load_kernels(world)
         self.stages = _stages(world, self.nodes, n_worlds)
         self.effects = MassEffects(world)
@@ -281,12 +282,16 @@ class Shard:
         return found
 
     def _settled_velocities(self) -> Array:
-        """Velocities (W, N, 3) at which the nodes last moved: 0 where gravity is held up (see `motion.move`)."""
+        """Velocities (W, N, 3) of the nodes now. What they carry is half a step of gravity ahead of how they move (see
+        `motion.move`) where gravity is held up, so that much is taken off; where they fall freely, it is right.
+        """
+        now, before, gravity = self.nodes.v.numpy(), self._before.numpy(), self.clock.gravity.numpy()[:, None]
         step = self.clock.h.numpy() / np.maximum(self.clock.inner_steps.numpy(), 1)
-        step = np.where(self.clock.time.numpy() > 0.0, step, 0.0)
+        step = np.where(self.clock.time.numpy() > 0.0, step, 0.0)[:, None]
         moves = (self.nodes.inverse_mass.numpy() > 0.0) & (self.nodes.active.numpy() > 0)
-        fall = 0.5 * step[:, None] * self.clock.gravity.numpy()
-        settled: Array = self.nodes.v.numpy() - moves[..., None] * fall[:, None, :]
+        pull = np.maximum(step * (gravity**2).sum(axis=-1), 1e-300)
+        falls = np.clip(((now - before) * gravity).sum(axis=-1) / pull, 0.0, 1.0)
+        settled: Array = now - (0.5 * step * moves * (1.0 - falls))[..., None] * gravity
         return settled
 
     def quantities(self) -> dict[str, dict[str, Array]]:
@@ -364,7 +369,9 @@ class Shard:
     def _inner(self) -> None:
         n, c = self.nodes, self.clock
         self._launch(motion.begin_inner_step, self.n_worlds, [c.h, c.inner_steps, c.inner, c.dt])
-        self._launch(motion.external_forces, n.x.shape, [c.dt, c.gravity, n.owner, n.mass, self._damping, n.v, n.f])
+        self._launch(
+            motion.external_forces, n.x.shape, [c.dt, c.gravity, n.owner, n.mass, self._damping, n.v, n.f, self._before]
+        )
         self.effects.launch(n, c)
         for stage in self.stages:
             stage.launch_forces(n, c)
