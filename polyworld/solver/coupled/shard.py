@@ -12,13 +12,14 @@ from polyworld.meshing import DeformableMesh
 from polyworld.parameter_tables import DEFORMABLE_STATE
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled import motion
+from polyworld.solver.coupled.assembly import allocate_nodes, clock_of, fluid_of, stages_of, write_in_place
 from polyworld.solver.coupled.attachment import Attachments
 from polyworld.solver.coupled.contact import Contacts
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
-from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.coupled.stage import MaterialStage, Paced
+from polyworld.solver.coupled.nodes import Fields, parameter_row
+from polyworld.solver.coupled.stage import Paced
 from polyworld.solver.time_table import TimeTable
 from polyworld.trajectory import Event
 from polyworld.world import World
@@ -49,11 +50,11 @@ class Shard:
         solids = [d for d in world.deformables if not d.representation.startswith("fluid")]
         self.solids = tuple(solids)
         self.owners = {d.name: i for i, d in enumerate(world.deformables)}
-        self.nodes = self._allocate(n_worlds)
-        self.clock = _clock(n_worlds)
+        self.nodes = allocate_nodes(self.solids, meshes, self.owners, n_worlds)
+        self.clock = clock_of(n_worlds)
         self._before: Any = wp.zeros(self.nodes.v.shape, dtype=wp.vec3d, device="cpu")
         load_kernels(world)
-        self.stages = _stages(world, self.nodes, n_worlds)
+        self.stages = stages_of(world, self.nodes, n_worlds)
         self.effects = MassEffects(world)
         self.record_events = record_events
         plane = world.environment.motion_plane
@@ -69,41 +70,13 @@ class Shard:
         self.diverged_time = wp.full((n_worlds,), np.nan, dtype=wp.float64, device="cpu")
         self._build_rigid()
         bodies = None if self.rigid is None else self.rigid.bodies
-        self.fluid = _fluid(world, n_worlds, float(table.end[-1]))
+        self.fluid = fluid_of(world, n_worlds, float(table.end[-1]))
         if self.fluid is not None:
             self.fluid.bind(bodies, self.nodes)
         self.attachments = Attachments(world, meshes, self.nodes, bodies)
         self.contacts = Contacts(world, meshes, self.nodes, self.carried, self.rigid, record_events=record_events)
 
     # --- set-up --------------------------------------------------------------------------------
-
-    def _allocate(self, w: int) -> Nodes:
-        first: dict[str, int] = {}
-        count: dict[str, int] = {}
-        total = 0
-        for item in self.solids:
-            first[item.name], count[item.name] = total, len(self.meshes[item.name].nodes)
-            total += count[item.name]
-        owner = np.concatenate([np.full(count[d.name], self.owners[d.name]) for d in self.solids] or [np.zeros(0)])
-        radius = np.concatenate([self.meshes[d.name].radius for d in self.solids] or [np.zeros(0)])
-
-        def vectors() -> Any:
-            return wp.zeros((w, total), dtype=wp.vec3d, device="cpu")
-
-        return Nodes(
-            x=vectors(),
-            v=vectors(),
-            f=vectors(),
-            mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
-            inverse_mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
-            radius=wp.array(radius, dtype=wp.float64, device="cpu"),
-            owner=wp.array(owner.astype(np.int32), dtype=wp.int32, device="cpu"),
-            friction=wp.zeros((1, len(self.owners)), dtype=wp.float64, device="cpu"),
-            restitution=wp.zeros((1, len(self.owners)), dtype=wp.float64, device="cpu"),
-            active=wp.zeros((w, total), dtype=wp.int32, device="cpu"),
-            first=first,
-            count=count,
-        )
 
     def _build_rigid(self) -> None:
         self.rigid: Any = None
@@ -129,8 +102,8 @@ class Shard:
         for stage in self.stages:
             anew |= stage.write(fields)
         gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
-        anew |= _put(self.clock, "gravity", gravity)
-        anew |= _put(self, "_scale", wp.array(arrays.time_scale[:, 0], dtype=wp.float64, device="cpu"))
+        anew |= write_in_place(self.clock, "gravity", gravity)
+        anew |= write_in_place(self, "_scale", wp.array(arrays.time_scale[:, 0], dtype=wp.float64, device="cpu"))
         if self.rigid is not None:
             self.rigid.write(arrays)
         if anew:
@@ -152,11 +125,11 @@ class Shard:
         for name in names:  # a fluid has neither friction nor restitution nor damping of its own
             for parameter in ("friction", "restitution", "linear_damping"):
                 fields[name].setdefault(parameter, zero)
-        anew = _put(nodes, "mass", wp.array(mass, dtype=wp.float64, device="cpu"))
-        anew |= _put(nodes, "inverse_mass", wp.array(inverse, dtype=wp.float64, device="cpu"))
-        anew |= _put(nodes, "friction", parameter_row(fields, names, "friction"))
-        anew |= _put(nodes, "restitution", parameter_row(fields, names, "restitution"))
-        anew |= _put(self, "_damping", parameter_row(fields, names, "linear_damping"))
+        anew = write_in_place(nodes, "mass", wp.array(mass, dtype=wp.float64, device="cpu"))
+        anew |= write_in_place(nodes, "inverse_mass", wp.array(inverse, dtype=wp.float64, device="cpu"))
+        anew |= write_in_place(nodes, "friction", parameter_row(fields, names, "friction"))
+        anew |= write_in_place(nodes, "restitution", parameter_row(fields, names, "restitution"))
+        anew |= write_in_place(self, "_damping", parameter_row(fields, names, "linear_damping"))
         return anew
 
     def _reset(self, arrays: RigidArrays, fields: Fields) -> None:
@@ -193,6 +166,8 @@ class Shard:
         stable = np.full(self.n_worlds, LONGEST_INNER_STEP)
         for stage in self.stages:
             stable = np.minimum(stable, stage.stable_step())
+        if not np.all(stable > 0.0):  # not a number too
+            raise ValueError(f"no step is stable for these parameters: {stable.tolist()} s")
         self.clock.inner_steps.numpy()[:] = np.maximum(np.ceil(longest / stable * (1.0 - 1e-12)), 1)
 
     def advance(self, segment: int) -> None:
@@ -410,58 +385,3 @@ class Shard:
             self.n_worlds,
             [c.time, self.nodes.x, self.nodes.v, self.diverged_node, self.diverged_time],
         )
-
-
-def _clock(w: int) -> Clock:
-    def seconds() -> Any:
-        return wp.zeros((w,), dtype=wp.float64, device="cpu")
-
-    return Clock(
-        time=seconds(),
-        h=seconds(),
-        dt=seconds(),
-        inner_steps=wp.zeros((w,), dtype=wp.int32, device="cpu"),
-        inner=wp.zeros((1,), dtype=wp.int32, device="cpu"),
-        gravity=wp.zeros((1,), dtype=wp.vec3d, device="cpu"),
-    )
-
-
-def _stages(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
-    """The stages of the materials that the world has; only their kernels are compiled."""
-    stages: list[MaterialStage] = []
-    kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
-    if "cloth" in kinds:
-        from polyworld.solver.cloth.stage import ClothStage
-
-        cloths = [d for d in world.deformables if d.representation == "cloth"]
-        stages.append(ClothStage(world, cloths, nodes.first, n_worlds))
-    if "soft" in kinds:
-        from polyworld.solver.soft.stage import SoftStage
-
-        softs = [d for d in world.deformables if d.representation in ("soft", "soft_planar")]
-        stages.append(SoftStage(world, softs, nodes.first, n_worlds))
-    if "rope" in kinds:
-        from polyworld.solver.rope.stage import RopeStage
-
-        ropes = [d for d in world.deformables if d.representation in ("rope", "rope_planar")]
-        stages.append(RopeStage(world, ropes, nodes.first, n_worlds))
-    return stages
-
-
-def _fluid(world: World, n_worlds: int, horizon: float) -> FluidSolver | None:
-    """The solver of the world's fluids, None where it has none."""
-    if not any(d.representation in ("fluid", "fluid_planar") for d in world.deformables):
-        return None
-    from polyworld.solver.fluid.solver import FluidSolver
-
-    return FluidSolver(world, n_worlds, horizon)
-
-
-def _put(holder: Any, name: str, values: Any) -> bool:
-    """Write values into holder.name in place; allocate anew, and return True, where the shape differs."""
-    kept = getattr(holder, name)
-    if kept is not None and kept.shape == values.shape:
-        kept.numpy()[:] = values.numpy()
-        return False
-    setattr(holder, name, values)
-    return True

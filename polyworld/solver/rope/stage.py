@@ -281,9 +281,10 @@ class RopeStage:
             f = self._fields[rope.name]
             density, cell = f["linear_density"], thread.segment_length
             tension = self._first_tension(rope, thread, f)
-            square = 16.0 * f["bending_stiffness"] / (density * cell**4) + 4.0 * tension / (density * cell**2)
-            omega = np.sqrt(np.maximum(square, 1e-12))
-            zeta = 0.5 * f["bending_damping"] * omega * (16.0 * f["bending_stiffness"] / (density * cell**4)) / square
+            bending = 16.0 * f["bending_stiffness"] / (density * cell**4)
+            square = np.maximum(bending + 4.0 * tension / (density * cell**2), 1e-12)
+            omega = np.sqrt(square)
+            zeta = 0.5 * f["bending_damping"] * bending / omega
             steps.append(SAFETY * 2.0 / omega * (np.sqrt(1.0 + zeta**2) - zeta))
         size = max(len(s) for s in steps)
         shortest: Array = np.min([np.broadcast_to(s, (size,)) for s in steps], axis=0)

@@ -1,0 +1,106 @@
+"""What a shard is made of: nodes, clock, the stages of its materials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from polyworld.meshing import DeformableMesh
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.coupled.stage import MaterialStage
+from polyworld.world import Deformable, World
+
+if TYPE_CHECKING:
+    from polyworld.solver.fluid.solver import FluidSolver
+
+
+def allocate_nodes(
+    solids: Sequence[Deformable], meshes: dict[str, DeformableMesh], owners: dict[str, int], w: int
+) -> Nodes:
+    """Nodes of all ropes, cloths and soft bodies of w worlds, at rest at the origin."""
+    first: dict[str, int] = {}
+    count: dict[str, int] = {}
+    total = 0
+    for item in solids:
+        first[item.name], count[item.name] = total, len(meshes[item.name].nodes)
+        total += count[item.name]
+    owner = np.concatenate([np.full(count[d.name], owners[d.name]) for d in solids] or [np.zeros(0)])
+    radius = np.concatenate([meshes[d.name].radius for d in solids] or [np.zeros(0)])
+
+    def vectors() -> Any:
+        return wp.zeros((w, total), dtype=wp.vec3d, device="cpu")
+
+    return Nodes(
+        x=vectors(),
+        v=vectors(),
+        f=vectors(),
+        mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
+        inverse_mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
+        radius=wp.array(radius, dtype=wp.float64, device="cpu"),
+        owner=wp.array(owner.astype(np.int32), dtype=wp.int32, device="cpu"),
+        friction=wp.zeros((1, len(owners)), dtype=wp.float64, device="cpu"),
+        restitution=wp.zeros((1, len(owners)), dtype=wp.float64, device="cpu"),
+        active=wp.zeros((w, total), dtype=wp.int32, device="cpu"),
+        first=first,
+        count=count,
+    )
+
+
+def clock_of(w: int) -> Clock:
+    """The clock of w worlds, at time 0."""
+
+    def seconds() -> Any:
+        return wp.zeros((w,), dtype=wp.float64, device="cpu")
+
+    return Clock(
+        time=seconds(),
+        h=seconds(),
+        dt=seconds(),
+        inner_steps=wp.zeros((w,), dtype=wp.int32, device="cpu"),
+        inner=wp.zeros((1,), dtype=wp.int32, device="cpu"),
+        gravity=wp.zeros((1,), dtype=wp.vec3d, device="cpu"),
+    )
+
+
+def stages_of(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
+    """The stages of the materials that the world has; only their kernels are compiled."""
+    stages: list[MaterialStage] = []
+    kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
+    if "cloth" in kinds:
+        from polyworld.solver.cloth.stage import ClothStage
+
+        cloths = [d for d in world.deformables if d.representation == "cloth"]
+        stages.append(ClothStage(world, cloths, nodes.first, n_worlds))
+    if "soft" in kinds:
+        from polyworld.solver.soft.stage import SoftStage
+
+        softs = [d for d in world.deformables if d.representation in ("soft", "soft_planar")]
+        stages.append(SoftStage(world, softs, nodes.first, n_worlds))
+    if "rope" in kinds:
+        from polyworld.solver.rope.stage import RopeStage
+
+        ropes = [d for d in world.deformables if d.representation in ("rope", "rope_planar")]
+        stages.append(RopeStage(world, ropes, nodes.first, n_worlds))
+    return stages
+
+
+def fluid_of(world: World, n_worlds: int, horizon: float) -> FluidSolver | None:
+    """The solver of the world's fluids, None where it has none."""
+    if not any(d.representation in ("fluid", "fluid_planar") for d in world.deformables):
+        return None
+    from polyworld.solver.fluid.solver import FluidSolver
+
+    return FluidSolver(world, n_worlds, horizon)
+
+
+def write_in_place(holder: Any, name: str, values: Any) -> bool:
+    """Write values into holder.name in place; allocate anew, and return True, where the shape differs."""
+    kept = getattr(holder, name)
+    if kept is not None and kept.shape == values.shape:
+        kept.numpy()[:] = values.numpy()
+        return False
+    setattr(holder, name, values)
+    return True
