@@ -13,24 +13,35 @@ import warp as wp
 from polyworld.world import World
 
 # Loaded when first launched: which of them a world needs depends on its parameters.
-_LATER = frozenset({"solids_plastic", "solids_viscous", "slices", "solids", "viscosity", "tension"})
+_LATER = frozenset({"solids_plastic", "solids_viscous", "viscosity", "tension"})
 
 
 def load_kernels(world: World) -> None:
     """Compile, or load from Warp's cache, what the coupled solver needs for a world, on all cores."""
-    packages = ["coupled", *sorted({d.representation.removesuffix("_planar") for d in world.deformables})]
+    kinds = sorted({d.representation.removesuffix("_planar") for d in world.deformables})
+    fluids_alone = kinds == ["fluid"]
+    packages = kinds if fluids_alone else ["coupled", *kinds]
     unneeded = {"twist"} if all(getattr(d, "twist_stiffness", 0.0) == 0.0 for d in world.deformables) else set()
     if not world.attachments:
         unneeded |= {"attachment_kernels", "attachment_ropes"}
     if "rope" not in packages:
         unneeded |= {"attachment_ropes"}
+    if fluids_alone:
+        unneeded |= {"immersed"}
+    if not (world.emitters or world.drains):
+        unneeded |= {"sources"}
+    if not (world.objects or world.statics):
+        unneeded |= {"bodies"}
     if not world.effects:
         unneeded |= {"mass_effects"}
+    representations = {d.representation for d in world.deformables}
+    unneeded |= ({"solids"} if "soft" not in representations else set()) | _LATER
+    unneeded |= {"slices"} if "soft_planar" not in representations else set()
     found: list[Any] = []
     for package in packages:
         home = importlib.import_module(f"polyworld.solver.{package}")
         for part in pkgutil.iter_modules(home.__path__):
-            if part.name not in _LATER | unneeded:
+            if part.name not in unneeded:
                 found += _kernel_modules(importlib.import_module(f"{home.__name__}.{part.name}"))
     if world.objects or world.statics:
         from polyworld.solver.spatial.kernels import load_worlds, step_kernel

@@ -182,7 +182,7 @@ class Shard:
         for step in range(steps):
             h[:] = np.where(lost >= 0, 0.0, (end - time) / (steps - step))
             wp.capture_launch(graphs["begin"])
-            left = int(self.clock.inner_steps.numpy().max())
+            left = int(self.clock.inner_steps.numpy().max()) if self.solids else 0
             while left > 0:
                 size = BLOCK if left >= BLOCK else 1
                 wp.capture_launch(graphs["block" if size == BLOCK else "inner"])
@@ -315,8 +315,7 @@ class Shard:
         self._graphs = {}
         for name, launch, repeats in (
             ("begin", self._begin, 1),
-            ("inner", self._inner, 1),
-            ("block", self._inner, BLOCK),
+            *((("inner", self._inner, 1), ("block", self._inner, BLOCK)) if self.solids else ()),
             ("end", self._end, 1),
         ):
             with wp.ScopedCapture(device="cpu") as capture:
@@ -331,6 +330,8 @@ class Shard:
 
     def _begin(self) -> None:
         n, c = self.nodes, self.clock
+        if not self.solids:  # fluids alone have no nodes, and no inner steps
+            return
         self._launch(motion.begin_coupling_step, 1, [c.inner])
         self._launch(motion.activate, n.x.shape, [c.time, self._scale, self._start, n.owner, n.active])
         for stage in self.stages:
@@ -372,13 +373,15 @@ class Shard:
     def _end(self) -> None:
         c = self.clock
         if self.rigid is not None and self.carried is not None:
-            self.carried.launch_end(c)
+            if self.solids:
+                self.carried.launch_end(c)
             if self.fluid is not None:
                 self.fluid.lend(c)
             self.rigid.launch_step(c.time, c.h)
         if self.fluid is not None:
             self.fluid.step(c)
-        self.contacts.launch_tally()
+        if self.solids:
+            self.contacts.launch_tally()
         self._launch(motion.advance_time, self.n_worlds, [c.h, c.time])
         self._launch(
             motion.find_divergence,
