@@ -64,11 +64,11 @@ def scene(divisions: int, **more: Any) -> World:
 
 def polyworld_row(name: str, divisions: int, worlds: int, seconds: float, **more: Any) -> Row:
     """Whole rollouts, buffers and kernels made before."""
-    run = simulator(scene(divisions, **more), np.array([seconds / 10, seconds]), n_worlds=worlds, threads=THREADS)
+    run: Any = simulator(scene(divisions, **more), np.array([seconds / 10, seconds]), n_worlds=worlds, threads=THREADS)
     run.run(samples=1)
     result: list[Any] = []
     wall, cpu = timed(lambda: result.append(run.run()))
-    shard = run._shards[0]  # type: ignore[attr-defined]
+    shard = run._shards[0]
     dt = float(shard.world.time.substep / shard.clock.inner_steps.numpy()[0])
     drop = -float(result[0].deformables["sheet"].points[0, -1, :, 2].min())
     return Row(name, 2 * divisions**2, worlds, dt, seconds, wall, cpu, drop)

@@ -66,11 +66,11 @@ def polyworld_row(name: str, worlds: int, seconds: float, resolution: float = 2 
     block = world.deformables[0]
     assert isinstance(block, Soft)
     form = soft_form(world, block)
-    run = simulator(world, np.array([seconds / 10, seconds]), n_worlds=worlds, threads=THREADS)
+    run: Any = simulator(world, np.array([seconds / 10, seconds]), n_worlds=worlds, threads=THREADS)
     run.run(samples=1)
     result: list[Any] = []
     wall, cpu = timed(lambda: result.append(run.run()))
-    shard = run._shards[0]  # type: ignore[union-attr]
+    shard = run._shards[0]
     dt = float(shard.world.time.substep / shard.clock.inner_steps.numpy()[0])
     sag = _sag(result[0].deformables["block"].points[0, -1], mesh_of(world, block).nodes)
     return Row(name, len(form.elements), worlds, dt, seconds, wall, cpu, sag)
