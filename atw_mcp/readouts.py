@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 SAME_BLOW_FRAMES = 2.0  # touches of one pair no further apart are one collision of the timeline
 STILL = 0.01  # [m/s]
+IMPACT = 0.1  # approach speed from which a touch of the floor is a collision [m/s]
 HAPPENS = {
     "entry": "enters the view",
     "exit": "leaves the view",
@@ -29,7 +30,7 @@ COLUMNS = ("time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg",
 
 
 def floors(world: World) -> set[str]:
-    """Statics that things stand on: planes facing up. Touching them is no event worth telling."""
+    """Statics that things stand on: planes facing up."""
     return {
         s.name
         for s in world.statics
@@ -48,16 +49,61 @@ def event_row(event: Event, span: Span) -> dict[str, Any]:
     return {**row, **{key: value for key, value in optional.items() if value is not None}}
 
 
+def told_events(world: World, rollout: Rollout) -> tuple[Event, ...]:
+    """Events worth telling: all but the contacts that come of standing on something.
+
+    Left out are contacts with a static that an object touches from its start on, and touches of a floor slower than
+    IMPACT that are not the first after flight (nor go on with one that is told), with their ends.
+    """
+    frame = world.time.seconds_per_frame
+    statics, ground = {s.name for s in world.statics}, floors(world)
+    starts = {o.name: float(getattr(o, "start_time", 0.0)) for o in (*world.objects, *world.deformables)}
+    kept: list[Event] = []
+    met: set[tuple[str, ...]] = set()
+    until: dict[tuple[str, ...], float] = {}
+    open_: set[tuple[str, ...]] = set()
+    for event in rollout.events:
+        pair = event.participants
+        if event.kind not in ("contact_begin", "contact_end") or not set(pair) & statics:
+            kept.append(event)
+            continue
+        if event.kind == "contact_begin":
+            first, slow = pair not in met, (event.speed or 0.0) < IMPACT
+            met.add(pair)
+            from_start = first and event.time <= max(starts.get(name, 0.0) for name in pair) + frame
+            goes_on = event.time - until.get(pair, -np.inf) <= SAME_BLOW_FRAMES * frame
+            if slow and (from_start or (set(pair) & ground and not first and not goes_on)):
+                continue
+            open_.add(pair)
+        elif pair not in open_:
+            continue
+        else:
+            open_.discard(pair)
+        until[pair] = event.time
+        kept.append(event)
+    return tuple(kept)
+
+
+def floor_contacts_included(world: World, *rollouts: Rollout) -> bool:
+    """Whether `told_events` leaves no contact out."""
+    return all(len(told_events(world, rollout)) == len(rollout.events) for rollout in rollouts)
+
+
 def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]:
-    """Collisions, entries, exits, rests and releases in order of time; the touches of one blow are one collision."""
-    skipped = floors(world)
+    """Collisions, entries, exits, rests and releases in order of time, of `told_events`."""
+    return in_order(told_events(world, rollout), rollout, span)
+
+
+def in_order(events: Iterable[Event], rollout: Rollout, span: Span) -> list[dict[str, Any]]:
+    """Events as rows in order of time; the touches of one blow are one collision.
+
+    Its impulse is the sum over its touches, None where the last of them still lasts at the end of the rollout.
+    """
     rows: list[dict[str, Any]] = []
     open_blows: dict[tuple[str, ...], dict[str, Any]] = {}
     touching: dict[tuple[str, ...], dict[str, Any]] = {}
     gap = SAME_BLOW_FRAMES * span.seconds_per_frame
-    for event in rollout.events:
-        if set(event.participants) & skipped:
-            continue
+    for event in events:
         if event.kind == "contact_begin":
             blow = open_blows.get(event.participants)
             if blow is not None and event.time - blow["until"] <= gap:
@@ -89,7 +135,7 @@ def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]
             )
     for blow in touching.values():  # they still touch where the rollout ends
         blow["until"] = float(rollout.trajectory.times[-1])
-        blow["still_touching"] = True
+        blow["still_touching"], blow["impulse_Ns"] = True, None
     # A collision that began before the span and lasts into it belongs to it.
     return [row for row in rows if row["time"] <= span.end and row.get("until", row["time"]) >= span.start]
 

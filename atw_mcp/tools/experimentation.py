@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
@@ -165,6 +166,7 @@ def _rollout_answer(
                 "element": result.diverged_element,
             },
             "timeline": rows,
+            "floor_contacts_included": readouts.floor_contacts_included(world, result),
             "objects": [readouts.motion(result, name, span) for name in result.trajectory.names],
         },
         case=case.id,
@@ -203,7 +205,8 @@ def read_events(
     limit: Annotated[int, Field(ge=1, le=500, description="how many events to return")] = 100,
     cursor: Annotated[int, Field(ge=0, description="first event to return")] = 0,
 ) -> Answer:
-    """Every contact beginning and ending (with impulse and approach speed), entry into and exit from the view,
+    """Every contact beginning (with the first step's impulse and approach speed) and ending (with the whole contact's
+    impulse), entry into and exit from the view,
     coming to rest, and release of a fastening, one by one, with times. ReadTimeline is the short form."""
     case, world, result, span = _read(app, rollout, interval, frames)
     statics = [s.name for s in world.statics]
@@ -227,6 +230,7 @@ def read_events(
             "next_cursor": rest,
             "covers": span.shown(),
             "floor_contacts_included": not skipped,
+            "impulse_Ns": "of contact_begin: of its first step; of contact_end: of the whole contact",
         },
         case=case.id,
         world=world.id,
@@ -343,7 +347,8 @@ def read_timeline(
     frames: FrameRange = None,
 ) -> Answer:
     """What happens in a rollout, in order: collisions (touches of one pair in quick succession count as one),
-    entries into the view, exits, and objects coming to rest. Touches of the floor are left out."""
+    entries into the view, exits, and objects coming to rest. What stands on the floor or on another static from the
+    start, and slow touches of the floor, are left out; impulse_Ns is null while they still touch."""
     case, world, result, span = _read(app, rollout, interval, frames)
     chosen = chosen_names(app, case, objects, [*result.trajectory.names, *(s.name for s in world.statics)])
     rows = readouts.timeline(world, result, span)
@@ -351,7 +356,11 @@ def read_timeline(
         rows = [row for row in rows if set(row["objects"]) & set(chosen)]
     return Answer(
         summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{_diverged(result)}",
-        data={"timeline": rows, "covers": span.shown()},
+        data={
+            "timeline": rows,
+            "covers": span.shown(),
+            "floor_contacts_included": readouts.floor_contacts_included(world, result),
+        },
         case=case.id,
         world=world.id,
         rollout=rollout,
@@ -461,12 +470,18 @@ def compare_worlds(
     names = list(dict.fromkeys([*first.trajectory.names, *second.trajectory.names]))
     chosen = chosen_names(app, case, objects, names)
     with explained():
-        result = compare(first, second, chosen if objects is not None else None, tolerance=tolerance)
+        # Told events alone: what stands in one world and drops in the other is a new collision.
+        result = compare(
+            replace(first, events=readouts.told_events(base_world, first)),
+            replace(second, events=readouts.told_events(world, second)),
+            chosen if objects is not None else None,
+            tolerance=tolerance,
+        )
     span = Span(0.0, result.horizon, world.time.seconds_per_frame)
     moved = [d for d in result.objects if d.apart_from is not None]
     rows = {
-        "gone": readouts.timeline(base_world, _with_events(first, result.events_only_in_base), span),
-        "new": readouts.timeline(world, _with_events(second, result.events_only_in_other), span),
+        "gone": readouts.in_order(result.events_only_in_base, first, span),
+        "new": readouts.in_order(result.events_only_in_other, second, span),
     }
     # where things come to rest differs whenever they move differently: the summary leaves it to the data
     striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
@@ -483,9 +498,10 @@ def compare_worlds(
             "kept": [
                 {"kind": m.base.kind, "objects": list(m.base.participants), "time": m.base.time, "shift": m.shift}
                 for m in result.events_in_both
-                if not set(m.base.participants) & (readouts.floors(world) | readouts.floors(base_world))
             ],
         },
+        "floor_contacts_included": readouts.floor_contacts_included(base_world, first)
+        and readouts.floor_contacts_included(world, second),
         "objects": [
             {
                 "object": d.name,
@@ -550,7 +566,3 @@ def _diverged(result: Rollout) -> str:
 
 def _takes_part(participants: set[str], chosen: set[str], together: bool) -> bool:
     return chosen <= participants if together else bool(chosen & participants)
-
-
-def _with_events(result: Rollout, events: Any) -> Rollout:
-    return Rollout(result.world_id, result.horizon, result.trajectory, tuple(events), result.status)

@@ -40,9 +40,11 @@ def rollout(*events: Event) -> Rollout:
     return Rollout(world().id, 1.0, trajectory, tuple(sorted(events, key=lambda e: e.time)))
 
 
-def touch(begin: float, end: float, impulse: float, pair: tuple[str, str] = ("a", "b")) -> list[Event]:
+def touch(
+    begin: float, end: float, impulse: float, pair: tuple[str, str] = ("a", "b"), speed: float = 1.0
+) -> list[Event]:
     return [
-        Event("contact_begin", begin, pair, (0, 0, 0), impulse / 2, 1.0),
+        Event("contact_begin", begin, pair, (0, 0, 0), impulse / 2, speed),
         Event("contact_end", end, pair, None, impulse),
     ]
 
@@ -56,9 +58,19 @@ def test_touches_in_quick_succession_are_one_collision_with_their_whole_impulse(
     ]
 
 
-def test_touches_of_the_floor_are_left_out_and_those_of_a_wall_are_not() -> None:
-    result = rollout(*touch(0.1, 0.9, 1.0, ("a", "floor")), *touch(0.3, 0.4, 1.0, ("a", "side")))
+def test_standing_on_the_floor_is_left_out_and_a_wall_is_not() -> None:
+    result = rollout(*touch(0.0, 0.9, 1.0, ("a", "floor"), speed=0.01), *touch(0.3, 0.4, 1.0, ("a", "side")))
     assert [row["objects"] for row in readouts.timeline(world(), result, SPAN)] == [["a", "side"]]
+    assert not readouts.floor_contacts_included(world(), result)
+
+
+def test_landing_on_the_floor_after_flight_is_told_and_slow_touches_after_it_are_not() -> None:
+    landing = touch(0.2, 0.21, 1.0, ("a", "floor"), speed=0.05)
+    slow, fast = (touch(t, t + 0.01, 1.0, ("a", "floor"), speed=v) for t, v in ((0.5, 0.05), (0.7, 0.3)))
+    rows = readouts.timeline(world(), rollout(*landing, *slow, *fast), SPAN)
+    assert [row["time"] for row in rows] == [0.2, 0.7]
+    result = rollout(*landing, *fast)
+    assert readouts.floor_contacts_included(world(), result)
 
 
 def test_collision_that_lasts_into_the_interval_belongs_to_it() -> None:
@@ -72,6 +84,7 @@ def test_collision_that_never_ends_lasts_to_the_end_of_the_rollout() -> None:
     (row,) = readouts.timeline(world(), result, Span(0.5, 0.6, FRAME))
     assert (row["time"], row["until"], row["touches"]) == (0.1, 1.0, 2)
     assert row["still_touching"]
+    assert row["impulse_Ns"] is None  # that of the touch that goes on is not told
 
 
 @pytest.mark.parametrize("limit", [2, 3, 7, 99, 100, 101])
