@@ -64,6 +64,24 @@ def _mean_height(run: Run, cell: float) -> float:
     return total / len(line)
 
 
+def test_water_at_rest_between_walls_that_line_its_box_stays_at_rest() -> None:
+    """Floor and walls that lie along the box's sides take no room twice: no creep in 3 s, particles stay spread."""
+    floor = StaticObject(name="floor", shape=Plane())
+    walls = (
+        StaticObject(name=name, shape=Box(half_extents=(0.02, 1.0, 0.4)), position=(x, 0.0, 0.4))
+        for name, x in (("west", -0.02), ("east", 0.42))
+    )
+    world = plane_world(pool("water", (0, 0), (0.4, 0.24)), size=(0.4, 0.5), cell=0.04, statics=(floor, *walls))
+    run = Run(world, step=0.004)
+    run.run(3.0)
+    x, v = run.present()
+    assert x[:, 2].mean() == pytest.approx(0.12, rel=0.005)
+    assert np.sqrt((v**2).sum(axis=1).mean()) < 1e-3
+    counts = np.unique(np.floor(x / 0.04).astype(int), axis=0, return_counts=True)[1]
+    assert counts.min() >= 3  # 4 at the start
+    assert counts.max() <= 5
+
+
 def test_layers_of_different_density_stay_at_rest() -> None:
     """Oil on water: pressures add up, and the interface does not mix in a second."""
     oil, water = pool("oil", (0, 0.2), (0.4, 0.3), density=800.0), pool("water", (0, 0), (0.4, 0.2))

@@ -54,6 +54,42 @@ def _mean_part(
 
 
 @wp.func
+def _beyond_box(grid: Grid, p: wp.vec3d) -> wp.float64:
+    """Part of p's surroundings, a cell wide, that lies outside the box."""
+    inside = wp.float64(1.0)
+    for a in range(3):
+        if grid.wide[a] == 1:
+            low = HALF - (p[a] - grid.box_lower[a]) / grid.cell
+            high = HALF - (grid.box_upper[a] - p[a]) / grid.cell
+            inside *= ONE - wp.clamp(low, ZERO, ONE) - wp.clamp(high, ZERO, ONE)
+    return ONE - wp.max(inside, ZERO)
+
+
+@wp.func(inline=False)
+def _static_room(grid: Grid, solids: Solids, near: int, p: wp.vec3d) -> wp.float64:
+    """Part of the cell around p, and of what is around it, that neither statics nor the box's walls take up.
+
+    Statics often lie along the box's walls: what both take up is counted once.
+    """
+    flat = wp.int32(0)
+    if grid.thin >= 0:
+        flat = 1
+    first = solids.moving
+    last = solids.solids.shape[0]
+    axes = wp.identity(n=3, dtype=wp.float64)
+    total = wp.float64(0.0)
+    for n in range(8):
+        q = p + _offset(grid, n, 3)
+        part = wp.float64(0.0)
+        if near == 1:
+            part = _part(solids, first, last, wp.vec3d(), axes, q, grid.cell, flat)
+        if grid.closed == 1:
+            part = wp.max(part, _beyond_box(grid, q))
+        total += part
+    return ONE - total / wp.float64(8.0)
+
+
+@wp.func
 def _closest(solids: Solids, first: int, last: int, x: wp.vec3d, r: wp.mat33d, p: wp.vec3d) -> wp.float64:
     d = wp.float64(1.0e6)
     for s in range(first, last):
@@ -76,14 +112,12 @@ def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
     near = wp.int32(0)
     if d < REACH * grid.cell:
         near = 1
-    room = wp.float64(1.0)
+    room = _static_room(grid, solids, near, p)
     outside = wp.int32(0)
     for a in range(3):
         fields.static_open[a, c] = ZERO
         if grid.wide[a] == 1 and (index[a] < grid.lower[a] or index[a] >= grid.upper[a]):
             outside = 1
-    if near == 1:
-        room = ONE - _mean_part(grid, solids, first, last, still, axes, p, 3)
     for a in range(3):
         if grid.wide[a] == 0:
             continue
@@ -92,11 +126,7 @@ def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
             if outside == 1 or index[a] == grid.lower[a]:
                 wall = 1
             if wall == 1 or index[a] == grid.upper[a]:
-                if outside == 0:
-                    room *= wp.float64(0.875)  # a cell's surroundings reach half an edge beyond it, thinning out
                 continue
-            if index[a] + 1 == grid.upper[a]:
-                room *= wp.float64(0.875)
         free = wp.float64(1.0)
         if near == 1:
             free -= _mean_part(grid, solids, first, last, still, axes, centre(grid, index[0], index[1], index[2], a), a)
