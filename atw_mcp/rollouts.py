@@ -25,10 +25,17 @@ MANY_POINTS = 4_000  # of one object
 SERIES = ("times", "positions", "orientations", "velocities", "angular_velocities", "active")
 
 
-def checked_horizon(world: World, seconds: float | None) -> float:
-    """The horizon to roll out to [s]: as asked, else the observed stretch; raises ToolError when it cannot be."""
+def checked_horizon(world: World, seconds: float | None, sample: float | None = None) -> float:
+    """The horizon to roll out to [s]: as asked, else the observed stretch; raises ToolError when it cannot be.
+
+    sample: seconds between samples, at most a frame; default: a frame.
+    """
     frame = world.time.seconds_per_frame
-    longest = min(MAX_SAMPLES * frame, MAX_SUBSTEPS * min(world.time.substep, frame), longest_horizon(world))
+    step = frame if sample is None else sample
+    if not 0.0 < step <= frame:
+        raise ToolError(f"sample_seconds must be above 0 and at most a frame ({frame:g} s), got {step:g}")
+    longest = min(MAX_SAMPLES * step, MAX_SUBSTEPS * min(world.time.substep, step))
+    longest = min(longest, longest_horizon(world) * step / frame)
     if seconds is None:
         if world.time.frame_count < 2:
             raise ToolError(
@@ -39,7 +46,9 @@ def checked_horizon(world: World, seconds: float | None) -> float:
     if not (math.isfinite(seconds) and 0 < seconds <= longest):
         raise ToolError(
             f"horizon_seconds must be above 0 and at most {longest:.6g} s ({int(longest / frame)} frames of "
-            f"{frame:g} s in steps of {world.time.substep:g} s{_crowd(world)}), got {seconds:g}"
+            f"{frame:g} s in steps of {world.time.substep:g} s{_crowd(world)}"
+            + (f", with sample_seconds={step:g}" if sample is not None else "")
+            + f"), got {seconds:g}"
         )
     return seconds
 
@@ -52,22 +61,28 @@ def _crowd(world: World) -> str:
     return f", with {points} points and particles in each; a coarser grid or mesh, or longer frames, allow more"
 
 
-def find_rollout(app: App, world: World, horizon: float) -> tuple[str, Rollout] | None:
+def find_rollout(app: App, world: World, horizon: float, sample: float | None = None) -> tuple[str, Rollout] | None:
     """The stored rollout of a world and its id, if it was computed before."""
-    found = app.store.rollouts.find(KIND, _inputs(world, horizon))
+    found = app.store.rollouts.find(KIND, _inputs(world, horizon, sample))
     return None if found is None else (found.id, _from_content(found))
 
 
 def compute_rollout(
-    app: App, world: World, horizon: float, progress: Callable[[float], None] | None = None
+    app: App,
+    world: World,
+    horizon: float,
+    progress: Callable[[float], None] | None = None,
+    sample: float | None = None,
 ) -> tuple[str, Rollout]:
     """Roll a world out, or find it rolled out before; returns its id too. Raises ValueError where it cannot be run.
 
-    progress: told the share done; what it raises ends the run.
+    progress: told the share done; what it raises ends the run. sample: seconds between samples, default a frame.
     """
     try:
         content, _ = app.store.rollouts.get_or_compute(
-            KIND, _inputs(world, horizon), lambda: _to_content(rollout(world, horizon, progress=progress))
+            KIND,
+            _inputs(world, horizon, sample),
+            lambda: _to_content(rollout(world, horizon, sample_interval=sample, progress=progress)),
         )
     except RuntimeError as error:  # more contacts at once than there is room for
         raise ValueError(f"the rollout could not be finished: {error}") from error
@@ -97,8 +112,11 @@ def stored_rollout(app: App, identifier: str) -> tuple[Case, World, Rollout]:
     return case, app.world(case, result.world_id), result
 
 
-def _inputs(world: World, horizon: float) -> dict[str, Any]:
-    return {"world": world.id, "horizon": horizon, "engine": ENGINE}
+def _inputs(world: World, horizon: float, sample: float | None) -> dict[str, Any]:
+    inputs = {"world": world.id, "horizon": horizon, "engine": ENGINE}
+    if sample is None or sample == world.time.seconds_per_frame:
+        return inputs
+    return {**inputs, "sample_seconds": sample}
 
 
 def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:

@@ -49,7 +49,8 @@ class QueryResult:
     `reason` says why. value: bool for any and all; a time [s] for first and last, or None, decided, where it
     never holds; int for count; 0..1 for fraction. intervals: when the predicate holds, within the covered
     part of the interval asked for. asked: the interval asked for, or the default. evidence: the numbers it was
-    decided on.
+    decided on. sampled_every [s]: the longest time between the samples it was judged on, None where contact events
+    alone decided.
     """
 
     value: bool | int | float | None
@@ -59,6 +60,7 @@ class QueryResult:
     covered: Interval | None
     evidence: dict[str, Any]
     asked: Interval | None = None
+    sampled_every: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-ready values."""
@@ -70,6 +72,7 @@ class QueryResult:
             "covered": None if self.covered is None else list(self.covered),
             "asked": None if self.asked is None else list(self.asked),
             "evidence": self.evidence,
+            **({} if self.sampled_every is None else {"sampled_every_s": self.sampled_every}),
         }
 
 
@@ -100,6 +103,11 @@ def query(
     if not (np.isfinite(asked[0]) and np.isfinite(asked[1]) and asked[0] <= asked[1]):
         raise ValueError(f"an interval is (start, end) with start <= end, got {asked}")
     result = replace(_decided(rollout, world, predicate, asked, aggregation), asked=asked)
+    fluids = {d.name for d in world.deformables if isinstance(d, Fluid)}
+    if result.covered is not None and not (
+        isinstance(predicate, InContact | Collides) and not fluids & set(names_in(predicate))
+    ):
+        result = replace(result, sampled_every=sampled_every(rollout.trajectory))
     if result.decided or joined <= asked[0]:
         return result
     # An object that joins late leaves the start uncovered: tell the question that can be answered, and its answer.
@@ -111,6 +119,12 @@ def query(
         answer = f"it is {_said(then.value)}" if then.decided else "it is unknown too"
         reason += f". Asked over [{whole[0]:.10g}, {whole[1]:.10g}] {answer}"
     return replace(result, reason=reason)
+
+
+def sampled_every(trajectory: Trajectory) -> float | None:
+    """The longest time between two samples of a trajectory [s]; None where there are fewer than two."""
+    gaps = np.diff(trajectory.times)
+    return float(f"{gaps.max():.12g}") if len(gaps) else None
 
 
 def start_times(world: World) -> dict[str, float]:

@@ -26,7 +26,7 @@ from evidence_store import Case
 from polyworld.compare import compare
 from polyworld.interventions import Add, Intervention, branch
 from polyworld.predicates import Predicate, names_in
-from polyworld.query import Aggregation, QueryResult, query
+from polyworld.query import Aggregation, QueryResult, query, sampled_every
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -65,6 +65,12 @@ def roll_out(
     world: Annotated[
         str, Field(description="'committed', or the id of a branch that an earlier Rollout made, to edit further")
     ] = "committed",
+    sample_seconds: Annotated[
+        float | None,
+        Field(
+            description="time between samples [s], finer than a frame for sharper thresholds; default: a frame", gt=0
+        ),
+    ] = None,
 ) -> Answer | LongWork:
     """Run the committed world forward from time 0 and return a rollout id for ReadEvents, ReadTrajectory, ReadTimeline,
     QueryWorld, CompareWorlds and InspectRollout.
@@ -81,11 +87,11 @@ def roll_out(
         raise ToolError("give horizon_seconds or horizon_frames, not both")
     if horizon_frames is not None:
         horizon_seconds = horizon_frames * branched.time.seconds_per_frame
-    horizon = checked_horizon(branched, horizon_seconds)
+    horizon = checked_horizon(branched, horizon_seconds, sample_seconds)
     edited = [edit.model_dump(mode="json", exclude_none=True) for edit in wanted]
     if branched.id != base.id:
         app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": edited})
-    known = find_rollout(app, branched, horizon)
+    known = find_rollout(app, branched, horizon, sample_seconds)
     if known is not None:
         return _rollout_answer(found, base, branched, edited, *known)
 
@@ -95,7 +101,9 @@ def roll_out(
         message = f"running {len(branched.moving_names)} objects for {horizon:g} s{size}"
         progress.report(0, 1, message)
         with explained():
-            found_or_made = compute_rollout(app, branched, horizon, lambda share: progress.report(share, 1, message))
+            found_or_made = compute_rollout(
+                app, branched, horizon, lambda share: progress.report(share, 1, message), sample_seconds
+            )
             return _rollout_answer(found, base, branched, edited, *found_or_made)
 
     draft = Answer(
@@ -106,7 +114,7 @@ def roll_out(
         objects=branched.moving_names,
         interval=(0.0, horizon),
     )
-    return LongWork(f"rollout {branched.id} {horizon!r}", work, draft, PATIENCE)
+    return LongWork(f"rollout {branched.id} {horizon!r} {sample_seconds!r}", work, draft, PATIENCE)
 
 
 def _edits(app: App, case: Case, base: World, given: list[Any]) -> list[Intervention]:
@@ -156,6 +164,7 @@ def _rollout_answer(
             "base_world": base.id,
             "edits": edits,
             "horizon": span.shown(),
+            "sampled_every_s": sampled_every(result.trajectory),
             **({"points": cost(world, result.horizon).points} if world.deformables else {}),
             "observed_until": {"seconds": observed, "frame": world.time.frame_count - 1} if observed > 0 else None,
             "diverged": None
@@ -396,7 +405,8 @@ def query_world(
 ) -> Answer:
     """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
     reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
-    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was."""
+    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
+    rest is judged on samples, sampled_every_s apart: Rollout with a smaller sample_seconds judges it finer."""
     case, world, result = stored_rollout(app, rollout)
     frame = world.time.seconds_per_frame
     if interval is not None and frames is not None:
@@ -415,7 +425,9 @@ def query_world(
     spoken = " ".join([asked_of.predicate, *names_in(asked_of)])
     return Answer(
         summary=f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s{_joining(world, asked_of, asked)}): "
-        f"{shown_value}{why}{_how_near(answer)}{_diverged(result)}",
+        f"{shown_value}{why}{_how_near(answer)}"
+        + (f" (samples every {answer.sampled_every:.3g} s)" if answer.sampled_every is not None else "")
+        + _diverged(result),
         data={
             "verdict": verdict,
             **answer.to_dict(),

@@ -292,3 +292,19 @@ def test_probing_is_refused_before_commit(tmp_path: Path) -> None:
     app.keep_world(app.case("discs"), later, how="built")
     with pytest.raises(ToolError, match=f"Next: CommitWorld.*world='{first.id}'"):
         tools.roll_out(app, "discs", world=first.id)
+
+
+def test_finer_samples_make_another_rollout_that_judges_thresholds_finer(app: App, roll: Callable[..., Answer]) -> None:
+    coarse, fine = roll(), roll(sample_seconds=FRAME / 10)
+    assert coarse.rollout != fine.rollout
+    assert coarse.rollout == roll(sample_seconds=FRAME).rollout
+    moves = {"predicate": "moving", "object": "target", "speed": 0.9 * SPEED}
+    rough, sharp = (ask(app, str(r.rollout), moves, aggregation="first") for r in (coarse, fine))
+    assert rough["sampled_every_s"] == pytest.approx(FRAME)
+    assert sharp["sampled_every_s"] == pytest.approx(FRAME / 10)
+    assert sharp["verdict"] == pytest.approx(MEETING, abs=FRAME / 10 + 0.004)
+    assert "sampled_every_s" not in ask(
+        app, str(fine.rollout), {"predicate": "collides", "a": "striker", "b": "target"}
+    )
+    with pytest.raises(ToolError, match="sample_seconds must be above 0 and at most a frame"):
+        roll(sample_seconds=2 * FRAME)
