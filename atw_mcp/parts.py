@@ -165,6 +165,15 @@ def part_schema(kind: str) -> dict[str, Any]:
     return schema
 
 
+def part_field_schema(kind: str, field: str) -> dict[str, Any]:
+    """The full schema of one field of a kind of part; raises ToolError naming the kinds or the fields."""
+    properties = part_schema(kind)["properties"]
+    if field not in properties:
+        raise ToolError(f"{kind} has no {field}{did_you_mean(field, properties)}; fields: {', '.join(properties)}")
+    schema: dict[str, Any] = properties[field]
+    return schema
+
+
 def _kind(item: Any, number: int) -> str:
     if not isinstance(item, Mapping) or "part" not in item:
         raise ToolError(

@@ -104,8 +104,8 @@ class SetParameter(Description):
     action: Literal["set_parameter"] = "set_parameter"
     path: str = Field(
         description="parameter path, e.g. objects.red.friction, objects.NAME.youngs_modulus, joints.NAME.friction, "
-        "pulleys.NAME.bearing_friction, emitters.NAME.rate; a contact's friction and restitution are each the "
-        "geometric mean of both bodies' values, or the object's own where a static has none"
+        "joints.NAME.motor.target_speed, pulleys.NAME.bearing_friction, emitters.NAME.rate; a contact's friction and "
+        "restitution are each the geometric mean of both bodies' values, or the object's own where a static has none"
     )
     value: float = Field(description="new value, in the parameter's unit")
 

@@ -90,6 +90,10 @@ JOINT_PARAMETERS = {
     "damping": ParameterSpec("N m s or N s/m", 0.0, 1e9, (0.0, 1.0), "viscous resistance of a joint"),
     "stiffness": ParameterSpec("N/m", 0.0, 1e9, (1.0, 1e3), "force per extension of a spring"),
 }
+MOTOR_PARAMETERS = {
+    "target_speed": ParameterSpec("rad/s or m/s", -1e6, 1e6, (-20.0, 20.0), "speed a motor aims at, about the axis"),
+    "limit": ParameterSpec("N m or N", 0.0, 1e9, (0.0, 10.0), "greatest torque or force of a motor"),
+}
 _STATE = {
     "position": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "position at start_time"),
     "velocity": ParameterSpec("m/s", -1e5, 1e5, (-10.0, 10.0), "velocity at start_time"),

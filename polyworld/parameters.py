@@ -21,6 +21,7 @@ from polyworld.parameter_tables import (
     EMITTER_PARAMETERS,
     GRAVITY,
     JOINT_PARAMETERS,
+    MOTOR_PARAMETERS,
     OBJECT_PARAMETERS,
     PULLEY_PARAMETERS,
     SECONDS_PER_FRAME,
@@ -56,6 +57,10 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         for field, spec in JOINT_PARAMETERS.items():
             if hasattr(joint, field):
                 paths[f"joints.{joint.name}.{field}"] = spec
+        motor = getattr(joint, "motor", None)
+        for field, spec in MOTOR_PARAMETERS.items() if motor is not None else ():
+            if getattr(motor, field) is not None:  # one of constant effort aims at no speed
+                paths[f"joints.{joint.name}.motor.{field}"] = spec
     for axis in "xyz":
         paths[f"environment.gravity.{axis}"] = GRAVITY
     paths["environment.motion_plane.friction"] = OBJECT_PARAMETERS["friction"]
@@ -74,11 +79,23 @@ def specification(world: World, path: str) -> ParameterSpec:
     if path in paths:
         return paths[path]
     head = path.rsplit(".", 1)[0]
-    near = [p for p in paths if p.startswith(head + ".")]
-    heads = sorted({".".join(p.split(".")[:2]) for p in paths if p.count(".") >= 2} | {"time.seconds_per_frame"})
+    near = [p for p in paths if p.startswith((path + ".", head + "."))]
+    if not near and path.count("."):  # what the named part has
+        near = [p for p in paths if p.startswith(".".join(path.split(".")[:2]) + ".")]
+    heads = sorted({".".join(p.split(".")[:2]) + ".*" for p in paths if p.count(".") >= 2} | {"time.seconds_per_frame"})
     close = difflib.get_close_matches(path, paths, n=1, cutoff=0.8)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     raise KeyError(f"unknown parameter {path!r}{hint}; choices: {near or heads}")
+
+
+def check_differs_per_world(path: str) -> None:
+    """Raise ValueError for a parameter that all worlds of a batch share, so that it cannot be fitted."""
+    parts = path.split(".")
+    if parts[0] == "joints" and parts[2:3] == ["motor"]:
+        raise ValueError(
+            f"{path} is the same in all worlds that a fit tries, so it cannot be fitted: set it with set_parameter; "
+            "of a joint friction, damping and stiffness can be fitted"
+        )
 
 
 def read_parameter(world: World, path: str) -> float | None:
@@ -91,8 +108,10 @@ def read_parameter(world: World, path: str) -> float | None:
             return _read_object(world, item, parts[2:])
         return _read_deformable(item, parts[2:])
     if parts[0] in ("pulleys", "emitters", "joints"):
-        part = next(x for x in getattr(world, parts[0]) if x.name == parts[1])
-        return float(getattr(part, parts[2]))
+        part: Any = next(x for x in getattr(world, parts[0]) if x.name == parts[1])
+        for field in parts[2:]:
+            part = getattr(part, field)
+        return float(part)
     if parts[0] == "statics":
         return _static_value(world, parts[1], parts[2])
     if parts[0] == "environment" and parts[1] == "gravity":
@@ -125,7 +144,8 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
             else:
                 item[parts[2]] = float(value)
         elif parts[0] in ("pulleys", "emitters", "joints"):
-            next(d for d in data[parts[0]] if d["name"] == parts[1])[parts[2]] = float(value)
+            part = next(d for d in data[parts[0]] if d["name"] == parts[1])
+            (part["motor"] if parts[2] == "motor" else part)[parts[-1]] = float(value)
         elif parts[0] in ("objects", "statics"):
             item = next(d for d in data[parts[0]] if d["name"] == parts[1])
             if parts[2] == "rotation":

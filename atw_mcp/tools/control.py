@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.app import App
 from atw_mcp.names import case_hint
-from atw_mcp.parts import part_schema
+from atw_mcp.parts import part_field_schema, part_schema
 from atw_mcp.results import Answer, page, to_result
 from atw_mcp.schemas import argument_lines, inlined
 from atw_mcp.toolbox import ToolGroup
@@ -33,7 +33,7 @@ def describe_tool(
         str | None,
         Field(
             description="one argument, to get its full JSON schema (BuildWorld: 'world', or a kind of part as "
-            "'parts.rope')"
+            "'parts.rope', or a field of it as 'parts.hinge.motor')"
         ),
     ] = None,
 ) -> Answer:
@@ -49,7 +49,15 @@ def describe_tool(
         raise ToolError(f"no tool {tool!r}{hint}; tools: {', '.join(names)}")
     properties: dict[str, Any] = found.parameters.get("properties", {})
     if argument is not None and found.name == "BuildWorld" and argument.startswith("parts."):
-        kind = argument.removeprefix("parts.")
+        kind, _, field = argument.removeprefix("parts.").partition(".")
+        if field:
+            inner = part_field_schema(kind, field)
+            about = inner.get("description", "")
+            lines = argument_lines(inner) if "properties" in inner else []
+            return Answer(
+                summary=f"{field} of part {kind}: {about.split('. ')[0]}",
+                data={"fields": lines, "about": about} if lines else {"schema": inner},
+            )
         described = part_schema(kind)
         lines = argument_lines(described)[1:]
         return Answer(

@@ -260,10 +260,14 @@ def _edits(world: World) -> list[str]:
 
 
 def _parameters(world: World, names: list[str]) -> dict[str, list[str]]:
-    """The last words of parameter paths that set_parameter and FitWorld take, by their first words, without states."""
+    """The last words of parameter paths that set_parameter and FitWorld take, by their first words, without states.
+
+    Those of motors set_parameter takes alone.
+    """
     found: dict[str, list[str]] = {}
     for path in parameter_paths(world):
-        head, _, tail = path.rpartition(".") if path.count(".") == 2 else ("", "", "")
+        told = path.count(".") == 2 or ".motor." in path
+        head, _, tail = path.rpartition(".") if told else ("", "", "")
         if head.startswith("objects.") and head.split(".")[1] not in names:
             continue
         if head and not head.startswith("environment."):

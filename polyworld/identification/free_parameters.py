@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.parameters import specification
+from polyworld.parameters import check_differs_per_world, specification
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -96,6 +96,7 @@ class SearchSpace:
         for p in parameters:
             for path in p.paths:
                 spec = specification(world, path)
+                check_differs_per_world(path)
                 if p.lower < spec.lower or p.upper > spec.upper:
                     raise ValueError(
                         f"parameter {p.name!r}: bounds {p.lower} to {p.upper} exceed those of {path}, "

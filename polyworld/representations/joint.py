@@ -12,10 +12,16 @@ Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 class Motor(Description):
-    """Drives a hinge or a slider: towards a speed, or with a constant effort, never harder than `limit`."""
+    """Drives a hinge or a slider: towards a speed, or with a constant effort, never harder than `limit`.
+
+    Positive is the object turning about the axis by the right-hand rule, or moving along it, as seen from the other
+    (or the world); in planar worlds a hinge's axis is the motion plane's normal.
+    """
 
     target_speed: float | None = Field(
-        default=None, description="speed aimed at [rad/s of a hinge, m/s of a slider]; default: constant effort"
+        default=None,
+        description="speed aimed at [rad/s of a hinge, positive about its axis by the right-hand rule; m/s of a "
+        "slider, along its axis]; default: constant effort",
     )
     limit: NonNegative = Field(description="greatest torque [N m] or force [N]; the effort itself without a target")
     reverse: bool = Field(default=False, description="constant effort in the negative direction")

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import CATALOGUE, KIND_INDEX, MAX_PARAMETERS
-from polyworld.parameters import object_mass, parameter_paths, specification, torsional_radius
+from polyworld.parameters import (
+    check_differs_per_world,
+    object_mass,
+    parameter_paths,
+    specification,
+    torsional_radius,
+)
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -118,6 +124,7 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
     for path, given in overrides.items():
         values = np.asarray(given, dtype=float)
         spec = known.get(path) or specification(world, path)  # the latter raises, naming the choices
+        check_differs_per_world(path)
         if not (np.all(np.isfinite(values)) and values.min() >= spec.lower and values.max() <= spec.upper):
             raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
         parts = path.split(".")

@@ -22,14 +22,16 @@ from polyworld.interventions import (
 )
 from polyworld.meshing import mesh_of
 from polyworld.meshing.rope import threading
+from polyworld.parameters import read_parameter
 from polyworld.relocation import centre_of_mass
 from polyworld.representations.attachment import Attachment, Region
 from polyworld.representations.cloth import Cloth, Sheet
 from polyworld.representations.fluid import Container, Drain, Emitter, Fluid, FluidGrid, FluidVolume
-from polyworld.representations.joint import Fixed, Hinge, Spring
+from polyworld.representations.joint import Fixed, Hinge, Motor, Spring
 from polyworld.representations.rigid import RigidObject
 from polyworld.representations.rope import Pulley, Rope
 from polyworld.representations.soft import Soft
+from polyworld.rollout import rollout, simulator
 from polyworld.shapes import Box, Sphere
 from polyworld.world import Effect, World
 
@@ -207,6 +209,22 @@ def test_rope_over_a_pulley_keeps_its_length_when_its_load_is_moved() -> None:
 def test_what_cannot_be_done_is_refused_with_what_can(edit: Intervention, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         branch(world(), [edit])
+
+
+def test_motor_is_set_and_a_batch_refuses_it() -> None:
+    """A wheel whose motor is strong against its friction turns at the target speed, by the right-hand rule about z."""
+    wheel = RigidObject(name="wheel", shape=Sphere(radius=0.1), position=(0.0, 0.0, 0.0), mass=1.0)
+    axle = Hinge(name="axle", object="wheel", anchor=(0.0, 0.0, 0.0), motor=Motor(target_speed=3.0, limit=1.0))
+    driven = World(objects=(wheel,), joints=(axle,))
+    other = branch(driven, [SetParameter(path="joints.axle.motor.target_speed", value=-5.0)])
+    assert read_parameter(other, "joints.axle.motor.target_speed") == -5.0
+    assert rollout(other, 1.0).trajectory.angular_velocities[-1, 0, 2] == pytest.approx(-5.0, rel=1e-6)
+    stalled = branch(other, [SetParameter(path="joints.axle.motor.limit", value=0.0)])
+    assert rollout(stalled, 1.0).trajectory.angular_velocities[-1, 0, 2] == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(ValueError, match=r"choices: \['joints.axle.friction'.*'joints.axle.motor.limit'"):
+        branch(driven, [SetParameter(path="joints.axle.speed", value=1.0)])
+    with pytest.raises(ValueError, match="cannot be fitted: set it with set_parameter"):
+        simulator(driven, np.array([0.1]), n_worlds=2).run({"joints.axle.motor.limit": np.array([1.0, 2.0])})
 
 
 @pytest.mark.parametrize(

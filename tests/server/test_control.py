@@ -41,6 +41,9 @@ def test_describe_tool_covers_every_tool_and_argument(session: Session) -> None:
     }
     assert required == {"case"}
     schema = session("DescribeTool", tool="BuildWorld", argument="world")["data"]["schema"]
+    motor = session("DescribeTool", tool="BuildWorld", argument="parts.hinge.motor")["data"]
+    assert "right-hand rule" in motor["about"]
+    assert [line["argument"] for line in motor["fields"]][:2] == ["target_speed", "limit"]
     assert "objects" in schema["properties"]
     assert "$ref" not in json.dumps(schema)
 
