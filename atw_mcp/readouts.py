@@ -207,11 +207,11 @@ def series(world: World, rollout: Rollout, name: str, span: Span, columns: Itera
 
 
 def thinned(rows: list[Any], limit: int) -> list[Any]:
-    """At most `limit` of the rows, evenly spaced, the first and the last among them."""
+    """At most `limit` of the rows: every k-th from the first on, and the last."""
     if len(rows) <= limit:
         return rows
-    picked = np.unique(np.rint(np.linspace(0, len(rows) - 1, max(limit, 2))).astype(int))
-    return [rows[i] for i in picked]
+    kept = rows[:: -(-(len(rows) - 1) // (max(limit, 2) - 1))]
+    return kept if kept[-1] is rows[-1] else [*kept, rows[-1]]
 
 
 def _rows(rollout: Rollout, column: int, span: Span) -> NDArray[np.intp]:

@@ -72,7 +72,9 @@ def why_untold(world: World, trajectory: Trajectory, predicate: Predicate) -> st
             if kind.removesuffix("_planar") not in allowed:
                 choices = sorted(n for n, k in soft.items() if k.removesuffix("_planar") in allowed)
                 told = f"{predicate.predicate} is told of {' or '.join(allowed)}"
-                return f"{told}, and {name!r} is {kind}; choices: {choices}"
+                other = "; of a rigid object's centre inside_region tells it"
+                hint = other if isinstance(predicate, Occupies) and kind == "rigid" else ""
+                return f"{told}, and {name!r} is {kind}; choices: {choices}{hint}"
     if isinstance(predicate, Holds | Occupies) and predicate.container is not None:
         known = [c.name for c in world.containers]
         if predicate.container not in known:

@@ -257,7 +257,7 @@ def read_trajectory(
     object: Annotated[str, Field(description="name of the object")],
     interval: Seconds = None,
     frames: FrameRange = None,
-    limit: Annotated[int, Field(ge=2, le=500, description="rows shown, evenly spaced over the interval")] = 24,
+    limit: Annotated[int, Field(ge=2, le=500, description="rows shown at most: every k-th sample, and the last")] = 24,
     fields: Annotated[
         list[Literal["time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v"]] | None,
         Field(
