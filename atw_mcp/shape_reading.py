@@ -19,6 +19,7 @@ from polyworld.readouts import (
     Front,
     GridOccupancy,
     ImageOccupancy,
+    Level,
     Markers,
     Outline,
     Stretch,
@@ -32,7 +33,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 Readable = Annotated[
-    Centreline | Outline | Amount | Front | Tension | Stretch | GridOccupancy | ImageOccupancy | Markers,
+    Centreline | Outline | Amount | Front | Level | Tension | Stretch | GridOccupancy | ImageOccupancy | Markers,
     Field(discriminator="kind"),
 ]
 EXAMPLE = {"kind": "centreline", "count": 8}
@@ -114,7 +115,7 @@ def _units(world: World, name: str, readout: Any) -> dict[str, str]:
         return {"unit": planar.get(kind, AMOUNT_UNIT[kind.removesuffix("_planar")]), "entries": "one number"}
     if isinstance(readout, Tension):
         return {"unit": "N", "entries": "one number"}
-    if isinstance(readout, Front):
+    if isinstance(readout, Front | Level):
         return {"unit": "m", "entries": "one number"}
     if isinstance(readout, Stretch):
         return {"unit": "1", "entries": "principal stretches, largest first"}

@@ -141,6 +141,17 @@ class Front(Description):
     share: float = Field(default=1.0, ge=0.0, le=1.0)
 
 
+class Level(Description):
+    """Depth at which a fluid would stand in a container, or in its fluid grid, were it level: m = 1, c = 1 [m].
+
+    What of it is inside, over the horizontal extent of that box: an area (in planar worlds a width).
+    """
+
+    kind: Literal["level"] = "level"
+    object: Name
+    container: Name | None = Field(default=None, description="container of the world; default: the fluid grid")
+
+
 class Tension(Description):
     """Tension of a rope at a share of its length from its first end, or its largest: m = 1, c = 1 [N]."""
 
@@ -157,6 +168,16 @@ class Stretch(Description):
 
 
 Readout = Annotated[
-    Markers | Centreline | Curve | Outline | ImageOccupancy | GridOccupancy | Amount | Front | Tension | Stretch,
+    Markers
+    | Centreline
+    | Curve
+    | Outline
+    | ImageOccupancy
+    | GridOccupancy
+    | Amount
+    | Front
+    | Level
+    | Tension
+    | Stretch,
     Field(discriminator="kind"),
 ]

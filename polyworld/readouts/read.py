@@ -21,6 +21,7 @@ from polyworld.readouts.kinds import (
     Front,
     GridOccupancy,
     ImageOccupancy,
+    Level,
     Markers,
     Outline,
     Readout,
@@ -61,8 +62,10 @@ def check_readable(readout: Readout, world: World) -> None:
         )
     if _view(readout) == "image" and world.camera is None:
         raise ValueError(f"{readout.kind} of {readout.object!r} is in pixels, and the world has no camera")
-    if isinstance(readout, Amount) and readout.container is not None:
+    if isinstance(readout, Amount | Level) and readout.container is not None:
         distribution.container_named(world, readout.container)
+    if isinstance(readout, Level) and world.planar and abs(_normal(world)[2]) > 0.5:
+        raise ValueError(f"level is read off fluids that can stand: the motion plane of {readout.object!r} is level")
 
 
 _ALL = ("rope", "cloth", "soft", "fluid")
@@ -76,6 +79,7 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "grid_occupancy": ("fluid",),
     "amount": _ALL,
     "front": _ALL,
+    "level": ("fluid",),
     "tension": ("rope",),
     "stretch": ("cloth", "soft"),
 }
@@ -132,7 +136,13 @@ class _Subject:
     def planar_axis(self) -> int | None:
         if not self.world.planar:
             return None
-        return int(np.argmax(np.abs(geometry.plane_axes(self.world.environment.motion_plane)[2])))
+        return int(np.argmax(np.abs(_normal(self.world))))
+
+
+def _normal(world: World) -> Array:
+    """Unit normal (3,) of the motion plane."""
+    normal: Array = geometry.plane_axes(world.environment.motion_plane)[2]
+    return normal
 
 
 _MESHES: dict[tuple[str, str], DeformableMesh] = {}
@@ -226,6 +236,21 @@ def _front(subject: _Subject, readout: Front, observed: Array | None) -> Array:
     return distribution.front(subject.points, subject.substance, direction, readout.share)[..., None, None]
 
 
+def _level(subject: _Subject, readout: Level, observed: Array | None) -> Array:
+    grid = subject.world.fluid_grid
+    assert grid is not None  # the world's own check: a fluid needs one
+    if readout.container is None:
+        lower, upper = grid.lower, grid.upper
+        place = Amount(object=readout.object, lower=lower, upper=upper)
+    else:
+        box = distribution.container_named(subject.world, readout.container)
+        lower, upper = box.lower, box.upper
+        place = Amount(object=readout.object, container=box.name)
+    extent = np.subtract(upper, lower)
+    across = [extent[axis] for axis in (0, 1) if axis != subject.planar_axis]
+    return _amount(subject, place, observed) / float(np.prod(across))
+
+
 def _tension(subject: _Subject, readout: Tension, observed: Array | None) -> Array:
     del observed
     tension = subject.quantities.quantities.get("tension")
@@ -255,6 +280,7 @@ _READERS: dict[type, Callable[[_Subject, Any, Array | None], Array]] = {
     GridOccupancy: _grid_occupancy,
     Amount: _amount,
     Front: _front,
+    Level: _level,
     Tension: _tension,
     Stretch: _stretch,
 }

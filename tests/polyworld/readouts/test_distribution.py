@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from polyworld.geometry import quaternion_matrix
+from polyworld.readouts import Level, check_readable, read
 from polyworld.readouts.distribution import (
     amount_inside,
     centre,
@@ -15,11 +18,12 @@ from polyworld.readouts.distribution import (
     in_container_axes,
     share_inside,
 )
-from polyworld.representations.fluid import Container
+from polyworld.representations.fluid import Container, Fluid, FluidGrid, FluidVolume
 from polyworld.representations.rigid import RigidObject
+from polyworld.rollout import rollout
 from polyworld.shapes import Box
 from polyworld.trajectory import Trajectory
-from polyworld.world import World
+from polyworld.world import Environment, MotionPlane, World
 
 Array = NDArray[np.float64]
 H = 0.05
@@ -115,3 +119,22 @@ def test_fronts_are_quantiles_of_the_substance() -> None:
     assert front(BLOCK, VOLUMES, np.array([0.0, 0.0, 3.0]), 1.0) == pytest.approx(0.5 - H / 2)
     heavier = np.where(BLOCK[:, 0] < 0.25, 3.0, 1.0) * VOLUMES  # half of it in the first quarter
     assert front(BLOCK, heavier, tilted, 0.5) == pytest.approx(0.25, abs=H)
+
+
+@pytest.mark.parametrize(("representation", "normal"), [("fluid", (0.0, 0.0, 1.0)), ("fluid_planar", (0.0, 1.0, 0.0))])
+def test_level_is_the_depth_of_the_fluid_spread_over_the_bottom(
+    representation: Literal["fluid", "fluid_planar"], normal: tuple[float, float, float]
+) -> None:
+    """A block 0.4 m wide and 0.2 m high, as deep as the 0.8 m wide tank, would stand 0.1 m high in it."""
+    water = FluidVolume(shape=Box(half_extents=(0.2, 0.1, 0.1)), position=(-0.2, 0.0, 0.1))
+    tank = World(
+        deformables=(Fluid(name="water", representation=representation, volumes=(water,)),),
+        fluid_grid=FluidGrid(lower=(-0.4, -0.1, 0.0), upper=(0.4, 0.1, 0.4), cell=0.04),
+        containers=(Container(name="left", lower=(-0.4, -0.1, 0.0), upper=(0.0, 0.1, 0.4)),),
+        environment=Environment(motion_plane=MotionPlane(normal=normal)),
+    )
+    start = rollout(tank, 0.001).trajectory
+    for container, depth in ((None, 0.1), ("left", 0.2)):
+        asked = Level(object="water", container=container)
+        check_readable(asked, tank)
+        assert read(asked, tank, start)[0, 0, 0] == pytest.approx(depth, rel=0.03)
