@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from atw_mcp.parts import Parts, read_part
 from atw_mcp.representation_choice import Chosen, Representation, choose
+from atw_mcp.world_warnings import fluid_warnings, without_covering_walls
 from polyworld.camera import Camera
 from polyworld.description import Appearance
 from polyworld.geometry import hull, planar_outline
@@ -128,6 +129,14 @@ def build_world(
     if kind == "planar" and scene.motion_plane is None and scene.parts.deformables:
         scene = replace(scene, motion_plane=ACROSS)
         why += "; the plane is y = 0, seen along +y, as no motion_plane was given"
+    notes: list[str] = []
+    if kind == "planar" and scene.motion_plane is not None:
+        kept, dropped = without_covering_walls(scene.statics, scene.motion_plane)
+        scene = replace(scene, statics=kept)
+        if dropped:
+            notes.append(f"{', '.join(dropped)} left out: ahead of or behind the motion plane, they would cover it")
+    if kind == "spatial" and scene.motion_plane is not None and representation == "auto":
+        notes.append(f"the world is spatial although there is a motion plane, which confines nothing in it: {why}")
     bodies = []
     for name in [*names, *described]:
         own = given.get(name, Given())
@@ -158,11 +167,12 @@ def build_world(
         time=time,
         camera=camera,
     )
+    notes += fluid_warnings(world)
     return Built(
         world=with_initial_states(world, tracks.select(names)) if names else world,
         representation=kind,
         why=why,
-        assumed=_assumed([*names, *described], given, scene, kind),
+        assumed=(*notes, *_assumed([*names, *described], given, scene, kind)),
         left_out=left_out,
     )
 

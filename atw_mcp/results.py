@@ -258,7 +258,9 @@ def validation_text(error: ValidationError) -> str:
     for found in error.errors(include_url=False):
         where = ".".join(str(part) for part in found["loc"])
         given = "" if found["type"] in ("missing", "extra_forbidden") else f" (got {_short(found['input'])})"
-        message = {"missing": "is required", "extra_forbidden": "is not known"}.get(found["type"], found["msg"])
+        message = {"missing": "is required", "extra_forbidden": "is not known"}.get(
+            found["type"], found["msg"].removeprefix("Value error, ")
+        )
         clauses.append(f"{where}: {message}{given}" if where else f"{message}")
     return "; ".join(clauses)
 

@@ -32,6 +32,7 @@ from atw_mcp.tools.world_arguments import (
     WallArgument,
 )
 from atw_mcp.track_records import TrackRecord
+from atw_mcp.world_warnings import fluid_warnings
 from evidence_store import Case
 from polyworld.shapes import Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
@@ -277,13 +278,20 @@ def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | No
 def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
     with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
         made = World.model_validate(document)
+        warned = fluid_warnings(made)
     record = app.store.cases.observations(case.id, "tracks")
     observation = record[0][1] if record else None
     app.keep_world(case, made, how="given", observation=observation)
     names = made.moving_names
     return Answer(
         summary=f"draft world {made.id} with {len(names)} objects, as given",
-        data={"world": made.id, "objects": made.objects, "statics": made.statics, **described_parts(made)},
+        data={
+            "world": made.id,
+            "objects": made.objects,
+            "statics": made.statics,
+            **described_parts(made),
+            "assumed": warned,
+        },
         case=case.id,
         world=made.id,
         observation=observation,

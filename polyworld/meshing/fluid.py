@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,6 +52,56 @@ def fluid_particles(world: World, item: Fluid) -> DeformableMesh:
     points = points[clearance(world, points) > 0.0]
     count = len(points)
     return DeformableMesh(nodes=points, measure=np.full(count, volume), radius=np.full(count, spacing / 2))
+
+
+@dataclass(frozen=True)
+class Carving:
+    """How much of a described volume holds no fluid at the start, as shares of it: in all, and by what covers it.
+
+    volume: its place in the fluid's list. by: names of statics and objects, and "the sides of fluid_grid".
+    """
+
+    volume: int
+    lost: float
+    by: dict[str, float]
+
+
+def carvings(world: World, item: Fluid) -> tuple[Carving, ...]:
+    """What grid sides, statics and rigid objects take from each volume of a fluid, by sampling it evenly."""
+    box = world.fluid_grid
+    if box is None:
+        raise ValueError(f"fluid {item.name!r} needs a fluid_grid")
+    thin = thin_axis(world)
+    kept_axes = [axis for axis in range(3) if axis != thin]
+    lower, upper = np.asarray(box.lower, dtype=float), np.asarray(box.upper, dtype=float)
+    alone = [(s.name, world.model_copy(update={"statics": (s,), "objects": ()})) for s in world.statics]
+    alone += [(o.name, world.model_copy(update={"statics": (), "objects": (o,)})) for o in world.objects]
+    found = []
+    for number, part in enumerate(item.volumes):
+        points = _samples(world, part, thin)
+        outside = ((points < lower) | (points > upper))[:, kept_axes].any(axis=1)
+        covered = {"the sides of fluid_grid": outside}
+        covered |= {name: ~outside & (clearance(one, points) <= 0.0) for name, one in alone}
+        lost = float(np.any(list(covered.values()), axis=0).mean())
+        found.append(Carving(number, lost, {name: float(c.mean()) for name, c in covered.items() if c.any()}))
+    return tuple(found)
+
+
+def _samples(world: World, part: FluidVolume, thin: int) -> Array:
+    """Midpoints of equal cells of a volume's bounding box that lie in the volume (k, 3)."""
+    shape, reach = part.shape, _reach(part)
+    if isinstance(shape, Box):
+        turn = geometry.quaternion_matrix(np.asarray(part.orientation, dtype=float) / np.linalg.norm(part.orientation))
+        half = np.abs(turn) @ np.asarray(shape.half_extents, dtype=float)
+    else:
+        half = np.full(3, reach)
+    number = 40 if thin < 0 else 200
+    steps = (np.arange(number) + 0.5) / number * 2.0 - 1.0
+    axes = [part.position[a] + half[a] * steps for a in range(3)]
+    if thin >= 0:
+        axes[thin] = np.array([world.environment.motion_plane.point[thin]])
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points[_inside(part, points, thin)]
 
 
 def _lattice(world: World, part: FluidVolume, lower: Array, upper: Array, spacing: float, thin: int) -> Array:

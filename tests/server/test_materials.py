@@ -270,3 +270,52 @@ def test_horizon_is_bounded_by_the_number_of_points(session: Session, case: str)
     refusal = session.refused("Rollout", case=case, horizon_seconds=100)
     assert "512000 points and particles in each" in refusal
     assert "a coarser grid" in refusal
+
+
+SIDE_VIEW = {"point": [0, 0, 0], "normal": [0, -1, 0]}
+BASIN = {"part": "fluid_grid", "lower": [-0.25, -0.05, -0.05], "upper": [0.25, 0.05, 0.4], "cell": 0.02}
+POOL = {
+    "part": "fluid",
+    "name": "water",
+    "volumes": [{"shape": {"kind": "box", "half_extents": [0.2, 0.05, 0.075]}, "position": [0, 0, 0.075]}],
+}
+OPEN_TANK = {
+    "name": "tank",
+    "shape": {"kind": "open_box", "half_extents": [0.22, 0.1, 0.25], "thickness": 0.02},
+    "position": [0, 0, 0.23],
+}
+
+
+def test_walls_ahead_of_and_behind_the_plane_leave_the_water_in_a_planar_tank(session: Session, case: str) -> None:
+    built = session(
+        "BuildWorld", case=case, motion_plane=SIDE_VIEW, parts=[POOL, BASIN], obstacles=[OPEN_TANK], floor="none"
+    )
+    assert built["data"]["deformables"][0]["area"] == pytest.approx(0.4 * 0.15, rel=0.02)
+    assert built["data"]["statics"] == ["tank_bottom", "tank_left", "tank_right"]
+    assert any("tank_front, tank_back left out" in note for note in built["data"]["assumed"])
+
+
+def test_water_that_solids_or_grid_sides_take_is_told_and_none_left_is_refused(session: Session, case: str) -> None:
+    rock = {"name": "rock", "shape": {"kind": "box", "half_extents": [0.05, 0.1, 0.2]}, "position": [0, 0, 0.1]}
+    built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, parts=[POOL, BASIN], obstacles=[rock])
+    assert any("25% of its volume 1 is left out, covered by rock" in note for note in built["data"]["assumed"])
+    rock["shape"] = {"kind": "box", "half_extents": [0.3, 0.3, 0.3]}
+    refusal = session.refused("BuildWorld", case=case, motion_plane=SIDE_VIEW, parts=[POOL, BASIN], obstacles=[rock])
+    assert "volume 1 is empty, covered by rock" in refusal
+
+
+def test_a_body_over_a_closed_grid_without_a_bottom_is_warned_of(session: Session, case: str) -> None:
+    stone = {"name": "stone", "shape": {"kind": "sphere", "radius": 0.03}, "position": [0, 0, 0.3]}
+    wanted = "nothing solid is under stone"
+    common = {"case": case, "motion_plane": SIDE_VIEW, "objects": [stone], "parts": [POOL, BASIN], "floor": "none"}
+    alone = session("BuildWorld", **common)
+    assert any(wanted in note for note in alone["data"]["assumed"])
+    held = session("BuildWorld", **common, obstacles=[OPEN_TANK])
+    assert not any(wanted in note for note in held["data"]["assumed"])
+
+
+def test_a_motion_plane_that_a_compound_overrules_is_told(session: Session, case: str) -> None:
+    pail = {**BUCKET, "position": [0, 0, 0.3]}
+    built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, objects=[pail])
+    assert built["data"]["representation"] == "spatial"
+    assert any("spatial although there is a motion plane" in note for note in built["data"]["assumed"])
