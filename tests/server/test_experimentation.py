@@ -16,7 +16,10 @@ from atw_mcp.rollouts import KIND, SERIES
 from atw_mcp.tools import experimentation as tools
 from evidence_store import Binding
 from polyworld.interventions import SetVelocity, branch
+from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import rollout
+from polyworld.shapes import Plane, Sphere
+from polyworld.world import StaticObject, World
 from tests.server.probing import FRAME, GAP, MEETING, RADIUS, SPEED, case_with, two_discs
 
 END = 60 * FRAME
@@ -308,3 +311,23 @@ def test_finer_samples_make_another_rollout_that_judges_thresholds_finer(app: Ap
     )
     with pytest.raises(ToolError, match="sample_seconds must be above 0 and at most a frame"):
         roll(sample_seconds=2 * FRAME)
+
+
+def test_landing_is_new_where_the_base_stands(tmp_path: Path) -> None:
+    """A ball that stands on the floor, against one dropped from 0.2 m: it lands at sqrt(2 h / g) with sqrt(2 g h)."""
+    app = App(tmp_path / "atw.db")
+    ball = RigidObject(name="ball", shape=Sphere(radius=0.1), position=(0.0, 0.0, 0.1), restitution=0.0)
+    case_with(app, World(objects=(ball,), statics=(StaticObject(name="floor", shape=Plane()),)), committed=True)
+    dropped = {"action": "move", "object": "ball", "position": [0.0, 0.0, 0.3]}
+    stands, lands = (
+        done(app, "Rollout", tools.roll_out(app, "discs", edits=edits, horizon_seconds=0.5))
+        for edits in ([], [dropped])
+    )
+    assert stands.data["timeline"] == []
+    assert not stands.data["floor_contacts_included"]
+    (landing,) = (row for row in lands.data["timeline"] if row["what"] == "collision")
+    assert landing["time"] == pytest.approx((2 * 0.2 / 9.81) ** 0.5, abs=0.01)
+    assert landing["approach_speed"] == pytest.approx((2 * 0.2 * 9.81) ** 0.5, rel=0.02)
+    compared = tools.compare_worlds(app, str(stands.rollout), str(lands.rollout))
+    assert ["ball", "floor"] in [row["objects"] for row in compared.data["events"]["new"]]
+    assert "ball and floor collide" in compared.summary
