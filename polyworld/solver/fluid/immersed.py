@@ -17,6 +17,7 @@ SHEET = 1
 LINE = 2
 
 OPEN = wp.float64(1.0e-3)
+SPARSE = wp.float64(0.02)  # faces with this part of a cell of liquid are none to push against
 WET = wp.float64(0.1)  # a soft body with this part of liquid somewhere around it takes part in the grid
 
 
@@ -243,38 +244,46 @@ def _corner_weight(at: Stencil, n: int) -> wp.float64:
     return (ONE - wp.abs(x - at.f[0])) * (ONE - wp.abs(y - at.f[1])) * (ONE - wp.abs(z - at.f[2]))
 
 
+@wp.func
+def _holds(grid: Grid, fields: Fields, w: int, a: int, c: int) -> int:
+    """Whether a face has enough liquid around it, and is open enough, to take part: a spray's face would fly off."""
+    if fields.bulk[w, a, c] > SPARSE * grid.volume and fields.open[w, a, c] > OPEN:
+        return 1
+    return 0
+
+
 @wp.func(inline=False)
-def _softness(grid: Grid, fields: Fields, w: int, a: int, at: Stencil) -> wp.float64:
-    """Velocity at a point per impulse given to the liquid around it; negative where there is too little of it."""
+def _surroundings(grid: Grid, fields: Fields, w: int, a: int, at: Stencil) -> wp.vec3d:
+    """Velocity of the liquid around a point, and velocity there per impulse given to it; these and the share of the
+    weights that it holds, which `_kick` gives by: the three agree, so that an exchange cannot overshoot."""
     held = wp.float64(0.0)
     soft = wp.float64(0.0)
+    u = wp.float64(0.0)
     for n in range(8):
         weight = _corner_weight(at, n)
         c = _corner(grid, at, n)
-        m = fields.mass[w, a, c]
-        if weight > ZERO and m > wp.float64(1.0e-3) * grid.volume * fields.mass[w, a, c] / wp.max(
-            fields.bulk[w, a, c], wp.float64(1.0e-300)
-        ):
+        if weight > ZERO and _holds(grid, fields, w, a, c) == 1:
             held += weight
-            soft += weight * weight / m
-    if held < HALF:
-        return -ONE
-    return soft
+            soft += weight * weight / fields.mass[w, a, c]
+            u += weight * fields.velocity[w, a, c]
+    if held <= ZERO:
+        return wp.vec3d(ZERO, ZERO, ZERO)
+    return wp.vec3d(u / held, soft / (held * held), held)
 
 
 @wp.func(inline=False)
 def _kick(grid: Grid, fields: Fields, w: int, a: int, at: Stencil, impulse: wp.float64) -> None:
-    """Give an impulse to the liquid around a point."""
+    """Give an impulse to the liquid around a point that `_surroundings` has looked at."""
     held = wp.float64(0.0)
     for n in range(8):
         c = _corner(grid, at, n)
-        if fields.mass[w, a, c] > ZERO:
+        if _holds(grid, fields, w, a, c) == 1:
             held += _corner_weight(at, n)
     for n in range(8):
         c = _corner(grid, at, n)
-        m = fields.mass[w, a, c]
-        if m > ZERO:
-            fields.velocity[w, a, c] = fields.velocity[w, a, c] + _corner_weight(at, n) * impulse / (held * m)
+        if _holds(grid, fields, w, a, c) == 1:
+            share = _corner_weight(at, n) / held
+            fields.velocity[w, a, c] = fields.velocity[w, a, c] + share * impulse / fields.mass[w, a, c]
 
 
 @wp.func(inline=False)
@@ -287,13 +296,14 @@ def _direction(samples: Samples, nodes: NodeArrays, w: int, s: int, kind: int) -
     return wp.normalize(wp.cross(b - a, nodes.x[w, samples.node[s, 2]] - a))
 
 
-@wp.kernel
-def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
-    """Implicit exchange of momentum between sheets and lines and the liquid around them, sample by sample."""
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO:
-        return
+@wp.func(inline=False)
+def _exchange(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, w: int, dt: wp.float64) -> wp.vec3d:
+    """Momentum that sheets and lines get from the liquid around them, which loses it, sample by sample.
+
+    Each impulse is at most what brings both to one velocity, with what nodes and faces weigh in it: never more energy
+    than before. In a time dt there is drag; across a sheet nothing flows, however short that is.
+    """
+    given = wp.vec3d()
     for s in range(samples.object.shape[0]):
         o = samples.object[s]
         kind = samples.kind[o]
@@ -310,10 +320,11 @@ def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
             if grid.wide[a] == 0:
                 continue
             at = stencil(grid, x, a)
-            soft[a] = _softness(grid, fields, w, a, at)
-            if soft[a] < ZERO:
+            found = _surroundings(grid, fields, w, a, at)
+            liquid[a] = found[0]
+            soft[a] = found[1]
+            if found[2] < HALF:
                 dry = 1
-            liquid[a] = gather(grid, fields.velocity[w, a], at)
             bulk = gather(grid, fields.bulk[w, a], at)
             if bulk > ZERO:
                 density = gather(grid, fields.mass[w, a], at) / bulk
@@ -349,7 +360,16 @@ def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
             if grid.wide[a] == 1:
                 _kick(grid, fields, w, a, stencil(grid, x, a), -impulse[a])
         _push_nodes(samples, nodes, w, s, impulse * samples.share[o])
-        pace.given[w] = pace.given[w] + impulse
+        given = given + impulse
+    return given
+
+
+@wp.kernel
+def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+    """Implicit exchange of momentum between sheets and lines and the liquid around them."""
+    w = wp.tid()
+    if pace.dt[w] > ZERO:
+        pace.given[w] = pace.given[w] + _exchange(grid, fields, samples, nodes, w, pace.dt[w])
 
 
 @wp.func
@@ -362,7 +382,8 @@ def _push_nodes(samples: Samples, nodes: NodeArrays, w: int, s: int, impulse: wp
 
 @wp.kernel
 def lift_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
-    """Buoyancy of sheets and lines: the pressure gradient times their volume, and its reaction on the liquid."""
+    """Buoyancy of sheets and lines: the pressure gradient times their volume, its reaction on the liquid, and the
+    exchange that follows across sheets."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
@@ -375,9 +396,14 @@ def lift_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
             continue
         impulse = wp.vec3d()
         for a in range(3):
-            if grid.wide[a] == 1:
-                at = stencil(grid, x, a)
-                impulse[a] = samples.volume[s] * gather(grid, fields.push[w, a], at)
+            if grid.wide[a] == 0:
+                continue
+            at = stencil(grid, x, a)
+            if _surroundings(grid, fields, w, a, at)[2] >= HALF:  # as for the exchange
+                wet = wp.min(gather(grid, fields.bulk[w, a], at) / grid.volume, ONE)
+                impulse[a] = wet * samples.volume[s] * gather(grid, fields.push[w, a], at)
                 _kick(grid, fields, w, a, at, -impulse[a])
         _push_nodes(samples, nodes, w, s, impulse * samples.share[o])
         pace.given[w] = pace.given[w] + impulse
+    # A light sheet, lifted by many times its weight, takes the liquid on both sides with it.
+    pace.given[w] = pace.given[w] + _exchange(grid, fields, samples, nodes, w, ZERO)

@@ -242,9 +242,9 @@ class FluidSolver:
         if immersed_soft:
             go(immersed.immerse_soft, g, f, self._samples, self._nodes, pace)
         go(transfer.momentum_to_velocity, g, f, pace)
+        go(covering.cover_by_bodies, g, s, f, b, pace, wet)
         if self._samples is not None:
             go(immersed.drag_thin, g, f, self._samples, self._nodes, pace)
-        go(covering.cover_by_bodies, g, s, f, b, pace, wet)
         go(surface.find_surface, g, f, pace)
         if self._tense:
             go(tension.find_tension, g, p, q, f, self._tension, pace)
@@ -260,6 +260,7 @@ class FluidSolver:
             go(immersed.lift_soft, g, f, self._samples, self._nodes, pace)
         if self._samples is not None:
             go(immersed.lift_thin, g, f, self._samples, self._nodes, pace)
+        go(motion.rest_on_surface, g, f, q, pace)
         go(motion.continue_velocity, g, f, pace)
         go(motion.slide_along_solids, g, s, f, wet, b, pace)
         if self._has_viscosity:
