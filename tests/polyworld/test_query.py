@@ -16,6 +16,7 @@ from polyworld.predicates import (
     InView,
     Moving,
     NearerThan,
+    Occupies,
     PassesBefore,
     Predicate,
 )
@@ -178,3 +179,16 @@ def test_a_question_that_makes_no_sense_is_refused() -> None:
         ask(PassesBefore(a="red", b="blue", axis="x", value=0.0), None, "count")
     with pytest.raises(ValueError, match="the rollout is of"):
         query(rollout(world(), 0.1), side_view(body("red", Sphere(radius=0.1), (0, 0, 1))), Moving(object="red"))
+
+
+def test_occupies_points_a_rigid_object_at_inside_region() -> None:
+    answer = ask(Occupies(object="red", lower=(-2.0, -1.0, 0.0), upper=(0.0, 1.0, 1.0)))
+    assert not answer.decided
+    assert "inside_region" in (answer.reason or "")
+
+
+def test_states_say_how_fine_their_samples_are_and_contacts_are_exact() -> None:
+    fine = query(rollout(world(), 1.0, sample_interval=0.01), world(), Moving(object="blue"), aggregation="first")
+    assert fine.sampled_every == pytest.approx(0.01)
+    assert fine.value == pytest.approx(0.3, abs=0.01)
+    assert ask(Collides(a="red", b="blue")).sampled_every is None
