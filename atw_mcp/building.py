@@ -136,7 +136,10 @@ def build_world(
         if dropped:
             notes.append(f"{', '.join(dropped)} left out: ahead of or behind the motion plane, they would cover it")
     if kind == "spatial" and scene.motion_plane is not None and representation == "auto":
-        notes.append(f"the world is spatial although there is a motion plane, which confines nothing in it: {why}")
+        notes.append(
+            f"the world is spatial although there is a motion plane, which confines nothing in it: {why}; "
+            "for a planar world describe what does not move as obstacles and moving things as single solids"
+        )
     bodies = []
     for name in [*names, *described]:
         own = given.get(name, Given())

@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from polyworld.deformable_pictures import mesh_for
-from polyworld.meshing.rope import threading
+from polyworld.meshing.rope import threading, unit_axis
 from polyworld.representations.cloth import Cloth
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.rope import Rope
 from polyworld.world import Deformable, World
+
+ARC_POINTS = 91  # at which the rope's way round a wheel is followed
 
 SIZE = {"rope": ("length", "m"), "cloth": ("area", "m^2"), "soft": ("volume", "m^3"), "fluid": ("volume", "m^3")}
 
@@ -50,10 +53,24 @@ def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
     if isinstance(item, Cloth):
         told["thickness"] = item.thickness
     if len(mesh.nodes):
-        told["starts_in"] = [mesh.nodes.min(axis=0).tolist(), mesh.nodes.max(axis=0).tolist()]
+        reach = np.concatenate([mesh.nodes, _on_wheels(world, item)])
+        told["starts_in"] = [reach.min(axis=0).tolist(), reach.max(axis=0).tolist()]
     if getattr(item, "start_time", 0.0):
         told["start_frame"] = round(getattr(item, "start_time", 0.0) / world.time.seconds_per_frame)
     return told
+
+
+def _on_wheels(world: World, item: Deformable) -> NDArray[np.float64]:
+    """Points (k, 3) of a rope's way round its wheels, on which it has no nodes."""
+    points = [np.zeros((0, 3))]
+    if isinstance(item, Rope):
+        thread = threading(world, item)
+        for pulley, start, angle in zip(thread.pulleys, thread.arrives, thread.wrap, strict=True):
+            centre, axis = np.asarray(pulley.centre, dtype=float), unit_axis(pulley)
+            out = start - centre
+            turn = np.linspace(0.0, angle, ARC_POINTS)[:, None]
+            points.append(centre + np.cos(turn) * out + np.sin(turn) * np.cross(axis, out))
+    return np.concatenate(points)
 
 
 def mass(world: World, item: Deformable) -> float:

@@ -55,7 +55,10 @@ def _check_representations(world: World) -> None:
             )
         compounds = [o.name for o in world.objects if o.shape.kind == "compound"]
         if compounds:
-            raise ValueError(f"compound shapes move in space only: {compounds}; make them rigid_spatial, or convex")
+            raise ValueError(
+                f"compound shapes move in space only: {compounds}; make the representation spatial, or them "
+                "single convex shapes"
+            )
         others = [j.name for j in world.joints if j.kind != "hinge"]
         if others and not world.deformables:
             raise ValueError(f"planar worlds take hinges only, not {others}; use rigid_spatial objects instead")

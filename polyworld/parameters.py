@@ -84,6 +84,8 @@ def specification(world: World, path: str) -> ParameterSpec:
         near = [p for p in paths if p.startswith(".".join(path.split(".")[:2]) + ".")]
     heads = sorted({".".join(p.split(".")[:2]) + ".*" for p in paths if p.count(".") >= 2} | {"time.seconds_per_frame"})
     close = difflib.get_close_matches(path, paths, n=1, cutoff=0.8)
+    if path == f"{head}.density" and f"{head}.mass" in paths:  # a density sets a body's mass once, when it is built
+        close = [f"{head}.mass"]
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     raise KeyError(f"unknown parameter {path!r}{hint}; choices: {near or heads}")
 

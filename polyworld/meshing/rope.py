@@ -25,6 +25,7 @@ class Threading:
     (segments + 1 + P,): what the rope passes: k >= 0 is node k, -1 - p is pulley p. rest (segments + P,): length
     without tension of each link [m]; one half of the arc that lies on a wheel belongs to each of its links.
     segment_length: rest length of a segment that touches no wheel. wrap (P,): initial wrap angles [rad].
+    arrives (P, 3): where the rope meets each wheel [m].
     """
 
     nodes: Array
@@ -33,6 +34,7 @@ class Threading:
     rest: Array
     segment_length: float
     wrap: Array
+    arrives: Array
 
 
 def rope_mesh(world: World, rope: Rope) -> DeformableMesh:
@@ -86,7 +88,7 @@ def threading(world: World, rope: Rope) -> Threading:
     for p in range(len(pulleys)):
         k = int(np.flatnonzero(order == -1 - p)[0])
         rest[[k - 1, k]] += 0.5 * on_wheels[p]
-    return Threading(nodes, pulleys, order, rest, segment_length, wrap)
+    return Threading(nodes, pulleys, order, rest, segment_length, wrap, corners[[k for k, _, _ in arcs]])
 
 
 def _path(name: str, points: Array, pulleys: tuple[Pulley, ...]) -> tuple[Array, list[tuple[int, float, float]]]:

@@ -57,7 +57,8 @@ class Pulley(Description):
     """A round pulley that one rope runs over: fixed to the world, or carried by a rigid object (a movable pulley).
 
     The rope must pass it at the start: it is threaded between the two of the rope's `points` that lie on either
-    side of index `after` and runs round the wheel from the tangent of the first to the tangent of the second.
+    side of index `after` and runs round the wheel from the tangent of the first to the tangent of the second. Two
+    points outside the wheel, one on either side, suffice: none of the rope's points belongs on the rim.
     Belt friction bounds the ratio of the two tensions by exp(friction * wrap angle) (Euler-Eytelwein); where the
     wheel turns, the bearing's dry torque, viscous torque and the wheel's inertia make them differ.
     """

@@ -319,3 +319,32 @@ def test_a_motion_plane_that_a_compound_overrules_is_told(session: Session, case
     built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, objects=[pail])
     assert built["data"]["representation"] == "spatial"
     assert any("spatial although there is a motion plane" in note for note in built["data"]["assumed"])
+
+
+def test_the_box_a_rope_starts_in_holds_the_top_of_the_wheel_it_hangs_over(session: Session, case: str) -> None:
+    rope = {**ROPE, "points": [[-0.1, 0, 0], [0.1, 0, 0]], "segments": 20}
+    wheel = {"part": "pulley", "name": "w", "rope": "cord", "centre": [0, 0, 1], "radius": 0.1, "after": 0}
+    built = session("BuildWorld", case=case, parts=[rope, wheel], floor="none")
+    cord = built["data"]["deformables"][0]
+    assert cord["wraps_deg"]["w"] == pytest.approx(180.0)
+    assert cord["starts_in"][1] == pytest.approx([0.1, 0.0, 1.1], abs=1e-3)
+
+
+def test_density_of_a_body_points_at_its_mass(session: Session, case: str) -> None:
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 1]}
+    built = session("BuildWorld", case=case, objects=[ball])
+    session("CommitWorld", case=case, world=built["source"]["world"])
+    edit = {"action": "set_parameter", "path": "objects.ball.density", "value": 500}
+    assert "did you mean 'objects.ball.mass'" in session.refused("Rollout", case=case, edits=[edit])
+
+
+def test_the_shape_of_cloth_says_that_results_depend_on_its_resolution(session: Session) -> None:
+    told = session("DescribeTool", tool="BuildWorld", argument="parts.cloth.geometry")
+    assert "resolution" in json.dumps(told["data"])
+
+
+def test_a_compound_in_a_planar_world_is_refused_in_words_of_the_tool(session: Session, case: str) -> None:
+    pail = {**BUCKET, "position": [0, 0, 0.3]}
+    refusal = session.refused("BuildWorld", case=case, representation="planar", motion_plane=SIDE_VIEW, objects=[pail])
+    assert "compound shapes move in space only" in refusal
+    assert "Value error" not in refusal
