@@ -52,7 +52,7 @@ def _pressed(grid: Grid, fields: Fields, w: int, a: int, c: int) -> int:
 
 @wp.kernel
 def rest_on_surface(grid: Grid, fields: Fields, liquids: Liquids, pace: Pace) -> None:
-    """Liquid above the last faces that pressure acts on moves with them where it is still and gravity alone parts the two.
+    """Liquid above the last faces that pressure acts on moves with them where still: gravity alone parts the two.
 
     Else the topmost particles of still liquid would fall a little in every sub-step and be lifted again by the shift
     that evens out the content, which stirs it without end.
