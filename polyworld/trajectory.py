@@ -131,8 +131,8 @@ class BatchTrajectory:
         """The trajectory of one world, cut before its divergence."""
         count = self.times.shape[1]
         if self.diverged[index]:
-            finite = np.all(np.isfinite(self.positions[index]), axis=(1, 2))
-            count = int(np.argmin(finite)) if not finite.all() else count
+            # Not by what is NaN: so is the centre of a fluid that has not begun to flow.
+            count = int(np.searchsorted(self.times[index], self.diverged_time[index] * (1.0 - 1e-12)))
         keep = slice(0, count)
         return Trajectory(
             names=self.names,

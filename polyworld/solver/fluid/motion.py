@@ -43,45 +43,6 @@ def _velocity(grid: Grid, fields: Fields, w: int, x: wp.vec3d) -> wp.vec3d:
     return v
 
 
-@wp.func
-def _pressed(grid: Grid, fields: Fields, w: int, a: int, c: int) -> int:
-    if fields.known[w, a, c] == 1 and (fields.unknown[w, c] >= 0 or fields.unknown[w, c - grid.stride[a]] >= 0):
-        return 1
-    return 0
-
-
-@wp.kernel
-def rest_on_surface(grid: Grid, fields: Fields, liquids: Liquids, pace: Pace) -> None:
-    """Liquid above the last faces that pressure acts on moves with them where still: gravity alone parts the two.
-
-    Else the topmost particles of still liquid would fall a little in every sub-step and be lifted again by the shift
-    that evens out the content, which stirs it without end.
-    """
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO:
-        return
-    least = wp.float64(2.0) * wp.length(liquids.gravity[w % liquids.gravity.shape[0]]) * dt
-    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
-    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
-    for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
-                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                index = wp.vec3i(i, j, k)
-                for a in range(3):
-                    if grid.wide[a] == 0 or index[a] <= lo[a] + 1 or index[a] + 1 >= hi[a]:
-                        continue
-                    if fields.known[w, a, c] == 0 or _pressed(grid, fields, w, a, c) == 1:
-                        continue
-                    for side in range(2):
-                        d = c + (2 * side - 1) * grid.stride[a]
-                        if _pressed(grid, fields, w, a, d) == 1:
-                            u = fields.velocity[w, a, d]
-                            if wp.abs(u) < least and wp.abs(fields.velocity[w, a, c] - u) < least:
-                                fields.velocity[w, a, c] = u
-
-
 @wp.kernel
 def continue_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
     """Velocity of faces outside the liquid: the mean of their neighbours, layer by layer."""

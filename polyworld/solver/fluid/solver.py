@@ -260,7 +260,6 @@ class FluidSolver:
             go(immersed.lift_soft, g, f, self._samples, self._nodes, pace)
         if self._samples is not None:
             go(immersed.lift_thin, g, f, self._samples, self._nodes, pace)
-        go(motion.rest_on_surface, g, f, q, pace)
         go(motion.continue_velocity, g, f, pace)
         go(motion.slide_along_solids, g, s, f, wet, b, pace)
         if self._has_viscosity:
