@@ -16,6 +16,7 @@ def fixed_length(count: int, item: str = "number") -> WithJsonSchema:
 
 
 Vec3 = Annotated[tuple[float, float, float], fixed_length(3)]
+Interval = Annotated[tuple[float, float], fixed_length(2)]
 Quaternion = Annotated[tuple[float, float, float, float], fixed_length(4)]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$")]
 Positive = Annotated[float, Field(gt=0.0)]

@@ -35,7 +35,7 @@ def law_of(effect: Effect) -> EffectLaw:
 
 
 def check_law(effect: Effect) -> None:
-    """Raise ValueError, naming the valid choices, unless the effect's law exists, can be read and has its parameters."""
+    """Raise ValueError, naming the valid choices, unless the law exists, can be read and has its parameters."""
     if effect.kind != EXPRESSION:
         given = [n for n in ("expression", "parameter_units", "parameter_bounds") if getattr(effect, n)]
         if given:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from polyworld import geometry
-from polyworld.effects import CATALOGUE
+from polyworld.expressions.effect import law_of
 from polyworld.identification.contacts import possible_contacts
 from polyworld.identification.free_parameters import FitParameter
 from polyworld.identification.material_parameters import material_parameters, tied_bodies
@@ -219,7 +219,7 @@ def _effects(world: World, begins: dict[str, float]) -> list[FitParameter]:
         acting = [t for n, t in begins.items() if effect.objects is None or n in effect.objects]
         if not effect.enabled or not acting:
             continue
-        for key, spec in CATALOGUE[effect.kind].parameters.items():
+        for key, spec in law_of(effect).parameters.items():
             lower, upper = spec.search
             centre = float(np.clip(effect.parameters.get(key, spec.default), lower, upper))
             path = f"effects.{effect.name}.{key}"

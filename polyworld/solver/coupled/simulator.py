@@ -141,7 +141,7 @@ def _joined(parts: list[Array]) -> Array:
 
 def _rows(arrays: RigidArrays, span: slice) -> RigidArrays:
     """The same for some of the worlds: shared rows stay, others are cut."""
-    fixed = {"effect_kind", "effect_acts"}
+    fixed = {"effect_kind", "effect_acts", "effect_programs"}
     return RigidArrays(**{k: v if k in fixed or v.shape[0] == 1 else v[span].copy() for k, v in vars(arrays).items()})
 
 
