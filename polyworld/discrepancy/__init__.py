@@ -1,0 +1,1 @@
+"""Where simulated and measured motion disagree, which effect is missing, and what adding it is worth."""

@@ -1,0 +1,69 @@
+"""What an effect that may be missing is, and how it is put into a world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from polyworld.recording import Recording
+from polyworld.world import World
+
+Group = Literal["force", "contact", "structure", "joint", "material", "base", "observer"]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number of the world that a fit may change.
+
+    paths: parameter paths (`polyworld.parameters`) that take its value, all the same. start: its value where nothing
+    is known, the neutral one for a missing effect. lower, upper: bounds. typical: a change of it that would be
+    ordinary (the width of the prior), from which steps and the power check take their scale.
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    typical: float
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to put an effect into a world: the child world and what has to be fitted in it.
+
+    world: the child, with the effect where it does nothing (at the unknowns' starts it moves as its parent does, or
+    nearly so). unknowns: fitted together with the base parameters. starts: where fits begin, as values by name of
+    unknown; several for an effect with a place or a frequency, and at least one. label: whom it acts on and by what
+    rule, for readers; empty where there is but one way. strength: name of the unknown that switches the effect off
+    when it is at its start; None where there is none. same_as: other effects that this design cannot tell
+    from it by construction (a uniform force on one body and a tilt), told with every verdict.
+    """
+
+    world: World
+    unknowns: tuple[Unknown, ...]
+    starts: tuple[Mapping[str, float], ...]
+    label: str = ""
+    strength: str | None = None
+    same_as: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that may be missing: its law and how it shows.
+
+    name: standard name, as verdicts tell it. law: formula. representations: those it applies to. signature: what its
+    absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
+    written down. variants: (world, recording) -> the ways to add it; none where it cannot apply.
+    """
+
+    name: str
+    group: Group
+    law: str
+    representations: frozenset[str]
+    signature: str
+    reference: str
+    variants: Callable[[World, Recording], tuple[Variant, ...]]
+    confused_with: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,212 @@
+"""Residuals of many settings of a world against all runs of a recording, simulated in few batches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.design import Design, RunDesign, owner
+from polyworld.meshing import mesh_of
+from polyworld.observer import clock_ratio, observe, sampling_times
+from polyworld.parameters import parameter_paths, read_parameter
+from polyworld.readouts.material_points import MaterialPoints, material_points
+from polyworld.rollout import Simulator, simulator
+from polyworld.symmetry import smallest_rotation, turn_about
+from polyworld.trajectory import BatchTrajectory
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+CLOCK = "time.seconds_per_frame"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings (k) to be simulated for one run: shared values (k, S) and initial-state coordinates (k, N)."""
+
+    run: int
+    shared: Array
+    states: Array
+
+
+@dataclass
+class Forward:
+    """The forward model of one world with S unknowns on a design.
+
+    `residuals` gives simulated less observed, raw, in metres and radians; NaN rows where a rollout diverged.
+    rollouts counts worlds simulated. cancelled: asked between batches; where it says so `InterruptedError` is raised.
+    """
+
+    design: Design
+    world: World
+    unknowns: tuple[Unknown, ...]
+    cancelled: Callable[[], bool] | None = None
+    rollouts: int = 0
+    _groups: dict[int, _Group] = field(default_factory=dict, repr=False)
+
+    def residuals(self, settings: Sequence[Settings]) -> list[Array]:
+        """Residuals (k, m) of each of the settings, in their order."""
+        if self.cancelled is not None and self.cancelled():
+            raise InterruptedError("cancelled")
+        by_group: dict[int, list[int]] = {}
+        for i, item in enumerate(settings):
+            by_group.setdefault(self._group(item.run).key, []).append(i)
+        results: list[Array] = [np.empty(0)] * len(settings)
+        for key, members in by_group.items():
+            group = self._groups[key]
+            chosen = [settings[i] for i in members]
+            batch, observer = group.run(self.unknowns, chosen)
+            self.rollouts += sum(len(s.shared) for s in chosen)
+            at = 0
+            for i, item in zip(members, chosen, strict=True):
+                worlds = slice(at, at + len(item.shared))
+                at = worlds.stop
+                results[i] = group.compare(self.design.runs[item.run], batch, observer, worlds)
+        return results
+
+    def _group(self, run: int) -> _Group:
+        """The group whose simulators roll a run out: runs with the same objects at the same instants share one."""
+        own = self.design.runs[run]
+        for group in self._groups.values():
+            if run in group.members:
+                return group
+        for group in self._groups.values():
+            if group.takes(own):
+                group.members.add(run)
+                return group
+        made = _Group(run, own.world(self.world), self.design)
+        self._groups[run] = made
+        return made
+
+
+class _Group:
+    """Runs with the same objects at the same instants, simulated together."""
+
+    def __init__(self, key: int, world: World, design: Design) -> None:
+        self.key = key
+        self.world = world
+        self.members = {key}
+        self._runs = design.runs
+        self.absent = design.runs[key].absent
+        self.times = design.runs[key].times
+        self.observer = world.observer
+        self._simulators: dict[tuple[int, bytes], Simulator] = {}
+        self._markers: dict[tuple[int, str], MaterialPoints] = {}
+        self._paths = frozenset(parameter_paths(world))
+
+    def takes(self, design: RunDesign) -> bool:
+        """Whether a run can be simulated by this group's simulators."""
+        if self.observer is not None and self.observer.shift_run is not None:
+            return False  # its instants are its own
+        return design.absent == self.absent and np.array_equal(design.times, self.times)
+
+    def run(
+        self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings]
+    ) -> tuple[BatchTrajectory, dict[str, Array]]:
+        """Roll out all settings as one batch; also the observer's parameters of each world."""
+        count = sum(len(s.shared) for s in settings)
+        shared = np.concatenate([s.shared for s in settings])
+        values = {path: shared[:, i] for i, u in enumerate(unknowns) for path in u.paths}
+        self._state_values(values, settings, count)
+        observer = {path: v for path, v in values.items() if path.startswith("observer.")}
+        overrides = {path: v for path, v in values.items() if path not in observer and path in self._paths}
+        instants = self.times
+        if self.observer is not None:
+            base = read_parameter(self.world, CLOCK)
+            ratio = clock_ratio(self.observer, observer)
+            overrides[CLOCK] = overrides.get(CLOCK, np.full(count, base)) * ratio
+            instants = sampling_times(self.times, observer, self.observer, self._runs[self.key].run.name)
+        key = (count, instants.tobytes())
+        if key not in self._simulators:
+            if len(self._simulators) >= 4:  # sizes come and go; the newest are those that come again
+                self._simulators.pop(next(iter(self._simulators)))
+            self._simulators[key] = simulator(self.world, instants, n_worlds=count)
+        return self._simulators[key].run(overrides or None), observer
+
+    def compare(self, design: RunDesign, batch: BatchTrajectory, observer: dict[str, Array], worlds: slice) -> Array:
+        """Residuals (k, m) of some worlds of a batch against one run."""
+        names = design.run.names
+        positions, velocities = self._motion(design, batch, worlds)
+        columns = [batch.names.index(owner(n)) for n in names]
+        orientations = batch.orientations[worlds][:, :, columns]
+        if self.observer is not None:
+            positions, orientations = observe(
+                positions,
+                orientations,
+                velocities,
+                batch.angular_velocities[worlds][:, :, columns],
+                batch.times[worlds],
+                self.times,
+                {path: v[worlds] for path, v in observer.items()},
+                self.observer,
+                design.run.name,
+            )
+        k = positions.shape[0]
+        residual = np.full((k, design.length), np.nan)
+        turns: dict[str, Array] = {}
+        for s in design.series:
+            column = names.index(s.name)
+            if s.kind == "position":
+                seen = design.run.positions[s.rows, column, s.axis]
+                residual[:, s.where] = positions[:, s.rows, column, s.axis] - seen
+                continue
+            if s.name not in turns:
+                turns[s.name] = self._turned(design, orientations[:, s.rows, column], s.rows, column)
+            residual[:, s.where] = turns[s.name][..., s.axis]
+        residual[batch.diverged[worlds]] = np.nan
+        return residual
+
+    def _turned(self, design: RunDesign, simulated: Array, rows: NDArray[np.int64], column: int) -> Array:
+        observed = design.run.orientations[rows, column]
+        order = np.full(len(rows), design.run.symmetry[column], dtype=np.int64)
+        if not self.world.planar:
+            return smallest_rotation(simulated, observed, order)
+        normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
+        result = np.zeros((*simulated.shape[:2], 3))
+        result[..., 2] = turn_about(simulated, observed, normal, np.maximum(order, 1)) * (order > 0)
+        return result
+
+    def _motion(self, design: RunDesign, batch: BatchTrajectory, worlds: slice) -> tuple[Array, Array]:
+        """Positions and velocities (k, T, n, 3) of the recorded names: objects' centres and markers."""
+        places, speeds = [], []
+        for column, name in enumerate(design.run.names):
+            if "#" not in name:
+                index = batch.names.index(name)
+                places.append(batch.positions[worlds][:, :, index])
+                speeds.append(batch.velocities[worlds][:, :, index])
+                continue
+            motion = batch.deformables[owner(name)]
+            marker = self._marker(design, column, name)
+            places.append(marker.places(motion.points[worlds])[..., 0, :])
+            speeds.append(marker.places(motion.velocities[worlds])[..., 0, :])
+        return np.stack(places, axis=2), np.stack(speeds, axis=2)
+
+    def _marker(self, design: RunDesign, column: int, name: str) -> MaterialPoints:
+        key = (design.index, name)
+        if key not in self._markers:
+            mesh = mesh_of(self.world, self.world.deformable(owner(name)))
+            rows = np.flatnonzero(np.all(np.isfinite(design.run.positions[:, column]), axis=-1))
+            if not len(rows):
+                raise ValueError(f"marker {name!r} of run {design.run.name!r} is never seen in all three components")
+            self._markers[key] = material_points(mesh, design.run.positions[rows[0], column][None])
+        return self._markers[key]
+
+    def _state_values(self, values: dict[str, Array], settings: Sequence[Settings], count: int) -> None:
+        at = 0
+        for item in settings:
+            k = len(item.shared)
+            offset = 0
+            for coordinates in self._runs[item.run].states:
+                n = len(coordinates.labels)
+                for path, v in coordinates.overrides(item.states[:, offset : offset + n]).items():
+                    if path not in values:
+                        start = read_parameter(self.world, path)
+                        values[path] = np.full(count, 0.0 if start is None else start)
+                    values[path][at : at + k] = v
+                offset += n
+            at += k

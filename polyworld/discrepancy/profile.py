@@ -1,0 +1,331 @@
+"""Least squares on all runs at once, with every run's initial state eliminated.
+
+Levenberg-Marquardt (Marquardt 1963) on simulated trajectories. The normal equations of shared unknowns and of the
+initial states of R runs are block-bordered: a Schur complement leaves a system of the shared unknowns alone.
+Derivatives are difference quotients from one batch of rollouts, with steps that are a fraction of standard errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.forward import Forward, Settings
+from polyworld.discrepancy.noise import Noise
+
+Array = NDArray[np.float64]
+
+STEP = 0.2  # of a standard error, for difference quotients
+FIRST_STEP = 1e-3  # of a typical change, while no standard error is known
+STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
+TRIALS = 10.0 ** np.array([-2.0, 0.0, 2.0])  # dampings tried at once, as factors of the last successful one
+HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
+PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Whitened residuals r[run] (m,), derivatives by shared unknowns a[run] (m, S) and by initial states b[run] (m, N)."""
+
+    r: tuple[Array, ...]
+    a: tuple[Array, ...]
+    b: tuple[Array, ...]
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared whitened residuals."""
+        return float(sum(float(r @ r) for r in self.r))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    values (S,): shared unknowns. states[run] (N,): initial-state coordinates. chi2: sum of squared whitened residuals
+    at the minimum. covariance (S, S) of the shared unknowns, initial states profiled out; infinite variance where the
+    data say nothing. linear: residuals and derivatives there. converged: False where the iterations ran out.
+    """
+
+    values: Array
+    states: tuple[Array, ...]
+    chi2: float
+    covariance: Array
+    linear: Linearised
+    converged: bool
+    iterations: int
+    rollouts: int
+
+
+def fit(
+    forward: Forward,
+    noise: Noise,
+    values: Array,
+    states: Sequence[Array],
+    *,
+    horizons: Sequence[float] = (1.0,),
+    iterations: int = 12,
+    tolerance: float = 1e-2,
+) -> Fit:
+    """Fit shared unknowns and initial states from the values given.
+
+    horizons: parts of each run's time fitted one after another, the last 1. tolerance: a fit has converged when chi2
+    falls by less than this, absolutely: differences of 10 decide between hypotheses.
+    """
+    at = _Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
+    before = forward.rollouts
+    total = 0
+    converged = False
+    steps = _first_steps(forward)
+    for horizon in horizons:
+        keep = tuple(r.before(horizon) for r in forward.design.runs)
+        loose = tolerance if horizon >= 1.0 else 10.0
+        at, steps, used, converged = _descend(forward, noise, at, keep, steps, iterations, loose)
+        total += used
+    linear = _linearise(forward, noise, at, tuple(np.ones(r.length, bool) for r in forward.design.runs), steps)
+    covariance, _ = _covariances(forward, linear)
+    return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
+
+
+def start_states(design: Design) -> tuple[Array, ...]:
+    """Initial states as the first samples of each run suggest them."""
+    return tuple(r.start for r in design.runs)
+
+
+def linearise(
+    forward: Forward, noise: Noise, values: Array, states: Sequence[Array], fitted: Fit | None = None
+) -> Linearised:
+    """Whitened residuals and their derivatives by the shared unknowns; those by the states are taken from `fitted`.
+
+    For the score test: states are the fit's own, and the shared unknowns those of an effect that does nothing yet.
+    """
+    point = _Point(np.asarray(values, dtype=float), tuple(states))
+    keep = tuple(np.ones(r.length, bool) for r in forward.design.runs)
+    shared, own = _first_steps(forward)
+    if fitted is None:
+        return _linearise(forward, noise, point, keep, (shared, own))
+    return _linearise_shared(forward, noise, point, fitted.linear.b, shared)
+
+
+@dataclass(frozen=True)
+class _Point:
+    values: Array
+    states: tuple[Array, ...]
+
+
+_Steps = tuple[Array, tuple[Array, ...]]
+_Masks = tuple[NDArray[np.bool_], ...]
+
+
+def _first_steps(forward: Forward) -> _Steps:
+    shared = np.array([FIRST_STEP * u.typical for u in forward.unknowns])
+    return shared, tuple(FIRST_STEP * r.typical for r in forward.design.runs)
+
+
+def _descend(
+    forward: Forward, noise: Noise, at: _Point, keep: _Masks, steps: _Steps, iterations: int, tolerance: float
+) -> tuple[_Point, _Steps, int, bool]:
+    damping = 1e-4
+    chi2 = np.inf
+    for iteration in range(iterations):
+        linear = _linearise(forward, noise, at, keep, steps)
+        chi2 = linear.chi2
+        if not np.isfinite(chi2):
+            return at, steps, iteration, False
+        steps = _steps(forward, linear)
+        dampings = damping * TRIALS
+        trials = [_step(forward, linear, at, d) for d in dampings]
+        costs = _costs(forward, noise, trials, keep)
+        best = int(np.argmin(costs))
+        if not costs[best] < chi2:
+            damping *= 1e4
+            if damping > 1e10:
+                return at, steps, iteration + 1, True
+            trials = [_step(forward, linear, at, d) for d in damping * TRIALS]
+            costs = _costs(forward, noise, trials, keep)
+            best = int(np.argmin(costs))
+            if not costs[best] < chi2:
+                return at, steps, iteration + 1, True
+            dampings = damping * TRIALS
+        gain = chi2 - costs[best]
+        at, chi2 = trials[best], float(costs[best])
+        damping = float(np.clip(dampings[best], 1e-8, 1e8))
+        if gain < tolerance + 1e-6 * chi2:
+            return at, steps, iteration + 1, True
+    return at, steps, iterations, False
+
+
+def _linearise(forward: Forward, noise: Noise, at: _Point, keep: _Masks, steps: _Steps) -> Linearised:
+    shared, own = steps
+    lower, upper = _bounds(forward)
+    s = len(shared)
+    # A step that would leave the bounds goes the other way.
+    signed = np.where(at.values + shared > upper, -shared, shared)
+    settings = []
+    for r in forward.design.runs:
+        n = r.count
+        values = np.repeat(at.values[None], 1 + s + n, axis=0)
+        states = np.repeat(at.states[r.index][None], 1 + s + n, axis=0)
+        values[1 + np.arange(s), np.arange(s)] += signed
+        states[1 + s + np.arange(n), np.arange(n)] += own[r.index]
+        settings.append(Settings(r.index, np.clip(values, lower, upper), states))
+    rs, aa, bb = [], [], []
+    for r, raw in zip(forward.design.runs, forward.residuals(settings), strict=True):
+        white = noise.whiten(r.index, raw) * keep[r.index]
+        base = white[0]
+        slopes = (white[1:] - base).T / np.concatenate([signed, own[r.index]])
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        rs.append(base if np.all(np.isfinite(base)) else np.full_like(base, np.inf))
+        aa.append(slopes[:, :s])
+        bb.append(slopes[:, s:])
+    return Linearised(tuple(rs), tuple(aa), tuple(bb))
+
+
+def _linearise_shared(
+    forward: Forward, noise: Noise, at: _Point, known: tuple[Array, ...], shared: Array
+) -> Linearised:
+    lower, upper = _bounds(forward)
+    s = len(shared)
+    signed = np.where(at.values + shared > upper, -shared, shared)
+    settings = []
+    for r in forward.design.runs:
+        values = np.repeat(at.values[None], 1 + s, axis=0)
+        values[1 + np.arange(s), np.arange(s)] += signed
+        states = np.repeat(at.states[r.index][None], 1 + s, axis=0)
+        settings.append(Settings(r.index, np.clip(values, lower, upper), states))
+    rs, aa = [], []
+    for r, raw in zip(forward.design.runs, forward.residuals(settings), strict=True):
+        white = noise.whiten(r.index, raw)
+        slopes = (white[1:] - white[0]).T / signed
+        rs.append(white[0])
+        aa.append(np.where(np.isfinite(slopes), slopes, 0.0))
+    return Linearised(tuple(rs), tuple(aa), known)
+
+
+def _bounds(forward: Forward) -> tuple[Array, Array]:
+    return np.array([u.lower for u in forward.unknowns]), np.array([u.upper for u in forward.unknowns])
+
+
+def _costs(forward: Forward, noise: Noise, trials: Sequence[_Point], keep: _Masks) -> Array:
+    settings = [
+        Settings(r.index, np.array([t.values for t in trials]), np.array([t.states[r.index] for t in trials]))
+        for r in forward.design.runs
+    ]
+    total = np.zeros(len(trials))
+    for r, raw in zip(forward.design.runs, forward.residuals(settings), strict=True):
+        white = noise.whiten(r.index, raw) * keep[r.index]
+        total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
+    return total
+
+
+def _step(forward: Forward, linear: Linearised, at: _Point, damping: float) -> _Point:
+    """The damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
+    lower, upper = _bounds(forward)
+    typical = np.array([u.typical for u in forward.unknowns])
+    free = np.ones(len(typical), dtype=bool)
+    step = np.zeros(len(typical))
+    for _ in range(len(typical) + 1):
+        step = _shared_step(forward, linear, free, typical, damping)
+        out = free & (((at.values <= lower) & (step < 0)) | ((at.values >= upper) & (step > 0)))
+        if not out.any():
+            break
+        free &= ~out
+    values = np.clip(at.values + step, lower, upper)
+    step = values - at.values
+    states = []
+    for r in forward.design.runs:
+        b, rest = linear.b[r.index], linear.r[r.index] + linear.a[r.index] @ step
+        states.append(at.states[r.index] - _solve(b.T @ b, b.T @ rest, r.typical, damping))
+    return _Point(values, tuple(states))
+
+
+def _shared_step(
+    forward: Forward, linear: Linearised, free: NDArray[np.bool_], typical: Array, damping: float
+) -> Array:
+    step = np.zeros(len(typical))
+    if not free.any():
+        return step
+    n = int(free.sum())
+    matrix, vector = np.zeros((n, n)), np.zeros(n)
+    for r in forward.design.runs:
+        a, b, res = linear.a[r.index][:, free], linear.b[r.index], linear.r[r.index]
+        inverse = _inverse(b.T @ b, r.typical, damping)
+        ba = b.T @ a
+        matrix += a.T @ a - ba.T @ inverse @ ba
+        vector += a.T @ res - ba.T @ inverse @ (b.T @ res)
+    step[free] = -_solve(matrix, vector, typical[free], damping)
+    return step
+
+
+def _inverse(matrix: Array, typical: Array, damping: float) -> Array:
+    scale = np.sqrt(np.diag(matrix)) + PRIOR / typical
+    scaled = matrix / np.outer(scale, scale)
+    scaled[np.diag_indices(len(scaled))] += damping + (PRIOR / typical / scale) ** 2
+    result: Array = np.linalg.inv(scaled) / np.outer(scale, scale)
+    return result
+
+
+def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Array:
+    if not len(vector):
+        return vector
+    result: Array = _inverse(matrix, typical, damping) @ vector
+    return result
+
+
+def _covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Array, ...]]:
+    """Covariance (S, S) of the shared unknowns, and standard deviations (N,) of each run's states for fixed ones."""
+    typical = np.array([u.typical for u in forward.unknowns])
+    s = len(typical)
+    matrix = np.zeros((s, s))
+    own = []
+    for r in forward.design.runs:
+        a, b = linear.a[r.index], linear.b[r.index]
+        inverse = _inverse(b.T @ b, r.typical, 1e-12)
+        own.append(np.sqrt(np.maximum(np.diag(inverse), 0.0)))
+        ba = b.T @ a
+        matrix += a.T @ a - ba.T @ inverse @ ba
+    covariance = _inverse(matrix, typical, 1e-12) if s else matrix
+    return covariance, tuple(own)
+
+
+def _steps(forward: Forward, linear: Linearised) -> _Steps:
+    covariance, own = _covariances(forward, linear)
+    typical = np.array([u.typical for u in forward.unknowns])
+    shared = np.clip(STEP * np.sqrt(np.maximum(np.diag(covariance), 0.0)), STEPS[0] * typical, STEPS[1] * typical)
+    return shared, tuple(
+        np.clip(STEP * o, STEPS[0] * r.typical, STEPS[1] * r.typical)
+        for o, r in zip(own, forward.design.runs, strict=True)
+    )
+
+
+def project_out(fitted: Fit, directions: Linearised) -> tuple[Array, Array]:
+    """Score of further directions at a fit: information (K, K) and gradient (K,), with all that was fitted taken out.
+
+    directions.a (m, K) are derivatives by the further unknowns at the fit; its r is that of the fit. The score
+    statistic of Rao (1948) is gradient^T information^+ gradient.
+    """
+    k = directions.a[0].shape[1]
+    s = fitted.linear.a[0].shape[1]
+    information, gradient = np.zeros((s + k, s + k)), np.zeros(s + k)
+    for a, b, c, res in zip(fitted.linear.a, fitted.linear.b, directions.a, fitted.linear.r, strict=True):
+        wide = np.concatenate([a, c], axis=1)
+        if b.shape[1]:
+            basis, size, _ = np.linalg.svd(b, full_matrices=False)
+            basis = basis[:, size > 1e-10 * size.max(initial=0.0)]
+            wide = wide - basis @ (basis.T @ wide)
+            res = res - basis @ (basis.T @ res)
+        information += wide.T @ wide
+        gradient += wide.T @ res
+    if not s:
+        return information, gradient
+    inner = np.linalg.pinv(information[:s, :s], rcond=1e-10, hermitian=True)
+    cross = information[s:, :s]
+    return information[s:, s:] - cross @ inner @ cross.T, gradient[s:] - cross @ inner @ gradient[:s]
+
+
+def with_values(fitted: Fit, values: Array) -> Fit:
+    """The same fit with other shared values, as a start for a further one."""
+    return replace(fitted, values=np.asarray(values, dtype=float))

@@ -1,0 +1,180 @@
+"""Coordinates of the initial states of a run, and how they become parameters of the world.
+
+A free body has its position and velocity, and its turn and spin where its orientation was measured. A body on a hinge
+that is fixed to the world has one angle and one rate: its position and velocity follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.recording import Run
+from polyworld.representations.joint import Hinge
+from polyworld.representations.rigid import RigidObject
+from polyworld.symmetry import rotation_vector
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+EARLY = 8  # samples from which a first velocity is taken
+LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
+TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
+
+
+@dataclass(frozen=True)
+class StateCoordinates:
+    """The coordinates (N,) of one object's initial state in one run.
+
+    kind: free, or hinged. labels (N,). start (N,): first guess. typical (N,): ordinary changes.
+    pivot, axis (3,): of the hinge; arm (3,): from the pivot to the object's centre in the world's description.
+    """
+
+    name: str
+    kind: Literal["free", "hinged"]
+    labels: tuple[str, ...]
+    start: Array
+    typical: Array
+    pivot: Array
+    axis: Array
+    arm: Array
+
+    def overrides(self, values: Array) -> dict[str, Array]:
+        """Parameter path -> values (k,) for coordinates (k, N)."""
+        if self.kind == "free":
+            return {f"objects.{self.name}.{label}": values[:, i] for i, label in enumerate(self.labels)}
+        angle, rate = values[:, 0], values[:, 1]
+        turn = angle[:, None] * self.axis
+        rotation = geometry.quaternion_matrix(geometry.rotation_quaternion(turn))
+        arm = np.einsum("kij,j->ki", rotation, self.arm)
+        spin = rate[:, None] * self.axis
+        vectors = {
+            "position": self.pivot + arm,
+            "velocity": np.cross(spin, arm),
+            "rotation": turn,
+            "angular_velocity": spin,
+        }
+        return {
+            f"objects.{self.name}.{field}.{axis}": vector[:, i]
+            for field, vector in vectors.items()
+            for i, axis in enumerate("xyz")
+        }
+
+
+def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
+    """The coordinates of all objects that a run shows, with guesses from its first samples.
+
+    Components that were not measured keep the values of the world's description.
+    """
+    found: list[StateCoordinates] = []
+    owners = dict.fromkeys(name.split("#", 1)[0] for name in run.names)
+    for name in owners:
+        item = world.item(name)
+        if not isinstance(item, RigidObject):
+            found.append(_deformable(name, world))
+            continue
+        hinge = next((j for j in world.joints if isinstance(j, Hinge) and j.object == name and j.other is None), None)
+        column = run.names.index(name)
+        if hinge is not None:
+            found.append(_hinged(item, hinge, run, column))
+        elif any(name in (j.object, j.other) for j in world.joints):
+            continue  # held by other bodies: it starts as the world says
+        else:
+            found.append(_free(world, item, run, column))
+    return tuple(found)
+
+
+def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordinates:
+    labels: list[str] = []
+    start: list[float] = []
+    typical: list[float] = []
+    planar = item.representation == "rigid_planar"
+    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
+    gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
+    begin = item.start_time
+    times = run.times - run.times[0] + run.lead
+    for axis, letter in enumerate("xyz"):
+        values = run.positions[:, column, axis]
+        rows = np.flatnonzero(np.isfinite(values) & (times >= begin - 1e-9))
+        if len(rows) < 2 or normal[axis] > 1.0 - 1e-9:
+            continue
+        place, speed = _line(times[rows] - begin, values[rows], float(gravity[axis]))
+        labels += [f"position.{letter}", f"velocity.{letter}"]
+        start += [place, speed]
+        typical += [LENGTH, 10.0 * LENGTH]
+    turned = run.orientations[:, column]
+    rows = np.flatnonzero(np.all(np.isfinite(turned), axis=-1) & (times >= begin - 1e-9))
+    if len(rows) >= 2:
+        first = np.asarray(item.orientation)
+        early = rows[:EARLY]
+        steps = rotation_vector(turned[early[1:]], turned[early[:-1]]) / np.diff(times[early])[:, None]
+        spin = np.median(steps, axis=0)
+        turn = rotation_vector(turned[rows[0]][None], first[None])[0]
+        for axis, letter in enumerate("xyz"):
+            if planar and normal[axis] < 1.0 - 1e-9:
+                continue
+            labels += [f"rotation.{letter}", f"angular_velocity.{letter}"]
+            start += [float(turn[axis]), float(spin[axis])]
+            typical += [TURN, 10.0 * TURN]
+    zero = np.zeros(3)
+    return StateCoordinates(item.name, "free", tuple(labels), np.array(start), np.array(typical), zero, zero, zero)
+
+
+def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoordinates:
+    pivot = np.asarray(hinge.anchor, dtype=float)
+    axis = np.asarray(hinge.axis, dtype=float)
+    axis = axis / np.linalg.norm(axis)
+    arm = np.asarray(item.position) - pivot
+    flat = arm - axis * (axis @ arm)
+    side = np.cross(axis, flat)
+    reach = float(flat @ flat)
+    times = run.times - run.times[0] + run.lead
+    angles = np.full(len(times), np.nan)
+    seen = np.all(np.isfinite(run.positions[:, column]), axis=-1)
+    if reach > 1e-12 and seen.any():
+        there = run.positions[seen, column] - pivot
+        angles[seen] = np.arctan2(there @ side, there @ flat)
+    else:
+        turned = np.all(np.isfinite(run.orientations[:, column]), axis=-1)
+        vectors = rotation_vector(
+            run.orientations[turned, column], np.broadcast_to(np.asarray(item.orientation), (int(turned.sum()), 4))
+        )
+        angles[turned] = vectors @ axis
+    rows = np.flatnonzero(np.isfinite(angles))
+    angles[rows] = np.unwrap(angles[rows])
+    place, speed = _line(times[rows], angles[rows], 0.0)
+    return StateCoordinates(
+        item.name,
+        "hinged",
+        ("angle", "rate"),
+        np.array([place, speed]),
+        np.array([TURN, 10.0 * TURN]),
+        pivot,
+        axis,
+        arm,
+    )
+
+
+def _deformable(name: str, world: World) -> StateCoordinates:
+    """Where a deformable object begins and how fast, as a whole: its shape at the start is the world's."""
+    fixed = any(a.object == name for a in world.attachments) or any(p.rope == name for p in world.pulleys)
+    labels = [] if fixed else [f"{field}.{axis}" for axis in "xyz" for field in ("shift", "velocity")]
+    if world.planar:
+        normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
+        labels = [label for label in labels if normal["xyz".index(label[-1])] < 1.0 - 1e-9]
+    zero = np.zeros(3)
+    velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
+    start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
+    typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
+    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero)
+
+
+def _line(times: Array, values: Array, acceleration: float) -> tuple[float, float]:
+    """Value and slope at time 0 of the first samples (m,), with a known curvature."""
+    times, values = times[:EARLY], values[:EARLY] - 0.5 * acceleration * times[:EARLY] ** 2
+    slope, place = np.polyfit(times, values, 1)
+    return float(place), float(slope)
