@@ -87,7 +87,8 @@ class Operations:
         if b.vector:
             a, b = b, a
         dimension = None if a.dimension is None or b.dimension is None else a.dimension * b.dimension
-        return Quantity(tuple(self._emit(ops.MUL, p, b.parts[0]) for p in a.parts), dimension, text)
+        number = None if a.number is None or b.number is None else a.number * b.number
+        return Quantity(tuple(self._emit(ops.MUL, p, b.parts[0]) for p in a.parts), dimension, text, number)
 
     def divide(self, a: Quantity, b: Quantity, text: str) -> Quantity:
         if b.vector:
@@ -221,7 +222,10 @@ class Operations:
         if a.dimension != b.dimension and None not in (a.dimension, b.dimension):
             raise ValueError(f"cannot {verb} {a.described()} and {b.described()}, in {text!r}: the units differ")
         parts = tuple(self._emit(operation, p, q) for p, q in zip(a.parts, b.parts, strict=True))
-        return Quantity(parts, b.dimension if a.dimension is None else a.dimension, text)
+        number = None
+        if a.number is not None and b.number is not None and operation in (ops.ADD, ops.SUB):
+            number = a.number + (b.number if operation == ops.ADD else -b.number)
+        return Quantity(parts, b.dimension if a.dimension is None else a.dimension, text, number)
 
     def _must_be_vector(self, a: Quantity, text: str) -> None:
         if not a.vector:
