@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from polyworld.effects import check_effect
+from polyworld.effects import CATALOGUE, check_effect
 
 if TYPE_CHECKING:
     from polyworld.representations.joint import Joint
     from polyworld.world import World
-
-# Laws whose force is proportional to mass: they act on every part of a deformable object alike.
-PER_MASS = frozenset({"uniform_acceleration", "quadratic_damping"})
 
 
 def check_consistent(world: World) -> None:
@@ -95,13 +92,14 @@ def _check_effects(world: World) -> None:
             raise ValueError(
                 f"effect {effect.name!r} names unknown objects {unknown}; objects: {sorted(world.moving_names)}"
             )
+        check_effect(effect.name, effect.kind, effect.parameters)
         on_soft = sorted(soft if effect.objects is None else set(effect.objects) & set(soft))
-        if on_soft and effect.kind not in PER_MASS:
+        if on_soft and not CATALOGUE[effect.kind].per_mass:
+            choices = [kind for kind, law in CATALOGUE.items() if law.per_mass]
             raise ValueError(
                 f"effect {effect.name!r}: {effect.kind} acts on rigid objects only, not on {on_soft}; effects that act "
-                f"on deformable objects too: {sorted(PER_MASS)}; name the rigid objects in `objects`: {sorted(rigid)}"
+                f"on deformable objects too: {choices}; name the rigid objects in `objects`: {sorted(rigid)}"
             )
-        check_effect(effect.name, effect.kind, effect.parameters)
 
 
 def _check_joints(world: World) -> None:

@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 
-from polyworld.effects.law import MAX_PARAMETERS, EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import MAX_PARAMETERS, EffectLaw, EffectParameter, Motion, Vec8
 
 
 def _discover() -> dict[str, EffectLaw]:
@@ -43,6 +43,7 @@ __all__ = [
     "MAX_PARAMETERS",
     "EffectLaw",
     "EffectParameter",
+    "Motion",
     "Vec8",
     "check_effect",
 ]

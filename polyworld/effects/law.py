@@ -14,6 +14,24 @@ class Vec8(wp.types.vector(length=MAX_PARAMETERS, dtype=wp.float64)):
     """Parameter values of one effect, in the order of `EffectLaw.parameters`; the rest is zero."""
 
 
+@wp.struct
+class Motion:
+    """What a law knows of the body, or node of a deformable body, that it acts on. World axes, SI.
+
+    radius: that of the ball with the body's volume, 0 for a node. contact: 1 while the body touches another or is
+    pressed on the supporting plane, else 0. gravity: of the environment.
+    """
+
+    mass: wp.float64
+    radius: wp.float64
+    x: wp.vec3d
+    v: wp.vec3d
+    omega: wp.vec3d
+    t: wp.float64
+    contact: wp.float64
+    gravity: wp.vec3d
+
+
 @wp.func
 def wrench(force: wp.vec3d, torque: wp.vec3d) -> wp.spatial_vectord:
     """Force and torque as one vector of six; Warp makes no spatial vector of two double vectors."""
@@ -34,15 +52,25 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class EffectLaw:
-    """A law of force on a rigid body.
+    """A law on bodies: a force, a change of what happens at contacts, or both.
 
-    `force` is a Warp function (p: Vec8, mass, radius, x: vec3d, v: vec3d, omega: vec3d, t) -> spatial_vectord
-    returning force [N] and torque [N m] about the centre of mass, both in world axes. radius [m] is that of
-    the ball with the body's volume. `reference` is where the law is written down.
+    Warp functions, None where the law has no such part:
+    `force` (p: Vec8, b: Motion) -> spatial_vectord: force [N] and torque [N m] about the centre of mass, world axes.
+    `friction` (p: Vec8, mu: float64, x: vec3d) -> float64: the Coulomb coefficient of a contact at x that would be mu.
+    `restitution` (p: Vec8, e: float64, speed: float64) -> float64: the restitution of an impact with that normal
+    approach speed [m/s] that would be e.
+    `tangential` (p: Vec8) -> vec2d: (share of the bodies' relative tangential velocity, spin left out, that an impact
+    takes away; tangential restitution of the points that touch, spin included, or -1 for Coulomb friction alone).
+    per_mass: whether the force is proportional to mass, so that it may act on the nodes of deformable objects too.
+    `reference` is where the law is written down.
     """
 
     kind: str
     summary: str
     parameters: dict[str, EffectParameter]
-    force: Any
     reference: str
+    force: Any = None
+    friction: Any = None
+    restitution: Any = None
+    tangential: Any = None
+    per_mass: bool = False

@@ -2,14 +2,12 @@
 
 import warp as wp
 
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
 @wp.func
-def force(
-    p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
-) -> wp.spatial_vectord:
-    return wrench(p[0] * wp.cross(omega, v), wp.vec3d())
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    return wrench(p[0] * wp.cross(b.omega, b.v), wp.vec3d())
 
 
 LAW = EffectLaw(

@@ -2,16 +2,14 @@
 
 import warp as wp
 
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "acceleration along this world axis")
 
 
 @wp.func
-def force(
-    p: Vec8, mass: wp.float64, radius: wp.float64, x: wp.vec3d, v: wp.vec3d, omega: wp.vec3d, t: wp.float64
-) -> wp.spatial_vectord:
-    return wrench(mass * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    return wrench(b.mass * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
 
 
 LAW = EffectLaw(
@@ -19,5 +17,6 @@ LAW = EffectLaw(
     summary="F = m (a_x, a_y, a_z)",
     parameters={"x": _AXIS, "y": _AXIS, "z": _AXIS},
     force=force,
+    per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39",
 )

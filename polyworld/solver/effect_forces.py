@@ -1,13 +1,13 @@
-"""All enabled effects on one body, whichever laws the catalogue holds."""
+"""The forces of all enabled effects on one body, whichever laws the catalogue holds."""
 
 from __future__ import annotations
 
-from functools import reduce
+from collections.abc import Sequence
 from typing import Any
 
 import warp as wp
 
-from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Vec8
+from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Motion, Vec8
 
 
 def _only(law: EffectLaw, index: int) -> Any:
@@ -15,44 +15,36 @@ def _only(law: EffectLaw, index: int) -> Any:
     force = law.force
 
     @wp.func
-    def apply(
-        kind: int,
-        p: Vec8,
-        mass: wp.float64,
-        radius: wp.float64,
-        x: wp.vec3d,
-        v: wp.vec3d,
-        omega: wp.vec3d,
-        t: wp.float64,
-    ) -> wp.spatial_vectord:
+    def apply(kind: int, p: Vec8, b: Motion) -> wp.spatial_vectord:
         if kind == index:
-            return force(p, mass, radius, x, v, omega, t)
+            return force(p, b)
         return wp.spatial_vectord()
 
     return apply
 
 
-def _either(first: Any, second: Any) -> Any:
-    """A Warp function that applies whichever of two functions knows the kind."""
+def _either(first: Any, second: Any, index: int) -> Any:
+    """A Warp function that applies `first` to kinds below `index`, `second` to the others."""
 
     @wp.func
-    def apply(
-        kind: int,
-        p: Vec8,
-        mass: wp.float64,
-        radius: wp.float64,
-        x: wp.vec3d,
-        v: wp.vec3d,
-        omega: wp.vec3d,
-        t: wp.float64,
-    ) -> wp.spatial_vectord:
-        return first(kind, p, mass, radius, x, v, omega, t) + second(kind, p, mass, radius, x, v, omega, t)
+    def apply(kind: int, p: Vec8, b: Motion) -> wp.spatial_vectord:
+        if kind < index:
+            return first(kind, p, b)
+        return second(kind, p, b)
 
     return apply
 
 
-# (kind, parameters, mass, radius, x, v, omega, t) -> force [N] and torque [N m], world axes, of one effect.
-effect_force = reduce(_either, [_only(law, KIND_INDEX[kind]) for kind, law in CATALOGUE.items()])
+def _tree(laws: Sequence[EffectLaw]) -> Any:
+    """A Warp function that finds the law of a kind by bisection: laws are many, and this is the innermost loop."""
+    if len(laws) == 1:
+        return _only(laws[0], KIND_INDEX[laws[0].kind])
+    middle = len(laws) // 2
+    return _either(_tree(laws[:middle]), _tree(laws[middle:]), KIND_INDEX[laws[middle].kind])
+
+
+# (kind, parameters, motion) -> force [N] and torque [N m], world axes, of one effect; zero for laws without force.
+effect_force = _tree([law for law in CATALOGUE.values() if law.force is not None])
 
 
 @wp.func
@@ -62,12 +54,7 @@ def effect_forces(
     parameters: wp.array3d[wp.float64],
     world: int,
     body: int,
-    mass: wp.float64,
-    radius: wp.float64,
-    x: wp.vec3d,
-    v: wp.vec3d,
-    omega: wp.vec3d,
-    t: wp.float64,
+    b: Motion,
 ) -> wp.spatial_vectord:
     """Sum over the effects acting on a body: force [N], torque [N m] about the centre of mass, world axes.
 
@@ -80,5 +67,5 @@ def effect_forces(
             p = Vec8()
             for k in range(8):
                 p[k] = parameters[row, e, k]
-            total += effect_force(kinds[e], p, mass, radius, x, v, omega, t)
+            total += effect_force(kinds[e], p, b)
     return total

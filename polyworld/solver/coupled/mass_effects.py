@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld.effects import Motion
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.effect_forces import effect_forces
@@ -20,6 +21,7 @@ wp.set_module_options(OPTIONS)
 def add_effects(
     dt: wp.array[wp.float64],
     time: wp.array[wp.float64],
+    gravity: wp.array[wp.vec3d],
     owner: wp.array[wp.int32],
     mass: wp.array2d[wp.float64],
     kinds: wp.array[wp.int32],
@@ -32,10 +34,13 @@ def add_effects(
     w, i = wp.tid()
     if dt[w] <= wp.float64(0.0):
         return
-    m = mass[w % mass.shape[0], i]
-    wrench = effect_forces(
-        kinds, acts, parameters, w, owner[i], m, wp.float64(0.0), x[w, i], v[w, i], wp.vec3d(), time[w]
-    )
+    b = Motion()  # of a node: without size, spin or contact
+    b.mass = mass[w % mass.shape[0], i]
+    b.x = x[w, i]
+    b.v = v[w, i]
+    b.t = time[w]
+    b.gravity = gravity[w % gravity.shape[0]]
+    wrench = effect_forces(kinds, acts, parameters, w, owner[i], b)
     f[w, i] = f[w, i] + wp.spatial_top(wrench)
 
 
@@ -72,6 +77,7 @@ class MassEffects:
                 inputs=[
                     clock.dt,
                     clock.time,
+                    clock.gravity,
                     nodes.owner,
                     nodes.mass,
                     self._kinds,

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.effects import Motion
 from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.planar.contact import (
     find_near,
@@ -9,6 +10,7 @@ from polyworld.solver.planar.contact import (
     hold_apart,
     part_overlaps,
     resolve_impacts,
+    separation_speed,
 )
 from polyworld.solver.planar.impact_time import longest_path, next_impact
 from polyworld.solver.planar.joints import begin_hinges, join_rates, mend
@@ -24,6 +26,7 @@ ONE = wp.float64(1.0)
 TWO = wp.float64(2.0)
 SPLITS = 64
 ABSURD = wp.float64(1.0e6)  # [m/s]; initial speeds are bounded by 1e5
+SLOWEST = wp.float64(1.0e-4)  # a body that parts faster than this and its push gives in a step is in the air [m/s]
 PARTING = wp.float64(0.02)  # time in which an overlap shrinks to 1/e [s]
 
 
@@ -33,22 +36,18 @@ def effects_at(
 ) -> wp.vec3d:
     """Acceleration of body i by the effects that act on it, in the plane."""
     to_world = wp.transpose(scene.axes)
-    x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
-    v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
-    omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
-    wrench = effect_forces(
-        scene.effect_kind,
-        scene.effect_acts,
-        bodies.effect_parameters,
-        w,
-        i,
-        bodies.mass[w, i],
-        scene.effect_radius[i],
-        x,
-        v,
-        omega,
-        t,
-    )
+    gravity = bodies.gravity[w]
+    motion = Motion()
+    motion.mass = bodies.mass[w, i]
+    motion.radius = scene.effect_radius[i]
+    motion.x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
+    motion.v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
+    motion.omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
+    motion.t = t
+    motion.gravity = to_world * gravity
+    if bodies.touching[w, i] % 2 == 1 or (scene.supports == 1 and gravity[2] < ZERO):
+        motion.contact = ONE
+    wrench = effect_forces(scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, i, motion)
     f = scene.axes * wp.spatial_top(wrench) * bodies.inverse_mass[w, i]
     m = scene.axes * wp.spatial_bottom(wrench) * bodies.inverse_inertia[w, i]
     return wp.vec3d(f[0], f[1], m[2])
@@ -56,16 +55,62 @@ def effects_at(
 
 @wp.func
 def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
-    """Acceleration by gravity and effects; effects as they are at the middle of the step, as drag needs."""
+    """Acceleration by gravity and effects; effects as they are at the middle of the step: second order.
+
+    What contacts, hinges and the supporting plane will do until then is what they did in the last step.
+    """
     g = bodies.gravity[w]
     push = wp.vec3d(g[0], g[1], ZERO)
     if scene.effects > 0:
         pose = bodies.pose[w, i]
         rate = bodies.rate[w, i]
         half = HALF * h
-        first = push + effects_at(scene, bodies, w, i, pose, rate, time)
-        push = push + effects_at(scene, bodies, w, i, pose + rate * half, rate + first * half, time + half)
+        slowing = bodies.linear_damping[w, i]
+        damped = wp.vec3d(slowing * rate[0], slowing * rate[1], bodies.angular_damping[w, i] * rate[2])
+        first = push + effects_at(scene, bodies, w, i, pose, rate, time) - damped + bodies.reaction[w, i]
+        then = rate + first * half
+        push = push + effects_at(scene, bodies, w, i, pose + (rate + then) * (HALF * half), then, time + half)
     return push
+
+
+@wp.func
+def renew_pushes(
+    scene: Scene,
+    bodies: Bodies,
+    contacts: Contacts,
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+    time: wp.float64,
+    step: wp.float64,
+    h: wp.float64,
+) -> None:
+    """Pushes again where an impact has changed the rate, or a contact has begun or ended.
+
+    In `touching`, the lowest bit is this step's, the next the last step's.
+    """
+    n = scene.bodies
+    for i in range(n):
+        bodies.touching[w, i] = (bodies.touching[w, i] % 2) * 2
+    for k in range(rows):
+        row = contacts.rows[w, half, k]
+        if row.touching == 1:
+            slowest = wp.length(bodies.push[w, row.a])
+            if row.b < n:
+                slowest = wp.max(slowest, wp.length(bodies.push[w, row.b]))
+            if separation_speed(scene, bodies, w, row)[0] <= slowest * step + SLOWEST:
+                if bodies.touching[w, row.a] % 2 == 0:
+                    bodies.touching[w, row.a] = bodies.touching[w, row.a] + 1
+                if row.b < n:
+                    if bodies.touching[w, row.b] % 2 == 0:
+                        bodies.touching[w, row.b] = bodies.touching[w, row.b] + 1
+    for i in range(n):
+        changed = bodies.touching[w, i] == 1 or bodies.touching[w, i] == 2
+        if bodies.coupled[w, i] == 1 and wp.length_sq(bodies.next_rate[w, i] - bodies.rate[w, i]) > ZERO:
+            bodies.rate[w, i] = bodies.next_rate[w, i]
+            changed = True
+        if changed:
+            bodies.push[w, i] = find_push(scene, bodies, w, i, time, h)
 
 
 @wp.kernel(enable_backward=False)
@@ -143,6 +188,8 @@ def rollout(
                         bodies.coupled[w, row.a] = 1
                         if row.b < n:
                             bodies.coupled[w, row.b] = 1
+                if scene.effects > 0:
+                    renew_pushes(scene, bodies, contacts, w, half, rows, time, step, h)
                 set_step(scene, bodies, w, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
@@ -174,6 +221,10 @@ def rollout(
                         if row.touching == 1:
                             pose = bodies.pose[w, row.a]
                             touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, row.impulse * part / h)
+                if scene.effects > 0 and TWO * h >= step:
+                    for i in range(n):
+                        if scene.joins[i] <= segment:
+                            bodies.reaction[w, i] = (bodies.next_rate[w, i] - unheld_rate(bodies, w, i, h)) / h
                 share = part / h
                 moved = ZERO
                 for i in range(n):

@@ -12,6 +12,7 @@ class Scene:
     bodies: wp.int32
     statics: wp.int32
     effects: wp.int32
+    supports: wp.int32  # whether gravity across the plane presses bodies on it
     vertices: wp.array[wp.vec2d]  # outlines, counter-clockwise, about each centre [m]
     normals: wp.array[wp.vec2d]  # outward normal of the edge that starts at the vertex
     first: wp.array[wp.int32]  # (n + s + 1,) first vertex of each outline
@@ -42,6 +43,8 @@ class Bodies:
     shift: wp.array2d[wp.vec3d]  # change of pose over the step being solved
     push: wp.array2d[wp.vec3d]  # acceleration by gravity and effects
     drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane; in an impact, the rate before
+    reaction: wp.array2d[wp.vec3d]  # acceleration by contacts, hinges and the supporting plane in the last step
+    touching: wp.array2d[wp.int32]  # whether the body touches another that it does not part from
     coupled: wp.array2d[wp.int32]  # whether a contact row or a hinge acts on the body in this step
     linear_decay: wp.array2d[wp.vec3d]  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
     angular_decay: wp.array2d[wp.vec3d]
@@ -57,7 +60,7 @@ class Bodies:
     restitution: wp.array2d[wp.float64]  # (W, n + s), negative: the other's own
     rolling: wp.array2d[wp.float64]
     height: wp.array2d[wp.float64]  # coordinate along the plane's normal [m]
-    gravity: wp.array[wp.vec2d]  # (W,) its part in the plane
+    gravity: wp.array[wp.vec3d]  # (W,) in the plane, and along its normal
     time_scale: wp.array[wp.float64]  # (W,)
     effect_parameters: wp.array3d[wp.float64]  # (W, e, 8)
     corners: wp.array2d[wp.vec2d]  # (W, 2 k) scratch: outlines of the pair under test

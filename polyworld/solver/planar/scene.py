@@ -99,6 +99,7 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
     scene.bodies = n
     scene.statics = len(statics)
     scene.effects = len(effects)
+    scene.supports = int(plane.supports)
     vertices = np.concatenate([o.vertices for o in outlines]) if outlines else np.zeros((0, 2))
     normals = np.concatenate([edge_normals(o.vertices) for o in outlines]) if outlines else np.zeros((0, 2))
     scene.vertices = wp.array(vertices, dtype=wp.vec2d, device="cpu")

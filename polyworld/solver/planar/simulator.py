@@ -32,6 +32,8 @@ BODY_FIELDS = {
     "shift": wp.vec3d,
     "push": wp.vec3d,
     "drag": wp.vec3d,
+    "reaction": wp.vec3d,
+    "touching": wp.int32,
     "coupled": wp.int32,
     "linear_decay": wp.vec3d,
     "angular_decay": wp.vec3d,
@@ -117,7 +119,7 @@ class PlanarSimulator:
         bodies.decay_step = _zeros((w,), wp.float64)
         bodies.friction = _zeros((w, n + s), wp.float64)
         bodies.restitution = _zeros((w, n + s), wp.float64)
-        bodies.gravity = _zeros((w,), wp.vec2d)
+        bodies.gravity = _zeros((w,), wp.vec3d)
         bodies.time_scale = _zeros((w,), wp.float64)
         bodies.effect_parameters = _zeros((w, self._scene.effects, MAX_PARAMETERS), wp.float64)
         bodies.corners = _zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
@@ -178,10 +180,12 @@ class PlanarSimulator:
         _view(b.friction)[:, n:] = arrays.static_friction
         _view(b.restitution)[:, :n] = arrays.restitution
         _view(b.restitution)[:, n:] = arrays.static_restitution
-        _view(b.gravity)[:] = arrays.gravity @ flat.T
+        _view(b.gravity)[:] = arrays.gravity @ axes.T
         _view(b.time_scale)[:] = arrays.time_scale[:, 0]
         _view(b.effect_parameters)[:] = arrays.effect_parameters
         _view(b.decay_step)[:] = -1.0
+        _view(b.reaction)[:] = 0.0
+        _view(b.touching)[:] = 0
         self._write_joints()
         _view(self._log.open)[:] = -1
         _view(self._log.count)[:] = 0

@@ -12,7 +12,7 @@ from polyworld.solver.spatial.impacts import time_to_impact
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
 from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, place
-from polyworld.solver.spatial.step import predict, sweep_bodies
+from polyworld.solver.spatial.step import note_reactions, predict, sweep_bodies
 
 MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
 # Approaches slower than one step's fall do not rebound: a body at rest would else never come to rest.
@@ -86,7 +86,7 @@ def stepping(joining: Joining) -> Any:
             else:
                 slowest = FASTEST
             begin(joints, state, k, time, part)
-            predict(geometry, parameters, state, w, k, gravity, time, part)
+            predict(geometry, parameters, state, w, k, half, threshold, gravity, time, part)
             aim_contacts(state, k, half, part, slowest)
             solve(joints, state, k, half, part)
             note_forces(state, k, half, part)
@@ -96,6 +96,8 @@ def stepping(joining: Joining) -> Any:
                     b = state.bodies[k, i]
                     state.bodies[k, i] = place(b, end_position(b, part), end_orientation(b, part))
             finish(joints, state, k, half, part, geometry.lock)
+            if parameters.effect_kind.shape[0] > 0 and wp.float64(2.0) * part >= h:
+                note_reactions(state, k, part)
             if log.record == 1:
                 record_contacts(log, state, w, k, half, time, part)
             left -= part

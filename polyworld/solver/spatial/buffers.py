@@ -67,6 +67,8 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
     state.crowded = zeros((rows,), wp.int32)
+    state.reaction = zeros((rows, n), wp.vec3d)
+    state.reaction_turning = zeros((rows, n), wp.vec3d)
     state.objects, state.statics = n, s
     state.max_manifolds, state.max_contacts = manifolds, contacts
     return state

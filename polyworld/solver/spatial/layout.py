@@ -184,6 +184,8 @@ class State:
     manifold_count: wp.array2d[wp.int32]  # (K, 2)
     contact_count: wp.array2d[wp.int32]  # (K, 2)
     crowded: wp.array[wp.int32]  # (K,) 1 where a contact found no room
+    reaction: wp.array2d[wp.vec3d]  # (K, n) acceleration by contacts and joints in the last step, where effects act
+    reaction_turning: wp.array2d[wp.vec3d]  # [rad/s^2]
     objects: int
     statics: int
     max_manifolds: int
