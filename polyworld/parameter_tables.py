@@ -110,3 +110,16 @@ DEFORMABLE_STATE: dict[str, dict[str, ParameterSpec]] = {
 GRAVITY = ParameterSpec("m/s^2", -1e4, 1e4, (-20.0, 20.0), "gravitational acceleration")
 STATIC_PARAMETERS = {k: OBJECT_PARAMETERS[k] for k in ("friction", "restitution")}
 SECONDS_PER_FRAME = ParameterSpec("s", 1e-6, 1e4, (0.01, 0.1), "physical time between frames")
+_VECTOR = {
+    "centre": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "point that scale, tilt and distortion leave"),
+    "tilt": ParameterSpec("rad", -np.pi, np.pi, (-0.2, 0.2), "rotation of the observed axes against the world's"),
+}
+OBSERVER_PARAMETERS: dict[str, ParameterSpec] = {
+    "scale": ParameterSpec("1", 1e-3, 1e3, (0.8, 1.25), "observed length per true length"),
+    "clock": ParameterSpec("1", 1e-3, 1e3, (0.8, 1.25), "seconds that the observer's clock counts per second"),
+    "time_offset": ParameterSpec("s", -1e4, 1e4, (-0.2, 0.2), "physical time at which the observer's clock showed 0"),
+    "distortion": ParameterSpec("1/m^2", -1e6, 1e6, (-0.1, 0.1), "radial distortion k in x (1 + k r^2)"),
+    "shift": ParameterSpec("s", -1e4, 1e4, (-0.2, 0.2), "by how much stamps after shift_time are too early"),
+    "shift_time": ParameterSpec("s", -1e6, 1e6, (0.0, 10.0), "stamp about which frames were dropped or repeated"),
+    **{f"{name}.{axis}": spec for name, spec in _VECTOR.items() for axis in "xyz"},
+}

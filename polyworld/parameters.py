@@ -23,6 +23,7 @@ from polyworld.parameter_tables import (
     JOINT_PARAMETERS,
     MOTOR_PARAMETERS,
     OBJECT_PARAMETERS,
+    OBSERVER_PARAMETERS,
     PULLEY_PARAMETERS,
     SECONDS_PER_FRAME,
     STATE_PARAMETERS,
@@ -70,6 +71,8 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
                 parameter.unit, parameter.lower, parameter.upper, parameter.search, parameter.description
             )
     paths["time.seconds_per_frame"] = SECONDS_PER_FRAME
+    if world.observer is not None:
+        paths |= {f"observer.{field}": spec for field, spec in OBSERVER_PARAMETERS.items()}
     return paths
 
 
@@ -93,6 +96,11 @@ def specification(world: World, path: str) -> ParameterSpec:
 def check_differs_per_world(path: str) -> None:
     """Raise ValueError for a parameter that all worlds of a batch share, so that it cannot be fitted."""
     parts = path.split(".")
+    if parts[0] == "observer":
+        raise ValueError(
+            f"{path} belongs to the observer and moves nothing, so it cannot be fitted to motion: "
+            "look for the observer's faults in the gap"
+        )
     if parts[0] == "joints" and parts[2:3] == ["motor"]:
         raise ValueError(
             f"{path} is the same in all worlds that a fit tries, so it cannot be fitted: set it with set_parameter; "
@@ -123,6 +131,8 @@ def read_parameter(world: World, path: str) -> float | None:
     if parts[0] == "effects":
         effect = next(e for e in world.effects if e.name == parts[1])
         return effect.parameters.get(parts[2], CATALOGUE[effect.kind].parameters[parts[2]].default)
+    if world.observer is not None and parts[0] == "observer":
+        return world.observer.values[path]
     return world.time.seconds_per_frame
 
 
@@ -164,6 +174,11 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
         elif parts[0] == "effects":
             effect = next(d for d in data["effects"] if d["name"] == parts[1])
             effect["parameters"] = {**effect["parameters"], parts[2]: float(value)}
+        elif parts[0] == "observer" and len(parts) == 3:
+            vector = data["observer"][parts[1]]
+            data["observer"][parts[1]] = _replace(vector, "xyz".index(parts[2]), float(value))
+        elif parts[0] == "observer":
+            data["observer"][parts[1]] = float(value)
         else:
             ratio = float(value) / world.time.seconds_per_frame
             data["time"]["seconds_per_frame"] = float(value)

@@ -27,6 +27,7 @@ from polyworld.description import (
     Quaternion,
     Vec3,
 )
+from polyworld.observer import Observer
 from polyworld.representations.attachment import Attachment, Region
 from polyworld.representations.cloth import Cloth
 from polyworld.representations.fluid import Container, Drain, Emitter, Fluid, FluidGrid
@@ -103,7 +104,10 @@ Deformable = Annotated[Rope | Cloth | Soft | Fluid, Field(discriminator="represe
 
 PLANAR = frozenset({"rigid_planar", "rope_planar", "soft_planar", "fluid_planar"})
 # Parts that are left out of the canonical JSON where they are empty.
-_OPTIONAL = ("joints", "deformables", "attachments", "pulleys", "fluid_grid", "emitters", "drains", "containers")
+_OPTIONAL = (
+    *("joints", "deformables", "attachments", "pulleys", "fluid_grid", "emitters", "drains", "containers"),
+    "observer",
+)
 
 
 class World(Description):
@@ -126,6 +130,7 @@ class World(Description):
     time: TimeBase = TimeBase()
     camera: Camera | None = Field(default=None, description="camera that observed the world; defines the view")
     region: Region | None = Field(default=None, description="region for entry and exit events without a camera")
+    observer: Observer | None = Field(default=None, description="faults of whoever measured the motion")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -1,0 +1,97 @@
+"""Measured motion in one or several runs: what a world is held against when the gap is looked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.tracks import ObservedTracks
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: n objects at T instants, from an initial state of its own.
+
+    names (n,): objects of the world, or markers of a deformable one as `NAME#k`: marker k is the material point that
+    the deformable object NAME has, at the run's start, nearest to where the marker is first seen. times (T,) [s]:
+    increasing, as the observer's clock tells them; the world's time 0 is `times[0]` less `lead`. positions (T, n, 3)
+    [m], NaN for each component that was not measured. orientations (T, n, 4) w, x, y, z, NaN where unknown. sigma:
+    standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in
+    `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
+    not fitted.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    times: Array
+    positions: Array
+    orientations: Array
+    sigma: float | None = None
+    symmetry: tuple[int, ...] = ()
+    lead: float = 0.0
+
+    def __post_init__(self) -> None:
+        t, n = len(self.times), len(self.names)
+        if self.positions.shape != (t, n, 3) or self.orientations.shape != (t, n, 4):
+            raise ValueError(
+                f"run {self.name!r}: positions {self.positions.shape} and orientations {self.orientations.shape}, "
+                f"expected {(t, n, 3)} and {(t, n, 4)}"
+            )
+        if t and (not np.all(np.isfinite(self.times)) or np.any(np.diff(self.times) <= 0)):
+            raise ValueError(f"run {self.name!r}: times must be finite and increase")
+        if len(set(self.names)) != n:
+            raise ValueError(f"run {self.name!r}: object names repeat: {list(self.names)}")
+        if not self.symmetry:
+            object.__setattr__(self, "symmetry", (1,) * n)
+
+    def rows(self, keep: NDArray[np.bool_]) -> Self:
+        """The same run at some of its instants."""
+        return replace(
+            self, times=self.times[keep], positions=self.positions[keep], orientations=self.orientations[keep]
+        )
+
+    @classmethod
+    def of_tracks(cls, name: str, tracks: ObservedTracks) -> Self:
+        """A run from the tracks of a video: what has no confidence is not there."""
+        seen = (tracks.confidence > 0.0)[..., None]
+        turned = (tracks.orientation_confidence > 0.0)[..., None]
+        sigma = tracks.position_sigma[tracks.confidence > 0.0]
+        return cls(
+            name=name,
+            names=tracks.names,
+            times=tracks.times,
+            positions=np.where(seen, tracks.positions, np.nan),
+            orientations=np.where(turned, tracks.orientations, np.nan),
+            sigma=float(np.median(sigma)) if len(sigma) else None,
+            symmetry=tracks.symmetry,
+        )
+
+
+@dataclass(frozen=True)
+class Recording:
+    """All runs of a case."""
+
+    runs: tuple[Run, ...]
+
+    def __post_init__(self) -> None:
+        names = [r.name for r in self.runs]
+        if not names:
+            raise ValueError("a recording needs at least one run")
+        if len(set(names)) != len(names):
+            raise ValueError(f"names of runs repeat: {names}")
+
+    def run(self, name: str) -> Run:
+        """The run called `name`; raises KeyError naming the valid choices."""
+        for candidate in self.runs:
+            if candidate.name == name:
+                return candidate
+        raise KeyError(f"unknown run {name!r}; runs: {[r.name for r in self.runs]}")
+
+    def select(self, names: tuple[str, ...]) -> Self:
+        """Some of the runs, in the order given."""
+        return type(self)(tuple(self.run(n) for n in names))
