@@ -29,7 +29,7 @@ PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the 
 
 @dataclass(frozen=True)
 class Linearised:
-    """Whitened residuals r[run] (m,), derivatives by shared unknowns a[run] (m, S) and by initial states b[run] (m, N)."""
+    """Whitened residuals r[run] (m,), slopes by shared unknowns a[run] (m, S), initial states b[run] (m, N)."""
 
     r: tuple[Array, ...]
     a: tuple[Array, ...]
