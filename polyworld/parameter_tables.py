@@ -93,6 +93,7 @@ JOINT_PARAMETERS = {
 MOTOR_PARAMETERS = {
     "target_speed": ParameterSpec("rad/s or m/s", -1e6, 1e6, (-20.0, 20.0), "speed a motor aims at, about the axis"),
     "limit": ParameterSpec("N m or N", 0.0, 1e9, (0.0, 10.0), "greatest torque or force of a motor"),
+    "delay": ParameterSpec("s", 0.0, 1e4, (0.0, 1.0), "how much later than told a motor switches on and off"),
 }
 _STATE = {
     "position": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "position at start_time"),
@@ -109,6 +110,11 @@ DEFORMABLE_STATE: dict[str, dict[str, ParameterSpec]] = {
 }
 GRAVITY = ParameterSpec("m/s^2", -1e4, 1e4, (-20.0, 20.0), "gravitational acceleration")
 STATIC_PARAMETERS = {k: OBJECT_PARAMETERS[k] for k in ("friction", "restitution")}
+_POSE = {
+    "position": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "where a static stands"),
+    "rotation": _STATE["rotation"],
+}
+STATIC_POSE: dict[str, ParameterSpec] = {f"{k}.{a}": s for k, s in _POSE.items() for a in "xyz"}
 SECONDS_PER_FRAME = ParameterSpec("s", 1e-6, 1e4, (0.01, 0.1), "physical time between frames")
 _VECTOR = {
     "centre": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "point that scale, tilt and distortion leave"),

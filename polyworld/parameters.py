@@ -1,7 +1,7 @@
 """Every number of a world that can be read, fitted or intervened on, by path, with unit and bounds.
 
 A path is text with dots, for example `objects.red.friction`, `objects.red.velocity.x`,
-`environment.gravity.z`, `statics.floor.friction`, `effects.air.coefficient`, `time.seconds_per_frame`.
+`environment.gravity.z`, `statics.wall.position.x`, `effects.air.coefficient`, `time.seconds_per_frame`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from polyworld import geometry
-from polyworld.effects import CATALOGUE
+from polyworld.expressions.effect import law_of
 from polyworld.parameter_tables import (
     DEFORMABLE_PARAMETERS,
     DEFORMABLE_STATE,
@@ -28,6 +28,7 @@ from polyworld.parameter_tables import (
     SECONDS_PER_FRAME,
     STATE_PARAMETERS,
     STATIC_PARAMETERS,
+    STATIC_POSE,
     ParameterSpec,
 )
 from polyworld.representations.rigid import RigidObject
@@ -45,7 +46,7 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         for field, spec in {**DEFORMABLE_PARAMETERS[kind], **DEFORMABLE_STATE[kind]}.items():
             paths[f"objects.{soft.name}.{field}"] = spec
     for static in world.statics:
-        for field, spec in STATIC_PARAMETERS.items():
+        for field, spec in {**STATIC_PARAMETERS, **STATIC_POSE}.items():
             paths[f"statics.{static.name}.{field}"] = spec
     for pulley in world.pulleys:
         for field, spec in PULLEY_PARAMETERS.items():
@@ -66,7 +67,7 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         paths[f"environment.gravity.{axis}"] = GRAVITY
     paths["environment.motion_plane.friction"] = OBJECT_PARAMETERS["friction"]
     for effect in world.effects:
-        for name, parameter in CATALOGUE[effect.kind].parameters.items():
+        for name, parameter in law_of(effect).parameters.items():
             paths[f"effects.{effect.name}.{name}"] = ParameterSpec(
                 parameter.unit, parameter.lower, parameter.upper, parameter.search, parameter.description
             )
@@ -93,7 +94,7 @@ def specification(world: World, path: str) -> ParameterSpec:
     raise KeyError(f"unknown parameter {path!r}{hint}; choices: {near or heads}")
 
 
-def check_differs_per_world(path: str) -> None:
+def check_differs_per_world(world: World, path: str) -> None:
     """Raise ValueError for a parameter that all worlds of a batch share, so that it cannot be fitted."""
     parts = path.split(".")
     if parts[0] == "observer":
@@ -101,10 +102,10 @@ def check_differs_per_world(path: str) -> None:
             f"{path} belongs to the observer and moves nothing, so it cannot be fitted to motion: "
             "look for the observer's faults in the gap"
         )
-    if parts[0] == "joints" and parts[2:3] == ["motor"]:
+    if world.coupled and parts[0] == "statics" and len(parts) == 4:
         raise ValueError(
-            f"{path} is the same in all worlds that a fit tries, so it cannot be fitted: set it with set_parameter; "
-            "of a joint friction, damping and stiffness can be fitted"
+            f"{path} is the same in all worlds that a fit tries where there are deformable objects, so it cannot be "
+            "fitted: set it with set_parameter; of a static friction and restitution can be fitted"
         )
 
 
@@ -123,14 +124,14 @@ def read_parameter(world: World, path: str) -> float | None:
             part = getattr(part, field)
         return float(part)
     if parts[0] == "statics":
-        return _static_value(world, parts[1], parts[2])
+        return _static_value(world, parts[1], parts[2:])
     if parts[0] == "environment" and parts[1] == "gravity":
         return world.environment.gravity["xyz".index(parts[2])]
     if parts[0] == "environment":
         return world.environment.motion_plane.friction
     if parts[0] == "effects":
         effect = next(e for e in world.effects if e.name == parts[1])
-        return effect.parameters.get(parts[2], CATALOGUE[effect.kind].parameters[parts[2]].default)
+        return effect.parameters.get(parts[2], law_of(effect).parameters[parts[2]].default)
     if world.observer is not None and parts[0] == "observer":
         return world.observer.values[path]
     return world.time.seconds_per_frame
@@ -188,7 +189,7 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
     for name, shift in shifts.items():
         shift_deformable(next(d for d in data["deformables"] if d["name"] == name), shift)
     for name, vector in turns.items():
-        item = next(d for d in data["objects"] if d["name"] == name)
+        item = next(d for d in (*data["objects"], *data["statics"]) if d["name"] == name)
         turned = geometry.quaternion_product(
             geometry.rotation_quaternion(np.asarray(vector)), np.asarray(item["orientation"])
         )
@@ -251,9 +252,13 @@ def _read_deformable(item: Deformable, field: list[str]) -> float | None:
     return float(value["xyz".index(field[1])] if len(field) == 2 else value)
 
 
-def _static_value(world: World, name: str, field: str) -> float | None:
+def _static_value(world: World, name: str, field: list[str]) -> float | None:
     static: StaticObject = next(s for s in world.statics if s.name == name)
-    value: float | None = getattr(static, field)
+    if field[0] == "rotation":  # measured from the orientation the world already has
+        return 0.0
+    if field[0] == "position":
+        return static.position["xyz".index(field[1])]
+    value: float | None = getattr(static, field[0])
     return value
 
 

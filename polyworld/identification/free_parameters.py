@@ -96,7 +96,7 @@ class SearchSpace:
         for p in parameters:
             for path in p.paths:
                 spec = specification(world, path)
-                check_differs_per_world(path)
+                check_differs_per_world(world, path)
                 if p.lower < spec.lower or p.upper > spec.upper:
                     raise ValueError(
                         f"parameter {p.name!r}: bounds {p.lower} to {p.upper} exceed those of {path}, "

@@ -27,6 +27,9 @@ class Motor(Description):
     reverse: bool = Field(default=False, description="constant effort in the negative direction")
     start: NonNegative = Field(default=0.0, description="switched on at [s]")
     end: Positive | None = Field(default=None, description="switched off at [s]; default: never")
+    delay: NonNegative = Field(
+        default=0.0, description="how much later than told it switches on, and off: a slow actuator [s]"
+    )
 
 
 class _Joint(Description):

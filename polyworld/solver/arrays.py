@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.effects import CATALOGUE, KIND_INDEX, MAX_PARAMETERS
+from polyworld.effects import MAX_PARAMETERS
+from polyworld.expressions.effect import effect_programs, law_of
 from polyworld.parameters import (
     check_differs_per_world,
     object_mass,
@@ -29,11 +30,13 @@ class RigidArrays:
     """Initial state and parameters of n objects, s statics and e effects; R is 1 or W for each field alone.
 
     mass, friction, restitution, rolling_resistance, torsional_radius, linear_damping, angular_damping (R, n);
-    position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_friction,
+    position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_position (R, s, 3),
+    static_orientation (R, s, 4); static_friction,
     static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object;
     gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own.
-    joint_friction, joint_damping, joint_stiffness (R, joints): 0 where a joint has none.
-    effect_kind (e,), effect_acts (e, n): not varied.
+    joint_friction, joint_damping, joint_stiffness, and motor_target_speed, motor_limit, motor_delay of the joints'
+    motors (R, joints): 0 where a joint has none.
+    effect_kind (e,), effect_acts (e, n), effect_programs (rows, 4) of `polyworld.expressions.effect`: not varied.
     """
 
     mass: Array
@@ -47,6 +50,8 @@ class RigidArrays:
     orientation: Array
     velocity: Array
     angular_velocity: Array
+    static_position: Array
+    static_orientation: Array
     static_friction: Array
     static_restitution: Array
     plane_friction: Array
@@ -56,8 +61,12 @@ class RigidArrays:
     joint_friction: Array
     joint_damping: Array
     joint_stiffness: Array
+    motor_target_speed: Array
+    motor_limit: Array
+    motor_delay: Array
     effect_kind: NDArray[np.int32]
     effect_acts: NDArray[np.int32]
+    effect_programs: Array
 
 
 SCALARS = (
@@ -77,6 +86,7 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
     """
     objects = world.objects
     effects = [e for e in world.effects if e.enabled]
+    kinds, programs = effect_programs(effects)
     arrays = RigidArrays(
         mass=_row([object_mass(o) for o in objects]),
         **{name: _row([getattr(o, name) for o in objects]) for name in SCALARS},
@@ -85,6 +95,8 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         orientation=_rows([o.orientation for o in objects], 4),
         velocity=_rows([o.velocity for o in objects], 3),
         angular_velocity=_rows([o.angular_velocity for o in objects], 3),
+        static_position=_rows([s.position for s in world.statics], 3),
+        static_orientation=_rows([s.orientation for s in world.statics], 4),
         static_friction=_row([OWN if s.friction is None else s.friction for s in world.statics]),
         static_restitution=_row([OWN if s.restitution is None else s.restitution for s in world.statics]),
         plane_friction=_row([_or_own(world.environment.motion_plane.friction)]),
@@ -94,10 +106,14 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         joint_friction=_row([getattr(j, "friction", 0.0) for j in world.joints]),
         joint_damping=_row([getattr(j, "damping", 0.0) for j in world.joints]),
         joint_stiffness=_row([getattr(j, "stiffness", 0.0) for j in world.joints]),
-        effect_kind=np.array([KIND_INDEX[e.kind] for e in effects], dtype=np.int32),
+        motor_target_speed=_motor_row(world, "target_speed"),
+        motor_limit=_motor_row(world, "limit"),
+        motor_delay=_motor_row(world, "delay"),
+        effect_kind=kinds,
         effect_acts=np.array(
             [[e.objects is None or o.name in e.objects for o in objects] for e in effects], dtype=np.int32
         ).reshape(len(effects), len(objects)),
+        effect_programs=programs,
     )
     return with_overrides(world, arrays, overrides) if overrides else arrays
 
@@ -118,22 +134,24 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
     static_columns = {s.name: i for i, s in enumerate(world.statics)}
     effect_columns = {e.name: i for i, e in enumerate(e for e in world.effects if e.enabled)}
     joint_columns = {j.name: i for i, j in enumerate(world.joints)}
-    effect_kinds = {e.name: e.kind for e in world.effects}
+    effects = {e.name: e for e in world.effects}
     known = parameter_paths(world)
     turns: dict[str, Array] = {}
     for path, given in overrides.items():
         values = np.asarray(given, dtype=float)
         spec = known.get(path) or specification(world, path)  # the latter raises, naming the choices
-        check_differs_per_world(path)
+        check_differs_per_world(world, path)
         if not (np.all(np.isfinite(values)) and values.min() >= spec.lower and values.max() <= spec.upper):
             raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
         parts = path.split(".")
-        if parts[0] == "objects" and parts[2] == "rotation":
+        if parts[0] in ("objects", "statics") and parts[2] == "rotation":
             turns.setdefault(parts[1], np.zeros((rows, 3)))[:, "xyz".index(parts[3])] = values
         elif parts[0] == "objects" and len(parts) == 4:
             _widen(arrays, parts[2], rows)[:, columns[parts[1]], "xyz".index(parts[3])] = values
         elif parts[0] == "objects":
             _widen(arrays, parts[2], rows)[:, columns[parts[1]]] = values
+        elif parts[0] == "statics" and len(parts) == 4:
+            _widen(arrays, "static_position", rows)[:, static_columns[parts[1]], "xyz".index(parts[3])] = values
         elif parts[0] == "statics":
             _widen(arrays, f"static_{parts[2]}", rows)[:, static_columns[parts[1]]] = values
         elif parts[0] == "environment" and parts[1] == "gravity":
@@ -141,16 +159,18 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
         elif parts[0] == "environment":
             _widen(arrays, "plane_friction", rows)[:, 0] = values
         elif parts[0] == "joints":
-            _widen(arrays, f"joint_{parts[2]}", rows)[:, joint_columns[parts[1]]] = values
+            field = f"motor_{parts[3]}" if parts[2] == "motor" else f"joint_{parts[2]}"
+            _widen(arrays, field, rows)[:, joint_columns[parts[1]]] = values
         elif parts[0] == "effects":
             if parts[1] in effect_columns:  # a disabled effect has no column: its parameters act on nothing
-                slot = list(CATALOGUE[effect_kinds[parts[1]]].parameters).index(parts[2])
+                slot = list(law_of(effects[parts[1]]).parameters).index(parts[2])
                 _widen(arrays, "effect_parameters", rows)[:, effect_columns[parts[1]], slot] = values
         else:
             arrays.time_scale = (values / world.time.seconds_per_frame)[:, None]
     for name, vectors in turns.items():
-        orientation = _widen(arrays, "orientation", rows)
-        column = columns[name]
+        is_static = name in static_columns  # names of objects and statics differ
+        orientation = _widen(arrays, "static_orientation" if is_static else "orientation", rows)
+        column = static_columns[name] if is_static else columns[name]
         turn = geometry.rotation_quaternion(vectors)
         orientation[:, column] = geometry.quaternion_product(turn, orientation[:, column])
 
@@ -167,9 +187,15 @@ def _effect_parameters(world: World) -> Array:
     effects = [e for e in world.effects if e.enabled]
     values = np.zeros((1, len(effects), MAX_PARAMETERS))
     for i, effect in enumerate(effects):
-        for j, (name, spec) in enumerate(CATALOGUE[effect.kind].parameters.items()):
+        for j, (name, spec) in enumerate(law_of(effect).parameters.items()):
             values[0, i, j] = effect.parameters.get(name, spec.default)
     return values
+
+
+def _motor_row(world: World, field: str) -> Array:
+    """A motor's number of each joint, 0 where there is no motor or it has none."""
+    motors = [getattr(j, "motor", None) for j in world.joints]
+    return _row([getattr(m, field, None) or 0.0 for m in motors])
 
 
 def _row(values: list[float]) -> Array:

@@ -40,7 +40,7 @@ def find_near(
                         else:
                             gap = FAR
                     else:
-                        pb = scene.static_pose[b - n]
+                        pb = bodies.static_pose[w, b - n]
                         if scene.first[b + 1] == scene.first[b]:
                             gap = pb[0] * pa[0] + pb[1] * pa[1] - pb[2] - scene.bound[a]
                         else:

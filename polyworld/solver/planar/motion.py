@@ -177,7 +177,7 @@ def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
 def pose_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
     """Pose `time` into a step of length h: quadratic in time through the pose, the rate and the shift."""
     if i >= scene.bodies:
-        return scene.static_pose[i - scene.bodies]
+        return bodies.static_pose[w, i - scene.bodies]
     part = time / h
     straight = bodies.rate[w, i] * time
     return bodies.pose[w, i] + straight + (bodies.shift[w, i] - bodies.rate[w, i] * h) * (part * part)

@@ -19,7 +19,6 @@ class Scene:
     sweep: wp.array[wp.float64]  # (n + s,) radius of the disc swept along the outline [m]
     bound: wp.array[wp.float64]  # (n + s,) radius of the bounding circle [m]
     depth: wp.array[wp.float64]  # (n + s,) a relative motion shorter than this cannot pass through [m]
-    static_pose: wp.array[wp.vec3d]  # (s,) x, y, angle; of a half plane its outward normal and offset
     collides: wp.array2d[wp.int32]  # (n, n + s)
     touch: wp.float64  # a gap below this is contact [m]
     skin: wp.float64  # pairs nearer than this are kept in the near list [m]
@@ -53,6 +52,7 @@ class Bodies:
     inverse_mass: wp.array2d[wp.float64]
     inverse_inertia: wp.array2d[wp.float64]
     hold: wp.array2d[wp.float64]  # mu |g_n|: largest deceleration by the supporting plane [m/s^2]
+    static_pose: wp.array2d[wp.vec3d]  # (W, s) x, y, angle; of a half plane its outward normal and offset
     patch: wp.array2d[wp.float64]  # radius of the spinning-friction patch [m]
     linear_damping: wp.array2d[wp.float64]
     angular_damping: wp.array2d[wp.float64]

@@ -76,8 +76,8 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
     return Outline(vertices, sweep, (float(x), float(y), 0.0), low, high)
 
 
-def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
-    """The scene of a planar world and the names of its bodies, then of its statics."""
+def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array]:
+    """The scene of a planar world, the names of its bodies, then of its statics, and the statics' poses (s, 3)."""
     plane = world.environment.motion_plane
     axes = geometry.plane_axes(plane)
     bodies = [body_outline(o, axes) for o in world.objects]
@@ -108,7 +108,6 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
     scene.sweep = _doubles([o.sweep for o in outlines])
     scene.bound = _doubles(bound)
     scene.depth = _doubles([leap_limit(o) for o in outlines])
-    scene.static_pose = wp.array(np.array([o.pose for o in outlines[n:]]).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
     scene.collides = _ints(collides)
     scene.touch = TOUCH * min(bound[:n])
     scene.skin = SKIN * float(np.mean(bound[:n]))
@@ -121,7 +120,8 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str]]:
     acts = [[e.objects is None or o.name in e.objects for o in world.objects] for e in effects]
     scene.effect_acts = _ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
     scene.effect_radius = _doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
-    return scene, [o.name for o in world.objects] + [s.name for s in world.statics]
+    poses = np.array([o.pose for o in outlines[n:]]).reshape(-1, 3)
+    return scene, [o.name for o in world.objects] + [s.name for s in world.statics], poses
 
 
 def build_joints(world: World) -> Joints:

@@ -17,6 +17,7 @@ from polyworld.solver.arrays import RigidArrays, rigid_arrays, with_overrides
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
 from polyworld.solver.planar.scene import build_joints, build_scene
+from polyworld.solver.planar.statics import static_poses, turn_in_plane
 from polyworld.solver.time_table import time_table
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
@@ -81,7 +82,7 @@ class PlanarSimulator:
         self.threads = threads or available_cores()
         self._arrays = rigid_arrays(world)
         self._table = time_table(world, sample_times)
-        self._scene, self._all_names = build_scene(world, self._table)
+        self._scene, self._all_names, self._static_poses = build_scene(world, self._table)
         self._axes = geometry.plane_axes(world.environment.motion_plane)
         rotations = [geometry.quaternion_matrix(np.asarray(o.orientation)) for o in world.objects]
         solids = [geometry.mass_properties(o.shape) for o in world.objects]
@@ -116,6 +117,7 @@ class PlanarSimulator:
         bodies = Bodies()
         for name, dtype in BODY_FIELDS.items():
             setattr(bodies, name, _zeros((w, n), dtype))
+        bodies.static_pose = _zeros((w, s), wp.vec3d)
         bodies.decay_step = _zeros((w,), wp.float64)
         bodies.friction = _zeros((w, n + s), wp.float64)
         bodies.restitution = _zeros((w, n + s), wp.float64)
@@ -155,13 +157,15 @@ class PlanarSimulator:
         """Fill the device arrays in place."""
         b, axes = self._bodies, self._axes
         flat, normal = axes[:2], axes[2]
-        angle = self._turn(arrays.orientation)
+        base = np.array([o.orientation for o in self.world.objects]).reshape(1, -1, 4)
+        angle = turn_in_plane(arrays.orientation, base, normal, "objects")
         pose, rate = _view(b.pose), _view(b.rate)
         pose[..., :2] = arrays.position @ flat.T
         pose[..., 2] = angle
         rate[..., :2] = arrays.velocity @ flat.T
         rate[..., 2] = arrays.angular_velocity @ normal
         _view(b.height)[:] = arrays.position @ normal
+        _view(b.static_pose)[:] = static_poses(self.world, arrays, self._static_poses)
         _view(b.mass)[:] = arrays.mass
         _view(b.inverse_mass)[:] = 1.0 / arrays.mass
         _view(b.inverse_inertia)[:] = 1.0 / (arrays.mass * self._gyration)
@@ -206,19 +210,6 @@ class PlanarSimulator:
             arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
         _view(self._joints.impulse)[:] = 0.0
-
-    def _turn(self, orientation: Array) -> Array:
-        """Angle (R, n) about the plane's normal from the world's own orientations to those given."""
-        base = np.array([o.orientation for o in self.world.objects]).reshape(1, -1, 4)
-        turn = geometry.quaternion_product(orientation, base * np.array([1.0, -1.0, -1.0, -1.0]))
-        along = turn[..., 1:] @ self._axes[2]
-        if np.abs(turn[..., 1:] - along[..., None] * self._axes[2]).max(initial=0.0) > 1e-9:
-            raise ValueError(
-                "planar objects turn only about the motion plane's normal "
-                f"{tuple(np.round(self._axes[2], 6).tolist())}: override that rotation alone"
-            )
-        angle: Array = 2.0 * np.arctan2(along, turn[..., 0])
-        return angle
 
     def _launch(self, segments: int) -> None:
         if self._scene.bodies == 0:

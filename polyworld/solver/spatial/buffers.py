@@ -14,6 +14,7 @@ from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import build_joints, joint_rows
+from polyworld.solver.spatial.statics import static_poses
 from polyworld.trajectory import Event
 from polyworld.world import World
 
@@ -33,6 +34,9 @@ PARAMETER_TYPES = {
     "orientation": wp.quatd,
     "velocity": wp.vec3d,
     "angular_velocity": wp.vec3d,
+    "static_position": wp.vec3d,
+    "static_orientation": wp.quatd,
+    "static_plane": wp.vec4d,
     "static_friction": wp.float64,
     "static_restitution": wp.float64,
     "gravity": wp.vec3d,
@@ -41,7 +45,7 @@ PARAMETER_TYPES = {
     "effect_kind": wp.int32,
     "effect_acts": wp.int32,
 }
-SHARED = frozenset({"effect_kind", "effect_acts"})  # the same in all worlds
+SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the same in all worlds
 
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
@@ -67,6 +71,7 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
     state.crowded = zeros((rows,), wp.int32)
+    state.planes = zeros((rows, s), wp.vec4d)
     state.reaction = zeros((rows, n), wp.vec3d)
     state.reaction_turning = zeros((rows, n), wp.vec3d)
     state.objects, state.statics = n, s
@@ -98,11 +103,14 @@ def clear_log(log: layout.Log) -> None:
     log.count.numpy()[:] = 0
 
 
-def write_parameters(parameters: layout.Parameters | None, arrays: RigidArrays) -> layout.Parameters:
+def write_parameters(world: World, parameters: layout.Parameters | None, arrays: RigidArrays) -> layout.Parameters:
     """Copy parameters into the kernel's arrays, which are made anew only where a field changes its rows."""
     p = parameters or layout.Parameters()
+    poses = dict(
+        zip(("static_position", "static_orientation", "static_plane"), static_poses(world, arrays), strict=True)
+    )
     for name, dtype in PARAMETER_TYPES.items():
-        values = getattr(arrays, name)
+        values = poses[name] if name in poses else getattr(arrays, name)
         if name == "orientation":
             values = np.roll(values, -1, axis=-1)
         if name == "time_scale":

@@ -96,6 +96,17 @@ def inactive_edge(geometry: Geometry, face: int, n: wp.vec3d) -> bool:
     return (geometry.edge_active[face] >> edge) & 1 == 0
 
 
+@wp.func
+def placed_shape(geometry: Geometry, state: State, w: int, j: int, q: int) -> Shape:
+    """Shape q of body j; a plane where it stands in this world."""
+    s = geometry.shapes[q]
+    if s.kind == PLANE:
+        plane = state.planes[w, j - state.objects]
+        s.size = wp.vec3d(plane[0], plane[1], plane[2])
+        s.bound = plane[3]
+    return s
+
+
 @wp.func(inline=False)
 def touch(
     geometry: Geometry,
@@ -250,7 +261,7 @@ def touch_pieces(
         if geometry.placed[p] == 1:
             xa += state.bodies[w, i].rotation * geometry.offset[p]
         for q in range(geometry.first_shape[j], geometry.first_shape[j + 1]):
-            sb = geometry.shapes[q]
+            sb = placed_shape(geometry, state, w, j, q)
             if sb.kind == MESH:
                 told = touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, told)
             elif geometry.placed[q] == 1:
@@ -286,7 +297,7 @@ def find_contacts(geometry: Geometry, state: State, w: int, half: int) -> None:
                 continue
             q = geometry.first_shape[j]
             alone = single and geometry.first_shape[j + 1] - q == 1
-            sb = geometry.shapes[q]
+            sb = placed_shape(geometry, state, w, j, q)
             if geometry.placed[q] == 1:
                 sb.kind = SPHERE
                 sb.bound = geometry.bound[j]
@@ -316,4 +327,5 @@ def find_contacts(geometry: Geometry, state: State, w: int, half: int) -> None:
             elif sb.kind == MESH:
                 touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, 0)
             else:
-                touch(geometry, state, w, half, i, j, p, q, geometry.shapes[q], reach, old, remembered, 0)
+                sb = placed_shape(geometry, state, w, j, q)
+                touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, 0)

@@ -28,9 +28,10 @@ class Shape:
     """Geometry in the shape's own axes, the same in all worlds.
 
     size: box half extents; (radius, radius, half height) of cylinder and capsule; radius of a sphere; normal of
-    a plane, whose offset is `bound`. bound: radius of the bounding sphere about the shape's origin [m]. inset:
-    how far the core lies inside the surface [m]. first_vertex, vertices, first_face, faces: rows of
-    Geometry.vertices and of Geometry.face_normals; for a MESH faces counts triangles.
+    a plane, whose offset is `bound`; where a plane stands in one world, State.planes says. bound: radius of the
+    bounding sphere about the shape's origin [m]. inset: how far the core lies inside the surface [m]. first_vertex,
+    vertices, first_face, faces: rows of Geometry.vertices and of Geometry.face_normals; for a MESH faces counts
+    triangles.
     """
 
     kind: int
@@ -70,8 +71,6 @@ class Geometry:
     face_corners: wp.array[wp.int32]
     edge_active: wp.array[wp.int32]
     tree: wp.array[wp.uint64]
-    fixed_position: wp.array[wp.vec3d]  # of the statics (s,)
-    fixed_orientation: wp.array[wp.quatd]
     inertia: wp.array[wp.mat33d]  # (n,) for unit mass, body axes, and its inverse
     inverse_inertia: wp.array[wp.mat33d]
     radius: wp.array[wp.float64]  # (n,) of the ball of equal volume
@@ -184,6 +183,7 @@ class State:
     manifold_count: wp.array2d[wp.int32]  # (K, 2)
     contact_count: wp.array2d[wp.int32]  # (K, 2)
     crowded: wp.array[wp.int32]  # (K,) 1 where a contact found no room
+    planes: wp.array2d[wp.vec4d]  # (K, s) outward normal and offset of the statics that are planes
     reaction: wp.array2d[wp.vec3d]  # (K, n) acceleration by contacts and joints in the last step, where effects act
     reaction_turning: wp.array2d[wp.vec3d]  # [rad/s^2]
     objects: int
@@ -207,6 +207,9 @@ class Parameters:
     orientation: wp.array2d[wp.quatd]  # x, y, z, w
     velocity: wp.array2d[wp.vec3d]
     angular_velocity: wp.array2d[wp.vec3d]
+    static_position: wp.array2d[wp.vec3d]  # of the shapes, see `statics.static_poses`
+    static_orientation: wp.array2d[wp.quatd]
+    static_plane: wp.array2d[wp.vec4d]
     static_friction: wp.array2d[wp.float64]
     static_restitution: wp.array2d[wp.float64]
     gravity: wp.array[wp.vec3d]

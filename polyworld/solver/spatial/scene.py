@@ -41,11 +41,8 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
     pieces = [geometry.pieces(o.shape) for o in world.objects]
     for piece in chain.from_iterable(pieces):
         _add(tables, piece.shape)
-    positions, orientations = [], []
     for static in world.statics:
-        position, orientation = _add_static(tables, static)
-        positions.append(position)
-        orientations.append(orientation)
+        _add_static(tables, static)
     g = layout.Geometry()
     rows = np.zeros(len(tables.shapes), dtype=layout.Shape.numpy_dtype())
     for i, shape in enumerate(tables.shapes):
@@ -59,8 +56,6 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
     g.face_corners = _array(tables.corners, wp.int32)
     g.edge_active = _array(tables.active, wp.int32)
     g.tree = _array([0 if t is None else t.id for t in tables.trees], wp.uint64)
-    g.fixed_position = _array(positions, wp.vec3d)
-    g.fixed_orientation = _array(orientations, wp.quatd)
     solids = [geometry.mass_properties(o.shape) for o in world.objects]
     inertia = [s.inertia / s.volume for s in solids]
     g.inertia = _array(inertia, wp.mat33d)
@@ -146,28 +141,21 @@ def _add_hull(tables: _Tables, hull: trimesh.Trimesh) -> dict[str, Any]:
     }
 
 
-def _add_static(tables: _Tables, static: StaticObject) -> tuple[Array, Array]:
-    """Adds the shape; returns its pose: position (3,), orientation (4,) x, y, z, w."""
-    position = np.asarray(static.position, dtype=float)
-    orientation = np.asarray(static.orientation, dtype=float)
+def _add_static(tables: _Tables, static: StaticObject) -> None:
     shape = static.shape
     if isinstance(shape, Plane):
-        turn = geometry.quaternion_matrix(orientation)
+        turn = geometry.quaternion_matrix(np.asarray(static.orientation, dtype=float))
         normal = np.asarray(shape.normal, dtype=float)
         normal = turn @ (normal / np.linalg.norm(normal))
-        offset = shape.offset + float(normal @ position)
+        offset = shape.offset + float(normal @ np.asarray(static.position, dtype=float))
         tables.shapes.append({"kind": layout.PLANE, "size": normal, "bound": offset})
         tables.trees.append(None)
     elif isinstance(shape, Wall):
-        box, centre, rotation = geometry.wall_box(shape)
-        position = geometry.quaternion_matrix(orientation) @ centre + position
-        orientation = geometry.quaternion_product(orientation, _quaternion(rotation))
-        _add(tables, box)
+        _add(tables, geometry.wall_box(shape)[0])
     elif isinstance(shape, TriangleMesh):
         _add_triangles(tables, shape)
     else:
         _add(tables, shape)
-    return position, np.roll(orientation, -1)
 
 
 def _add_triangles(tables: _Tables, shape: TriangleMesh) -> None:
@@ -234,8 +222,8 @@ def _active_edges(vertices: Array, faces: NDArray[Any], normals: Array) -> list[
     return masks
 
 
-def _quaternion(rotation: Array) -> Array:
-    """w, x, y, z of a rotation matrix (3, 3)."""
+def box_orientation(rotation: Array) -> Array:
+    """Quaternion (4,) w, x, y, z of a rotation matrix (3, 3)."""
     q: Array = np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
     return q
 

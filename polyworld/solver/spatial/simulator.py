@@ -97,7 +97,7 @@ class SpatialSimulator:
         self._log = allocate_log(self.world, w, self.record_events)
 
     def _write(self, arrays: RigidArrays) -> None:
-        self._parameters = write_parameters(self._parameters, arrays)
+        self._parameters = write_parameters(self.world, self._parameters, arrays)
         write_joints(self._joints, arrays)
         for field in ("position", "orientation", "velocity", "angular_velocity"):
             getattr(self._samples, field).numpy()[:] = np.nan

@@ -55,8 +55,9 @@ def load_bodies(geometry: Geometry, parameters: Parameters, state: State, w: int
         state.reaction_turning[k, i] = wp.vec3d()
     for s in range(state.statics):
         b = Body()
-        b.x = geometry.fixed_position[s]
-        b.q = geometry.fixed_orientation[s]
+        b.x = parameters.static_position[w % parameters.static_position.shape[0], s]
+        b.q = parameters.static_orientation[w % parameters.static_orientation.shape[0], s]
+        state.planes[k, s] = parameters.static_plane[w % parameters.static_plane.shape[0], s]
         b.rotation = wp.quat_to_matrix(b.q)
         b.friction = parameters.static_friction[w % parameters.static_friction.shape[0], s]
         b.restitution = parameters.static_restitution[w % parameters.static_restitution.shape[0], s]

@@ -61,7 +61,7 @@ class RigidStepper:
             name: values if name in SHARED else np.repeat(values, self.n_worlds // len(values), axis=0)
             for name, values in vars(arrays).items()
         }
-        self.parameters = write_parameters(self.parameters, replace(arrays, **wide))
+        self.parameters = write_parameters(self.world, self.parameters, replace(arrays, **wide))
         write_joints(self.joints, replace(arrays, **wide))
 
     def reset(self) -> None:
