@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from polyworld.effects import CATALOGUE, check_effect
+from polyworld.effects import CATALOGUE
+from polyworld.expressions.effect import EXPRESSION, check_law, law_of
 
 if TYPE_CHECKING:
     from polyworld.representations.joint import Joint
@@ -92,10 +93,10 @@ def _check_effects(world: World) -> None:
             raise ValueError(
                 f"effect {effect.name!r} names unknown objects {unknown}; objects: {sorted(world.moving_names)}"
             )
-        check_effect(effect.name, effect.kind, effect.parameters)
+        check_law(effect)
         on_soft = sorted(soft if effect.objects is None else set(effect.objects) & set(soft))
-        if on_soft and not CATALOGUE[effect.kind].per_mass:
-            choices = [kind for kind, law in CATALOGUE.items() if law.per_mass]
+        if on_soft and not law_of(effect).per_mass:
+            choices = [*(kind for kind, law in CATALOGUE.items() if law.per_mass), EXPRESSION]
             raise ValueError(
                 f"effect {effect.name!r}: {effect.kind} acts on rigid objects only, not on {on_soft}; effects that act "
                 f"on deformable objects too: {choices}; name the rigid objects in `objects`: {sorted(rigid)}"

@@ -21,6 +21,7 @@ from polyworld.description import (
     ORIGIN,
     Appearance,
     Description,
+    Interval,
     Name,
     NonNegative,
     Positive,
@@ -54,14 +55,29 @@ class StaticObject(Description):
     )
 
 
+class Components(Description):
+    """An acceleration written component by component along the world axes, each an expression."""
+
+    x: str = "0"
+    y: str = "0"
+    z: str = "0"
+
+
 class Effect(Description):
-    """A named law acting beyond the base model; see `polyworld.effects.CATALOGUE`."""
+    """A named law acting beyond the base model; see `polyworld.effects.CATALOGUE` and `polyworld.expressions`."""
 
     name: Name
-    kind: str = Field(description="name of a law in the catalogue")
+    kind: str = Field(description="name of a law in the catalogue, or 'expression'")
     parameters: dict[str, float] = Field(default_factory=dict, description="values by parameter name, SI")
     objects: tuple[Name, ...] | None = Field(default=None, description="objects it acts on; default: all")
     enabled: bool = True
+    expression: str | Components | None = Field(
+        default=None, description="kind 'expression': its acceleration [m/s^2], such as '-k*speed*v'"
+    )
+    parameter_units: dict[str, str] = Field(default_factory=dict, description="of an expression; default: 1")
+    parameter_bounds: dict[str, Interval] = Field(
+        default_factory=dict, description="least and greatest value of an expression's parameters"
+    )
 
 
 class MotionPlane(Description):
@@ -105,9 +121,17 @@ Deformable = Annotated[Rope | Cloth | Soft | Fluid, Field(discriminator="represe
 PLANAR = frozenset({"rigid_planar", "rope_planar", "soft_planar", "fluid_planar"})
 # Parts that are left out of the canonical JSON where they are empty.
 _OPTIONAL = (
-    *("joints", "deformables", "attachments", "pulleys", "fluid_grid", "emitters", "drains", "containers"),
+    "joints",
+    "deformables",
+    "attachments",
+    "pulleys",
+    "fluid_grid",
+    "emitters",
+    "drains",
+    "containers",
     "observer",
 )
+_OF_EXPRESSIONS = ("expression", "parameter_units", "parameter_bounds")
 
 
 class World(Description):
@@ -145,9 +169,10 @@ class World(Description):
     def canonical_json(self) -> str:
         """The world as JSON with sorted keys and no spaces: equal worlds give equal bytes."""
         content = self.model_dump(mode="json")
-        for name in _OPTIONAL:
-            if not content[name]:
-                del content[name]
+        for part, names in ((content, _OPTIONAL), *((e, _OF_EXPRESSIONS) for e in content["effects"])):
+            for name in names:
+                if not part[name]:
+                    del part[name]
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     @property

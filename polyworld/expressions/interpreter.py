@@ -18,7 +18,7 @@ class Registers(wp.types.vector(length=program.REGISTERS, dtype=wp.float64)):
     """Working values of one run of a program."""
 
 
-@wp.func
+@wp.func(inline=False)
 def expression_acceleration(code: wp.array2d[wp.float64], first: int, p: Vec8, b: Motion) -> wp.vec3d:
     """Acceleration [m/s^2] by the program that begins at row `first` of `code`; see `polyworld.expressions.program`."""
     zero = wp.float64(0.0)

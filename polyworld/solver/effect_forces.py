@@ -8,6 +8,11 @@ from typing import Any
 import warp as wp
 
 from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Motion, Vec8
+from polyworld.effects.law import wrench
+from polyworld.expressions.effect import EXPRESSION_KIND
+from polyworld.expressions.interpreter import expression_acceleration
+
+_EXPRESSIONS = int(EXPRESSION_KIND)  # kinds from here on are programs
 
 
 def _only(law: EffectLaw, index: int) -> Any:
@@ -52,13 +57,14 @@ def effect_forces(
     kinds: wp.array[wp.int32],
     acts: wp.array2d[wp.int32],
     parameters: wp.array3d[wp.float64],
+    programs: wp.array2d[wp.float64],
     world: int,
     body: int,
     b: Motion,
 ) -> wp.spatial_vectord:
     """Sum over the effects acting on a body: force [N], torque [N m] about the centre of mass, world axes.
 
-    kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `polyworld.solver.arrays.RigidArrays`.
+    kinds (e,), acts (e, n), parameters (1 or W, e, 8), programs (rows, 4) as in `polyworld.solver.arrays.RigidArrays`.
     """
     total = wp.spatial_vectord()
     row = world % parameters.shape[0]
@@ -67,5 +73,8 @@ def effect_forces(
             p = Vec8()
             for k in range(8):
                 p[k] = parameters[row, e, k]
-            total += effect_force(kinds[e], p, b)
+            if kinds[e] >= _EXPRESSIONS:
+                total += wrench(b.mass * expression_acceleration(programs, kinds[e] - _EXPRESSIONS, p, b), wp.vec3d())
+            else:
+                total += effect_force(kinds[e], p, b)
     return total

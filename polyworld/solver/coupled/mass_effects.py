@@ -27,6 +27,7 @@ def add_effects(
     kinds: wp.array[wp.int32],
     acts: wp.array2d[wp.int32],
     parameters: wp.array3d[wp.float64],
+    programs: wp.array2d[wp.float64],
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
     f: wp.array2d[wp.vec3d],
@@ -40,7 +41,7 @@ def add_effects(
     b.v = v[w, i]
     b.t = time[w]
     b.gravity = gravity[w % gravity.shape[0]]
-    wrench = effect_forces(kinds, acts, parameters, w, owner[i], b)
+    wrench = effect_forces(kinds, acts, parameters, programs, w, owner[i], b)
     f[w, i] = f[w, i] + wp.spatial_top(wrench)
 
 
@@ -55,6 +56,7 @@ class MassEffects:
         self._acts: Any = wp.array(table, dtype=wp.int32, device="cpu")
         self._kinds: Any = None
         self._parameters: Any = None
+        self._programs: Any = None
 
     def write(self, arrays: RigidArrays) -> bool:
         """Take parameter values; True where the arrays were made anew."""
@@ -65,6 +67,7 @@ class MassEffects:
             self._parameters.numpy()[:] = values
             return False
         self._kinds = wp.array(arrays.effect_kind, dtype=wp.int32, device="cpu")
+        self._programs = wp.array(arrays.effect_programs, dtype=wp.float64, device="cpu")
         self._parameters = wp.array(values, dtype=wp.float64, device="cpu")
         return True
 
@@ -83,6 +86,7 @@ class MassEffects:
                     self._kinds,
                     self._acts,
                     self._parameters,
+                    self._programs,
                     nodes.x,
                     nodes.v,
                     nodes.f,

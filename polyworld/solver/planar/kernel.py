@@ -47,7 +47,9 @@ def effects_at(
     motion.gravity = to_world * gravity
     if bodies.touching[w, i] % 2 == 1 or (scene.supports == 1 and gravity[2] < ZERO):
         motion.contact = ONE
-    wrench = effect_forces(scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, i, motion)
+    wrench = effect_forces(
+        scene.effect_kind, scene.effect_acts, bodies.effect_parameters, scene.effect_programs, w, i, motion
+    )
     f = scene.axes * wp.spatial_top(wrench) * bodies.inverse_mass[w, i]
     m = scene.axes * wp.spatial_bottom(wrench) * bodies.inverse_inertia[w, i]
     return wp.vec3d(f[0], f[1], m[2])
@@ -71,6 +73,12 @@ def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.f
         then = rate + first * half
         push = push + effects_at(scene, bodies, w, i, pose + (rate + then) * (HALF * half), then, time + half)
     return push
+
+
+@wp.func
+def note_touch(bodies: Bodies, w: wp.int32, i: wp.int32) -> None:
+    if bodies.touching[w, i] % 2 == 0:
+        bodies.touching[w, i] = bodies.touching[w, i] + 1
 
 
 @wp.func
@@ -99,11 +107,9 @@ def renew_pushes(
             if row.b < n:
                 slowest = wp.max(slowest, wp.length(bodies.push[w, row.b]))
             if separation_speed(scene, bodies, w, row)[0] <= slowest * step + SLOWEST:
-                if bodies.touching[w, row.a] % 2 == 0:
-                    bodies.touching[w, row.a] = bodies.touching[w, row.a] + 1
+                note_touch(bodies, w, row.a)
                 if row.b < n:
-                    if bodies.touching[w, row.b] % 2 == 0:
-                        bodies.touching[w, row.b] = bodies.touching[w, row.b] + 1
+                    note_touch(bodies, w, row.b)
     for i in range(n):
         changed = bodies.touching[w, i] == 1 or bodies.touching[w, i] == 2
         if bodies.coupled[w, i] == 1 and wp.length_sq(bodies.next_rate[w, i] - bodies.rate[w, i]) > ZERO:

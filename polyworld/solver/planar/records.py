@@ -29,6 +29,7 @@ class Scene:
     joins: wp.array[wp.int32]  # (n,) first segment in which a body moves
     effect_kind: wp.array[wp.int32]  # (e,)
     effect_acts: wp.array2d[wp.int32]  # (e, n)
+    effect_programs: wp.array2d[wp.float64]  # (rows, 4) of expressions
     effect_radius: wp.array[wp.float64]  # (n,) radius of the ball of equal volume [m]
 
 

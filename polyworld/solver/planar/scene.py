@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.effects import KIND_INDEX
+from polyworld.expressions.effect import effect_programs
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Plane, Wall
 from polyworld.solver.planar.records import Joints, Scene
@@ -116,7 +116,9 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
     scene.segment_steps = _ints(table.steps)
     scene.segment_sample = _ints(table.sample)
     scene.joins = _ints(table.joins)
-    scene.effect_kind = _ints([KIND_INDEX[e.kind] for e in effects])
+    kinds, programs = effect_programs(effects)
+    scene.effect_kind = _ints(kinds)
+    scene.effect_programs = _doubles(programs)
     acts = [[e.objects is None or o.name in e.objects for o in world.objects] for e in effects]
     scene.effect_acts = _ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
     scene.effect_radius = _doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])

@@ -44,6 +44,7 @@ PARAMETER_TYPES = {
     "effect_parameters": wp.float64,
     "effect_kind": wp.int32,
     "effect_acts": wp.int32,
+    "effect_programs": wp.float64,
 }
 SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the same in all worlds
 

@@ -217,6 +217,7 @@ class Parameters:
     effect_parameters: wp.array3d[wp.float64]
     effect_kind: wp.array[wp.int32]
     effect_acts: wp.array2d[wp.int32]
+    effect_programs: wp.array2d[wp.float64]
 
 
 @wp.struct

@@ -141,6 +141,7 @@ def effects_on(
     kinds = parameters.effect_kind
     acts = parameters.effect_acts
     values = parameters.effect_parameters
+    programs = parameters.effect_programs
     total = wp.spatial_vectord()
     for _pass in range(2):
         if _pass == 1:
@@ -152,7 +153,7 @@ def effects_on(
             motion.x = b.x + (b.v + motion.v) * (wp.float64(0.5) * until)
             motion.omega = b.w + (turning_of(b, torque) + state.reaction_turning[k, i]) * until
             motion.t = time + until
-        total = effect_forces(kinds, acts, values, w, i, motion)
+        total = effect_forces(kinds, acts, values, programs, w, i, motion)
     return total
 
 
