@@ -1,0 +1,27 @@
+"""Buoyancy and added mass of a body in a fluid, as they change its fall."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+
+
+@wp.func
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    r = p[0]
+    lost = r * (wp.float64(1.0) + p[1]) / (wp.float64(1.0) + p[1] * r)  # of the weight
+    return wrench(-b.mass * lost * b.gravity, wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="buoyancy",
+    summary="F = m (a - g), a = g (1 - r) / (1 + C r), r = rho_fluid / rho_body",
+    parameters={
+        "density_ratio": EffectParameter("1", 0.0, 1e3, (0.0, 0.9), 0.0, "density of the fluid over that of the body"),
+        "added_mass_coefficient": EffectParameter(
+            "1", 0.0, 10.0, (0.0, 1.0), 0.5, "added mass over displaced mass; 1/2 for a ball"
+        ),
+    },
+    force=force,
+    per_mass=True,
+    reference="Batchelor, An Introduction to Fluid Dynamics, 6.8; exact while gravity is the only other force",
+)

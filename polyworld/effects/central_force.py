@@ -1,0 +1,32 @@
+"""Attraction by a fixed point, a power of the distance."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+
+_CENTRE = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the centre along this world axis")
+
+
+@wp.func
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    arm = b.x - wp.vec3d(p[0], p[1], p[2])
+    r = wp.sqrt(wp.dot(arm, arm) + p[5] * p[5])
+    return wrench(-p[3] * wp.pow(r, p[4] - wp.float64(1.0)) * arm, wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="central_force",
+    summary="F = -s (r^2 + q^2)^((n - 1) / 2) r: s r^n towards the centre, softened within q",
+    parameters={
+        "centre_x": _CENTRE,
+        "centre_y": _CENTRE,
+        "centre_z": _CENTRE,
+        "strength": EffectParameter("N", -1e6, 1e6, (-2.0, 2.0), 0.0, "pull at a distance of 1 m; negative repels"),
+        "exponent": EffectParameter("1", -4.0, 4.0, (-3.0, 2.0), -2.0, "power of the distance"),
+        "softening": EffectParameter(
+            "m", 1e-6, 1e3, (0.005, 0.05), 0.01, "distance within which the force falls to zero, so that it is finite"
+        ),
+    },
+    force=force,
+    reference="Newton, Principia I, prop. 10 and 11; softened as by Plummer (1911), Mon. Not. R. Astron. Soc. 71, 460",
+)

@@ -1,0 +1,35 @@
+"""A spring with a damper, from a fixed anchor to the centre of mass."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+
+_ANCHOR = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the anchor along this world axis")
+NOWHERE = wp.constant(wp.float64(1.0e-12))  # distance from the anchor [m]
+
+
+@wp.func
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    arm = b.x - wp.vec3d(p[0], p[1], p[2])
+    length = wp.length(arm)
+    along = wp.vec3d()  # at the anchor no direction is told from another: a spring with a rest length pushes nowhere
+    if length > NOWHERE:
+        along = arm / length
+    tension = p[3] * (length - p[4]) + p[5] * wp.dot(along, b.v)
+    return wrench(-tension * along, wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="spring",
+    summary="F = -(k (r - L) + d dr/dt) away from the anchor",
+    parameters={
+        "anchor_x": _ANCHOR,
+        "anchor_y": _ANCHOR,
+        "anchor_z": _ANCHOR,
+        "stiffness": EffectParameter("N/m", 0.0, 1e7, (0.0, 20.0), 0.0, "pull per stretch"),
+        "rest_length": EffectParameter("m", 0.0, 1e6, (0.0, 2.0), 0.0, "distance at which it neither pulls nor pushes"),
+        "damping": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "pull per speed of stretching"),
+    },
+    force=force,
+    reference="Hooke (1678), De potentia restitutiva; Landau & Lifshitz, Mechanics, 21 and 25",
+)

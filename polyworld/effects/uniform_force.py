@@ -1,0 +1,25 @@
+"""A constant force, whatever the mass."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+
+_AXIS = EffectParameter("N", -1e6, 1e6, (-2.0, 2.0), 0.0, "force along this world axis")
+
+
+@wp.func
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    return wrench(wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="uniform_force",
+    summary="F = (f_x, f_y, f_z)",
+    parameters={
+        "x": _AXIS,
+        "y": _AXIS,
+        "z": _AXIS,
+    },
+    force=force,
+    reference="Newton, Principia I, law 2",
+)

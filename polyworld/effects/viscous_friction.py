@@ -1,0 +1,21 @@
+"""Force against the velocity, proportional to it, while the body is in contact: lubricated sliding."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+
+
+@wp.func
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    return wrench(-p[0] * b.contact * b.v, wp.vec3d())
+
+
+LAW = EffectLaw(
+    kind="viscous_friction",
+    summary="F = -c v while in contact",
+    parameters={
+        "coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "friction force per speed"),
+    },
+    force=force,
+    reference="Olsson, Astrom, Canudas de Wit, Gafvert & Lischinsky (1998), Eur. J. Control 4, 176",
+)
