@@ -1,0 +1,156 @@
+"""Pictures of a gap: residuals over time, where in space they are, simulated over observed paths; before and after."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.comparison import Compared
+
+Array = NDArray[np.float64]
+
+AXES = "xyz"
+COLORS = ("#c0392b", "#2471a3", "#1e8449")
+BEFORE, AFTER, SEEN = "#c0392b", "#1f618d", "#222222"
+PANELS = 12  # most panels of one picture; the rest is said in its title
+FLAT = 0.1  # of the largest extent; what rises less moves on a plane
+RESOLUTION = 110  # [dots per inch]
+
+
+def residual_picture(before: Sequence[Compared], after: Sequence[Compared] | None = None) -> bytes:
+    """Standardised residuals over time, one panel for every run and object, largest first; PNG.
+
+    after: the same with an effect added, drawn dotted.
+    """
+    order = _largest_first(before)
+    lines = "" if after is None else "; solid: without the effect, dotted: with it"
+    figure, panels = _grid(len(order), f"residual / noise{lines}; grey: two standard deviations", len(before))
+    for panel, index in zip(panels, order, strict=True):
+        item = before[index]
+        panel.axhspan(-2, 2, color="#dddddd", lw=0)
+        for axis in range(3):
+            if np.isfinite(item.residual[:, axis]).any():
+                panel.plot(item.times, item.residual[:, axis], color=COLORS[axis], lw=1.0, label=AXES[axis])
+                if after is not None:
+                    panel.plot(after[index].times, after[index].residual[:, axis], color=COLORS[axis], lw=0.6, ls=":")
+        panel.set_title(f"{item.name}, run {item.run}", fontsize=8)
+        panel.set_xlabel("time [s]", fontsize=7)
+    panels[0].legend(fontsize=7, loc="upper left")
+    return _png(figure)
+
+
+def path_picture(before: Sequence[Compared], after: Sequence[Compared] | None = None) -> bytes:
+    """Observed paths as dots and simulated ones as lines, in the plane in which each extends most; PNG."""
+    order = _largest_first(before)
+    figure, panels = _grid(len(order), "paths", len(before))
+    for panel, index in zip(panels, order, strict=True):
+        item = before[index]
+        plane = _plane([item])
+        panel.plot(*plane.of(item.observed, item.times), ".", color=SEEN, ms=2.5, label="observed")
+        panel.plot(*plane.of(item.simulated, item.times), color=BEFORE, lw=0.9, label="simulated")
+        if after is not None:
+            panel.plot(
+                *plane.of(after[index].simulated, item.times), color=AFTER, lw=0.9, ls="--", label="with the effect"
+            )
+        panel.set_title(f"{item.name}, run {item.run}", fontsize=8)
+        panel.set_xlabel(plane.across, fontsize=7)
+        panel.set_ylabel(plane.up, fontsize=7)
+    panels[0].legend(fontsize=7)
+    return _png(figure)
+
+
+def map_picture(before: Sequence[Compared], after: Sequence[Compared] | None = None) -> bytes:
+    """Where in space the residuals are large: every observed place, coloured by the size of its residual; PNG."""
+    plane = _plane(before)
+    shown = [before] if after is None else [before, after]
+    figure = Figure(figsize=(5.0 * len(shown), 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    sizes = np.concatenate([item.size for item in before])
+    top = max(float(np.nanquantile(sizes, 0.98)) if np.isfinite(sizes).any() else 3.0, 3.0)
+    for number, items in enumerate(shown):
+        panel = figure.add_subplot(1, len(shown), number + 1)
+        columns = [plane.of(item.observed, item.times) for item in items]
+        dots = panel.scatter(
+            np.concatenate([c[0] for c in columns]),
+            np.concatenate([c[1] for c in columns]),
+            c=np.concatenate([item.size for item in items]),
+            s=6,
+            cmap="inferno_r",
+            vmin=0.0,
+            vmax=top,
+        )
+        figure.colorbar(dots, ax=panel, label="residual / noise")
+        panel.set_title("with the effect" if number else "without the effect" if after is not None else "")
+        panel.set_xlabel(plane.across)
+        panel.set_ylabel(plane.up)
+    return _png(figure)
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """Two directions (3,) to draw in, and what they are; along None: time instead."""
+
+    along: Array | None
+    upward: Array
+    across: str
+    up: str
+
+    def of(self, places: Array, times: Array) -> tuple[Array, Array]:
+        """Coordinates (T,) to the right and upwards."""
+        return times if self.along is None else _component(places, self.along), _component(places, self.upward)
+
+
+def _component(places: Array, direction: Array) -> Array:
+    used = np.flatnonzero(direction)
+    component: Array = places[:, used] @ direction[used]
+    return component
+
+
+def _plane(items: Sequence[Compared]) -> _Plane:
+    """Height over the main horizontal direction where things rise and fall, else y over x; one component over time."""
+    everywhere = np.concatenate([item.observed for item in items])
+    measured = [a for a in range(3) if np.isfinite(everywhere[:, a]).any()]
+    axes = np.eye(3)
+    if len(measured) == 1:
+        return _Plane(None, axes[measured[0]], "time [s]", f"{AXES[measured[0]]} [m]")
+    extent = {a: float(np.nanmax(everywhere[:, a]) - np.nanmin(everywhere[:, a])) for a in measured}
+    if measured != [0, 1, 2]:
+        return _Plane(axes[measured[0]], axes[measured[1]], f"{AXES[measured[0]]} [m]", f"{AXES[measured[1]]} [m]")
+    if extent[2] < FLAT * max(extent.values()):
+        return _Plane(axes[0], axes[1], "x [m]", "y [m]")
+    flat = everywhere[np.all(np.isfinite(everywhere), axis=1)][:, :2]
+    _, _, rows = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
+    heading = rows[0] * (1.0 if rows[0][np.argmax(np.abs(rows[0]))] > 0 else -1.0)
+    angle = np.degrees(np.arctan2(heading[1], heading[0]))
+    return _Plane(np.array([*heading, 0.0]), axes[2], f"horizontal, {angle:.0f}° from x [m]", "z [m]")
+
+
+def _largest_first(items: Sequence[Compared]) -> list[int]:
+    sizes = [float(np.nanmean(item.size**2)) if np.isfinite(item.size).any() else 0.0 for item in items]
+    return sorted(range(len(items)), key=lambda i: -sizes[i])[:PANELS]
+
+
+def _grid(count: int, title: str, of: int) -> tuple[Figure, list[Axes]]:
+    columns = min(3, max(count, 1))
+    rows = -(-max(count, 1) // columns)
+    figure = Figure(figsize=(3.6 * columns, 2.3 * rows + 0.3), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title if count == of else f"{title}: the {count} largest of {of}", fontsize=9)
+    panels = [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
+    for panel in panels:
+        panel.tick_params(labelsize=6)
+        panel.grid(alpha=0.3, lw=0.5)
+    return figure, panels
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=RESOLUTION, metadata={"Software": None})
+    return buffer.getvalue()
