@@ -1,0 +1,310 @@
+"""An unexplained force described: when no effect of the catalogue fits, the law that does, term by term.
+
+Terms (`polyworld.discrepancy.residual_terms`) are ranked by a score test, fitted on simulated trajectories together
+with base unknowns and initial states, and chosen by the extended BIC, forward with a step back after each addition.
+Whether the law found explains the data is for the goodness of fit to say; where it does not, the closest is told as
+that and no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.noise import Noise
+from polyworld.discrepancy.profile import Fit
+from polyworld.discrepancy.residual_dependence import FACTORS, Dependence, dependences, without_factor
+from polyworld.discrepancy.residual_law import FittedLaw, Law, Problem, Score, fit_law, room_for, score_term
+from polyworld.discrepancy.residual_terms import Scales, Term, library
+from polyworld.parameters import with_parameters
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+CONTENDERS = 6  # terms that are fitted, of those the score test ranks
+MAX_TERMS = 3
+BETTER = 2.0  # least fall of the criterion for one more term
+NEAR = 10.0  # laws within this of the best criterion are told as alternatives
+Z95 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Number:
+    """A fitted number of the law with its 95% interval, from the curvature at the minimum."""
+
+    value: float
+    unit: str
+    interval95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ResidualForce:
+    """What the unexplained force looks like.
+
+    explains: whether with it the fit passes the goodness of fit; where not, the law is only the closest found.
+    expression: an acceleration [m/s^2], empty where no term helps; written: with its numbers in it. numbers: by name.
+    directions: one a term. speed_exponents: by term, where it has one. dependence: what each factor buys.
+    chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
+    worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
+    fit: of the base unknowns followed by the law's numbers. tried: laws fitted.
+    """
+
+    explains: bool
+    expression: str
+    written: str
+    numbers: dict[str, Number]
+    directions: tuple[str, ...]
+    speed_exponents: tuple[Number, ...]
+    dependence: tuple[Dependence, ...]
+    chi2_before: float
+    chi2_after: float
+    data: int
+    alternatives: tuple[tuple[str, float], ...]
+    world: World | None
+    fit: Fit
+    unknowns: tuple[Unknown, ...]
+    tried: int
+
+    def summary(self) -> str:
+        """One sentence for readers."""
+        if not self.expression:
+            return "no term describes what is unexplained"
+        so = "explains the data" if self.explains else "comes closest, but does not explain the data"
+        return f"an acceleration {self.written} {so}"
+
+    def to_json(self) -> dict[str, Any]:
+        """As reports and evidence hold it; the world is left out."""
+        return {
+            "explains": self.explains,
+            "summary": self.summary(),
+            "expression": self.expression,
+            "written": self.written,
+            "numbers": {n: _number_json(x) for n, x in self.numbers.items()},
+            "direction": list(self.directions),
+            "speed_exponent": [_number_json(x) for x in self.speed_exponents],
+            "dependence": {d.factor: d.to_json() for d in self.dependence},
+            "chi2_before": self.chi2_before,
+            "chi2_after": self.chi2_after,
+            "data": self.data,
+            "alternatives": [{"expression": e, "ebic_behind": b} for e, b in self.alternatives],
+        }
+
+
+@dataclass
+class _Search:
+    problem: Problem
+    terms: tuple[Term, ...]
+    base: FittedLaw
+    passes: Callable[[Fit], bool]
+    progress: Callable[[float, str], None] | None
+    history: dict[tuple[str, ...], FittedLaw] = field(default_factory=dict)
+    first_scores: list[Score] = field(default_factory=list)
+
+    def run(self) -> FittedLaw:
+        """The best law found."""
+        best = self.base
+        self.history[()] = self.base
+        for depth in range(MAX_TERMS):
+            found = self._extended(best, depth)
+            if found is None or found.ebic > best.ebic - BETTER:
+                break
+            best = self._reduced(found)
+            if self.passes(best.fit):
+                return best
+        if len(best.law.terms) > 1:
+            best = self._swapped(best)
+        return best
+
+    def scores(self, known: FittedLaw) -> list[Score]:
+        """All terms not yet in a law, best promise first."""
+        cost = np.log(self.problem.design.length)
+        found = []
+        for term in self.terms:
+            if term not in known.law.terms and room_for(known.law, term):
+                score = score_term(self.problem, known, term)
+                if score is not None:
+                    found.append(score)
+        return sorted(found, key=lambda s: cost * len(s.values) - s.gain)
+
+    def fit_with(self, known: FittedLaw, score: Score) -> FittedLaw:
+        """A law with one more term, fitted from what the score test suggests."""
+        law = Law((*known.law.terms, score.term))
+        key = tuple(sorted(t.name for t in law.terms))
+        if key not in self.history:
+            settled = known.fit.values[len(self.problem.base) :]
+            numbers = [*settled.tolist(), *score.values]
+            self.history[key] = fit_law(self.problem, law, known.fit, numbers, len(self.terms))
+        return self.history[key]
+
+    def _extended(self, known: FittedLaw, depth: int) -> FittedLaw | None:
+        scores = self.scores(known)
+        if not known.law.terms:
+            self.first_scores = scores
+        fitted = []
+        for i, score in enumerate(scores[:CONTENDERS]):
+            self._tell((depth + (i + 1) / (CONTENDERS + 1)) / (MAX_TERMS + 1), f"fitting {score.term.name}")
+            fitted.append(self.fit_with(known, score))
+        return min(fitted, key=lambda f: f.ebic, default=None)
+
+    def _reduced(self, known: FittedLaw) -> FittedLaw:
+        """The law less every term that is not worth its numbers."""
+        while len(known.law.terms) > 1:
+            smaller = min((self._less(known, i) for i in range(len(known.law.terms))), key=lambda f: f.ebic)
+            if smaller.ebic > known.ebic:
+                return known
+            known = smaller
+        return known
+
+    def _swapped(self, known: FittedLaw) -> FittedLaw:
+        """The best law that replacing one term gives."""
+        best = known
+        for i in range(len(known.law.terms)):
+            found = self._extended(self._less(known, i), MAX_TERMS)
+            if found is not None and found.ebic < best.ebic:
+                best = found
+        return best
+
+    def _less(self, known: FittedLaw, index: int) -> FittedLaw:
+        terms = tuple(t for i, t in enumerate(known.law.terms) if i != index)
+        key = tuple(sorted(t.name for t in terms))
+        if key not in self.history:
+            values = known.fit.values[len(self.problem.base) :]
+            numbers, at = [], 0
+            for i, term in enumerate(known.law.terms):
+                width = len(term.strengths) + len(term.shapes)
+                if i != index:
+                    numbers += values[at : at + width].tolist()
+                at += width
+            self.history[key] = fit_law(self.problem, Law(terms), known.fit, numbers, len(self.terms))
+        return self.history[key]
+
+    def _tell(self, share: float, what: str) -> None:
+        if self.progress is not None:
+            self.progress(share, what)
+
+
+def describe_unexplained(
+    design: Design,
+    noise: Noise,
+    base: Sequence[Unknown],
+    fitted: Fit,
+    passes: Callable[[Fit], bool],
+    *,
+    world: World | None = None,
+    objects: tuple[str, ...] | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> ResidualForce:
+    """Describe the force that a fitted world lacks.
+
+    fitted: the fit of the base unknowns alone. passes: the goodness of fit. world: the one fitted, default the
+    design's. objects: whom the force acts on, default all. Raises InterruptedError where cancelled.
+    """
+    problem = Problem(design, world or design.world, tuple(base), noise, objects, cancelled)
+    scales = scales_of(problem, fitted)
+    search = _Search(problem, library(scales), FittedLaw(Law(()), fitted, fitted.chi2), passes, progress)
+    best = search.run()
+    for factor in FACTORS:  # so that what a factor buys is told against a fair rival
+        rival = without_factor(factor, search.first_scores)
+        if best.law.depends_on(factor) and rival is not None:
+            search.fit_with(search.base, rival)
+    tests = dependences(problem, best, search.history.values(), search.first_scores, scales)
+    return _told(problem, search, best, tests)
+
+
+def scales_of(problem: Problem, fitted: Fit) -> Scales:
+    """Ordinary speed, extent, duration and spin of the recorded motion."""
+    speeds, places, durations, intervals = [], [], [], []
+    for r in problem.design.runs:
+        run = r.run
+        durations.append(float(r.times[-1] - r.times[0]))
+        intervals.append(float(np.median(np.diff(run.times))))
+        stride = max(1, len(run.times) // 20)
+        moved = (run.positions[stride:] - run.positions[:-stride]) / (run.times[stride:] - run.times[:-stride])[
+            :, None, None
+        ]
+        speeds.append(np.sqrt(np.nansum(moved**2, axis=-1))[np.isfinite(moved).any(axis=-1)])
+        places.append(run.positions.reshape(-1, 3))
+    seen = np.concatenate(places)
+    measured = np.isfinite(seen).any(axis=0)
+    low = np.array([np.nanmin(seen[:, i]) if measured[i] else 0.0 for i in range(3)])
+    high = np.array([np.nanmax(seen[:, i]) if measured[i] else 0.0 for i in range(3)])
+    extent = high - low
+    length = max(float(extent.max()) / 2.0, 1e-6)
+    axes = "".join(a for i, a in enumerate("xyz") if extent[i] > 0.02 * length)
+    if problem.world.planar:
+        normal = geometry.plane_axes(problem.world.environment.motion_plane)[2]
+        axes = "".join(a for i, a in enumerate("xyz") if abs(normal[i]) < 1.0 - 1e-9)
+    middle = (low + high) / 2.0
+    return Scales(
+        speed=max(float(np.sqrt(np.mean(np.concatenate(speeds) ** 2))), 1e-6),
+        length=length,
+        centre=(float(middle[0]), float(middle[1]), float(middle[2])),
+        duration=max(durations),
+        interval=min(intervals),
+        spin=_spin(problem, fitted),
+        axes=axes,
+    )
+
+
+def _spin(problem: Problem, fitted: Fit) -> float:
+    spins = [float(np.linalg.norm(o.angular_velocity)) for o in problem.world.objects]
+    for r in problem.design.runs:
+        labels = [i for i, label in enumerate(r.labels) if ".angular_velocity." in label]
+        spins.append(float(np.linalg.norm(fitted.states[r.index][labels])))
+    return max(spins, default=0.0)
+
+
+def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Dependence, ...]) -> ResidualForce:
+    base = len(problem.base)
+    values = best.numbers(base)
+    deviations = np.sqrt(np.maximum(np.diag(best.fit.covariance)[base:], 0.0))
+    numbers = {
+        name: Number(values[name], unit, _interval(values[name], float(d), low, high))
+        for (name, unit, low, high, _), d in zip(best.law.numbers, deviations, strict=True)
+    }
+    exponents = tuple(
+        numbers[best.law.name(i, "p")] for i, t in enumerate(best.law.terms) if any(s.name == "p" for s in t.shapes)
+    )
+    others = sorted((f for f in search.history.values() if f is not best), key=lambda f: f.ebic)
+    unknowns = (*problem.base, *best.law.unknowns())
+    world = None
+    if best.law.terms:
+        world = best.law.in_world(problem.world, problem.objects, values)
+        fitted_base = dict(zip(problem.base, best.fit.values[:base], strict=True))
+        shared = {p: float(v) for u, v in fitted_base.items() for p in u.paths}
+        world = with_parameters(world, shared) if shared else world
+    return ResidualForce(
+        explains=bool(best.law.terms) and search.passes(best.fit),
+        expression=best.law.text,
+        written=best.law.literal({n: float(f"{v:.4g}") for n, v in values.items()}),
+        numbers=numbers,
+        directions=tuple(t.direction for t in best.law.terms),
+        speed_exponents=exponents,
+        dependence=tests,
+        chi2_before=search.base.fit.chi2,
+        chi2_after=best.fit.chi2,
+        data=problem.design.length,
+        alternatives=tuple(
+            (f.law.text, f.ebic - best.ebic) for f in others if f.ebic - best.ebic < NEAR and f.law.terms
+        ),
+        world=world,
+        fit=best.fit,
+        unknowns=unknowns,
+        tried=len(search.history) - 1,
+    )
+
+
+def _interval(value: float, deviation: float, low: float, high: float) -> tuple[float, float]:
+    return max(low, value - Z95 * deviation), min(high, value + Z95 * deviation)
+
+
+def _number_json(number: Number) -> dict[str, Any]:
+    return {"value": number.value, "unit": number.unit, "interval95": list(number.interval95)}
