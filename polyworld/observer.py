@@ -4,8 +4,8 @@ Time. A recorded stamp s [s, by the observer's clock, from the run's start] show
 
     (s + lag(s)) / clock + time_offset,
 
-where lag rises from 0 to `shift` within one interval between frames about `shift_time`: frames that were dropped
-there unnoticed make every later stamp too early by a positive shift, frames that were repeated by a negative one.
+where lag goes from 0 to `shift` about `shift_time`: frames that were dropped there unnoticed make every later stamp too
+early by a positive shift, frames that were repeated too late by a negative one; while frames repeat, time stands still.
 
 Space. A position x is reported as
 
@@ -47,7 +47,9 @@ class Observer(Description):
     view: Vec3 | None = Field(
         default=None, description="direction of sight, across which distortion acts, in observed axes; default: all"
     )
-    shift: float = Field(default=0.0, description="by how much stamps after shift_time are too early [s]")
+    shift: float = Field(
+        default=0.0, description="by how much stamps after shift_time are too early [s]; negative: late"
+    )
     shift_time: float = Field(default=0.0, description="stamp about which frames were dropped or repeated [s]")
     shift_run: str | None = Field(default=None, description="the one run in which they were; default: in every run")
 
@@ -78,15 +80,17 @@ def clock_ratio(observer: Observer | None, parameters: Mapping[str, Array]) -> A
 def lag(stamps: Array, shift: Array, shift_time: Array) -> Array:
     """By how much each stamp is too early (W, T) [s], for stamps (T,) and shifts (W,) that come on at shift_time (W,).
 
-    The lag comes on linearly over one interval between frames (the median of the stamps' intervals), centred on
-    shift_time, so that a fit can move the onset; with shift_time midway between two frames the first of them has
-    no lag and the second all of it, which is what dropped frames do.
+    The last right stamp is half an interval between frames (the median of the stamps' intervals) before shift_time.
+    From there a positive shift comes on linearly within one interval, and a negative one as time stands still. So
+    with shift_time midway between two frames the first has no lag, and the second all of it where frames were dropped;
+    and a fit can move the onset, since the lag changes continuously with it.
     """
     if len(stamps) < 2:
         return np.zeros((len(np.atleast_1d(shift)), len(stamps)))
     interval = float(np.median(np.diff(stamps)))
-    share = np.clip((stamps[None] - np.reshape(shift_time, (-1, 1))) / interval + 0.5, 0.0, 1.0)
-    delay: Array = np.reshape(shift, (-1, 1)) * share
+    size = np.reshape(shift, (-1, 1))
+    since = np.maximum(stamps[None] - np.reshape(shift_time, (-1, 1)) + 0.5 * interval, 0.0)
+    delay: Array = np.where(size >= 0.0, size * np.minimum(since / interval, 1.0), np.maximum(-since, size))
     return delay
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from polyworld.recording import Recording
 from polyworld.world import World
+
+if TYPE_CHECKING:
+    from polyworld.discrepancy.hypothesis import Hypothesis
+    from polyworld.discrepancy.score import Lead
+    from polyworld.discrepancy.trial import Bench, Trial
 
 Group = Literal["force", "contact", "structure", "joint", "material", "base", "observer"]
 
@@ -56,7 +61,9 @@ class Candidate:
 
     name: standard name, as verdicts tell it. law: formula. representations: those it applies to. signature: what its
     absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
-    written down. variants: (world, recording) -> the ways to add it; none where it cannot apply.
+    written down. variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of
+    its own, for an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this
+    candidate, how many to keep) -> where to begin fits, best first.
     """
 
     name: str
@@ -67,3 +74,4 @@ class Candidate:
     reference: str
     variants: Callable[[World, Recording], tuple[Variant, ...]]
     confused_with: Mapping[str, str] = field(default_factory=dict)
+    leads: Callable[[Bench, Trial, Sequence[Hypothesis], int], list[Lead]] | None = None

@@ -172,6 +172,14 @@ def test_dropped_frames_make_later_stamps_too_early() -> None:
     assert np.allclose(physical_times(stamps, parameters)[0], kept)
 
 
+def test_repeated_frames_show_one_instant_again_and_make_later_stamps_late() -> None:
+    true = np.arange(40) * 0.02
+    shown = np.insert(true, 17, [true[16]] * 3)  # frame 16 comes four times
+    stamps = np.arange(len(shown)) * 0.02
+    parameters = {"observer.shift": np.array([-0.06]), "observer.shift_time": np.array([16.5 * 0.02])}
+    assert np.allclose(physical_times(stamps, parameters)[0], shown)
+
+
 def test_a_whole_number_of_dropped_frames_needs_no_interpolation() -> None:
     stamps = np.arange(30) * 0.02
     parameters = {"observer.shift": np.array([0.04, -0.02, 0.0]), "observer.shift_time": np.full(3, 10.5 * 0.02)}
