@@ -20,6 +20,7 @@ wp.set_module_options(OPTIONS)
 @wp.kernel
 def add_effects(
     dt: wp.array[wp.float64],
+    inner: wp.array[wp.int32],
     time: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
     owner: wp.array[wp.int32],
@@ -39,7 +40,7 @@ def add_effects(
     b.mass = mass[w % mass.shape[0], i]
     b.x = x[w, i]
     b.v = v[w, i]
-    b.t = time[w]
+    b.t = time[w] + (wp.float64(inner[0]) + wp.float64(0.5)) * dt[w]  # at the middle of the inner step
     b.gravity = gravity[w % gravity.shape[0]]
     wrench = effect_forces(kinds, acts, parameters, programs, w, owner[i], b)
     f[w, i] = f[w, i] + wp.spatial_top(wrench)
@@ -79,6 +80,7 @@ class MassEffects:
                 dim=nodes.x.shape,
                 inputs=[
                     clock.dt,
+                    clock.inner,
                     clock.time,
                     clock.gravity,
                     nodes.owner,
