@@ -6,7 +6,7 @@ What is allowed, 1e-5 of the path at a substep of 2 ms, is a tenth of what an ob
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -24,7 +24,18 @@ from tests.verification import planar_scenes, rope_world
 from tests.verification.spatial_world import FLOOR, make_world
 
 Array = NDArray[np.float64]
-Force = Callable[[float, Array, Array, Array], tuple[Array, Array]]
+
+
+class State(NamedTuple):
+    """Time, position, velocity, angular velocity."""
+
+    t: float
+    x: Array
+    v: Array
+    w: Array
+
+
+Force = Callable[[State], tuple[Array, Array]]
 
 MASS, RADIUS, G = 0.3, 0.1, np.array([0.0, 0.0, -9.81])
 INERTIA = 0.4 * MASS * RADIUS**2
@@ -40,58 +51,59 @@ def _spring(d: Array, v: Array, k: float, rest: float, damping: float) -> float:
     return float(k * (np.linalg.norm(d) - rest) + damping * (_unit(d) @ v))
 
 
+def _taut(d: Array, length: float) -> float:
+    return float(np.linalg.norm(d) > length)
+
+
 C = np.array([1.0, 0.0, 3.5])  # centre of the spring and its like
 WIND, TURN, PUSH = np.array([-3.0, 0.0, 1.0]), np.array([0.3, 1.0, -0.4]), np.array([1.0, 0.0, 2.0])
 
-# kind -> parameters, and (t, x, v, omega) -> force, torque.
+# kind -> parameters, and state -> force, torque.
 LAWS: dict[str, tuple[dict[str, float], Force]] = {
     "air_drag": (
         {"drag_coefficient": 0.9, "air_density": 2.5},
-        lambda t, x, v, w: (-0.5 * 2.5 * 0.9 * np.pi * RADIUS**2 * np.linalg.norm(v) * v, NONE),
+        lambda m: (-0.5 * 2.5 * 0.9 * np.pi * RADIUS**2 * np.linalg.norm(m.v) * m.v, NONE),
     ),
     "buoyancy": (
         {"density_ratio": 0.3},
-        lambda t, x, v, w: (MASS * G * ((1 - 0.3) / (1 + 0.5 * 0.3) - 1), NONE),
+        lambda _: (MASS * G * ((1 - 0.3) / (1 + 0.5 * 0.3) - 1), NONE),
     ),
     "central_force": (
         {"centre_x": C[0], "centre_z": C[2], "strength": 0.8, "exponent": -1.5, "softening": 0.05},
-        lambda t, x, v, w: (-0.8 * np.hypot(np.linalg.norm(x - C), 0.05) ** -2.5 * (x - C), NONE),
+        lambda m: (-0.8 * np.hypot(np.linalg.norm(m.x - C), 0.05) ** -2.5 * (m.x - C), NONE),
     ),
     "coriolis": (
         dict(zip(("rotation_x", "rotation_y", "rotation_z"), TURN, strict=True)),
-        lambda t, x, v, w: (-2 * MASS * np.cross(TURN, v), NONE),
+        lambda m: (-2 * MASS * np.cross(TURN, m.v), NONE),
     ),
     "fan": (
         {"force_x": 1.0, "force_z": 2.0, "centre_x": C[0], "centre_z": C[2], "width": 0.6},
-        lambda t, x, v, w: (PUSH * np.exp(-np.sum((x - C) ** 2) / (2 * 0.6**2)), NONE),
+        lambda m: (PUSH * np.exp(-np.sum((m.x - C) ** 2) / (2 * 0.6**2)), NONE),
     ),
-    "linear_damping": ({"rate": 0.7}, lambda t, x, v, w: (-MASS * 0.7 * v, NONE)),
-    "linear_drag": ({"coefficient": 0.2}, lambda t, x, v, w: (-0.2 * v, NONE)),
-    "magnus_lift": ({"coefficient": 0.02}, lambda t, x, v, w: (0.02 * np.cross(w, v), NONE)),
+    "linear_damping": ({"rate": 0.7}, lambda m: (-MASS * 0.7 * m.v, NONE)),
+    "linear_drag": ({"coefficient": 0.2}, lambda m: (-0.2 * m.v, NONE)),
+    "magnus_lift": ({"coefficient": 0.02}, lambda m: (0.02 * np.cross(m.w, m.v), NONE)),
     "periodic_forcing": (
         {"amplitude_x": 3.0, "amplitude_z": -2.0, "frequency": 2.0, "phase": 0.4},
-        lambda t, x, v, w: (MASS * np.array([3.0, 0.0, -2.0]) * np.sin(2 * np.pi * 2.0 * t + 0.4), NONE),
+        lambda m: (MASS * np.array([3.0, 0.0, -2.0]) * np.sin(2 * np.pi * 2.0 * m.t + 0.4), NONE),
     ),
-    "quadratic_damping": ({"rate": 0.1}, lambda t, x, v, w: (-MASS * 0.1 * np.linalg.norm(v) * v, NONE)),
-    "quadratic_drag": ({"coefficient": 0.03}, lambda t, x, v, w: (-0.03 * np.linalg.norm(v) * v, NONE)),
-    "spin_damping": ({"coefficient": 2e-3}, lambda t, x, v, w: (NONE, -2e-3 * w)),
+    "quadratic_damping": ({"rate": 0.1}, lambda m: (-MASS * 0.1 * np.linalg.norm(m.v) * m.v, NONE)),
+    "quadratic_drag": ({"coefficient": 0.03}, lambda m: (-0.03 * np.linalg.norm(m.v) * m.v, NONE)),
+    "spin_damping": ({"coefficient": 2e-3}, lambda m: (NONE, -2e-3 * m.w)),
     "spring": (
         {"anchor_x": C[0], "anchor_z": C[2], "stiffness": 5.0, "rest_length": 0.4, "damping": 0.1},
-        lambda t, x, v, w: (-_spring(x - C, v, 5.0, 0.4, 0.1) * _unit(x - C), NONE),
+        lambda m: (-_spring(m.x - C, m.v, 5.0, 0.4, 0.1) * _unit(m.x - C), NONE),
     ),
     "tether": (
         {"anchor_x": C[0], "anchor_z": C[2], "stiffness": 5.0, "rest_length": 1.5, "damping": 0.05},
-        lambda t, x, v, w: (
-            -max(0.0, _spring(x - C, v, 5.0, 1.5, 0.05)) * (np.linalg.norm(x - C) > 1.5) * _unit(x - C),
-            NONE,
-        ),
+        lambda m: (-max(0.0, _spring(m.x - C, m.v, 5.0, 1.5, 0.05)) * _taut(m.x - C, 1.5) * _unit(m.x - C), NONE),
     ),
-    "uniform_acceleration": ({"x": 1.5, "z": -1.0}, lambda t, x, v, w: (MASS * np.array([1.5, 0.0, -1.0]), NONE)),
-    "uniform_force": ({"x": 1.5, "z": -1.0}, lambda t, x, v, w: (np.array([1.5, 0.0, -1.0]), NONE)),
-    "viscous_friction": ({"coefficient": 0.4}, lambda t, x, v, w: (NONE, NONE)),  # in the air
+    "uniform_acceleration": ({"x": 1.5, "z": -1.0}, lambda _: (MASS * np.array([1.5, 0.0, -1.0]), NONE)),
+    "uniform_force": ({"x": 1.5, "z": -1.0}, lambda _: (np.array([1.5, 0.0, -1.0]), NONE)),
+    "viscous_friction": ({"coefficient": 0.4}, lambda _: (NONE, NONE)),  # in the air
     "wind": (
         {"coefficient": 0.03, "velocity_x": WIND[0], "velocity_z": WIND[2]},
-        lambda t, x, v, w: (-0.03 * np.linalg.norm(v - WIND) * (v - WIND), NONE),
+        lambda m: (-0.03 * np.linalg.norm(m.v - WIND) * (m.v - WIND), NONE),
     ),
 }
 FORCES = sorted(kind for kind, law in CATALOGUE.items() if law.force is not None)
@@ -128,7 +140,7 @@ def exact(force: Force, times: Array, within: Array | None = None) -> Array:
     about = np.eye(3) if within is None else np.outer(within, within)
 
     def rate(t: float, y: Array) -> Array:
-        f, torque = force(t, y[:3], y[3:6], y[6:])
+        f, torque = force(State(t, y[:3], y[3:6], y[6:]))
         return np.concatenate([y[3:6], onto @ (G + f / MASS), about @ torque / INERTIA])
 
     start = np.concatenate([X, V, OMEGA])
@@ -154,7 +166,7 @@ def test_flight_in_space_follows_scipy(kind: str) -> None:
     error = np.abs(positions(spatial(effect(kind)), TIMES) - truth).max()
     assert error < 1e-5 * path(truth)
     inert = {"viscous_friction", "spin_damping"}  # one acts in contact only, the other on the spin
-    without = exact(lambda t, x, v, w: (NONE, NONE), TIMES)
+    without = exact(lambda _: (NONE, NONE), TIMES)
     assert (np.abs(truth - without).max() > 0.1) == (kind not in inert)  # it is the law that is tested
 
 
@@ -172,8 +184,8 @@ def test_spin_decays_under_damping_and_takes_the_lift_along(make: Callable[..., 
     decayed = OMEGA[1] * np.exp(-2e-3 * TIMES / INERTIA)
     np.testing.assert_allclose(out.angular_velocities[0, :, 0, 1], decayed, rtol=1e-4, atol=1e-6)
 
-    def force(t: float, x: Array, v: Array, w: Array) -> tuple[Array, Array]:
-        return LAWS["magnus_lift"][1](t, x, v, w)[0], -2e-3 * w
+    def force(m: State) -> tuple[Array, Array]:
+        return LAWS["magnus_lift"][1](m)[0], -2e-3 * m.w
 
     truth = exact(force, TIMES)
     assert np.abs(out.positions[0, :, 0] - truth).max() < 1e-5 * path(truth)
@@ -197,7 +209,7 @@ def test_lift_of_a_tumbling_box_follows_eulers_equations() -> None:
     lift = effect("magnus_lift", {"coefficient": 0.1})
     world = spatial(lift, shape=Box(half_extents=tuple(half)), angular_velocity=tuple(spin))
 
-    def rate(t: float, y: Array) -> Array:
+    def rate(_t: float, y: Array) -> Array:
         turn, w = Rotation.from_quat(y[6:10]), y[10:]  # w in body axes
         q_rate = 0.5 * np.array([*(y[9] * w + np.cross(y[6:9], w)), -y[6:9] @ w])
         lifted = 0.1 / MASS * np.cross(turn.apply(w), y[3:6])
@@ -231,10 +243,10 @@ def bouncing(force: Force, restitution: float, times: Array) -> Array:
     """A frictionless ball on the floor z = 0 by SciPy, from impact to impact."""
 
     def rate(t: float, y: Array) -> Array:
-        f, torque = force(t, y[:3], y[3:6], y[6:])
+        f, torque = force(State(t, y[:3], y[3:6], y[6:]))
         return np.concatenate([y[3:6], G + f / MASS, torque / INERTIA])
 
-    def height(t: float, y: Array) -> float:
+    def height(_t: float, y: Array) -> float:
         return float(y[2] - RADIUS)
 
     height.terminal, height.direction = True, -1  # type: ignore[attr-defined]
@@ -320,9 +332,9 @@ PER_MASS = sorted(kind for kind, law in CATALOGUE.items() if law.per_mass)
 
 @pytest.mark.parametrize("kind", PER_MASS)
 def test_what_acts_per_mass_moves_a_rope_as_it_does_a_ball(kind: str) -> None:
-    """A rope all of whose nodes start alike keeps its shape; nodes move by a scheme of first order: 0.25% of the path."""
-    ends = [X - [0.2, 0.0, 0.0], X + [0.2, 0.0, 0.0]]
-    line = rope_world.rope(np.array(ends).tolist(), 4, linear_damping=0.0, velocity=V.tolist())
+    """A rope all of whose nodes start alike keeps its shape. Nodes move by a scheme of first order: to 0.25%."""
+    ends = np.array([[-0.2, 0.0, 0.0], [0.2, 0.0, 0.0]]) + X
+    line = rope_world.rope(ends.tolist(), 4, linear_damping=0.0, velocity=V.tolist())
     scene = rope_world.world(line, effects=[effect(kind).model_dump()])
     _, motion = rope_world.run(scene, 1.0, 0.02)
     truth = exact(LAWS[kind][1], np.linspace(0.0, 1.0, 51))
