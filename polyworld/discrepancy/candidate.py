@@ -44,7 +44,9 @@ class Variant:
     unknown; several for an effect with a place or a frequency, and at least one. label: whom it acts on and by what
     rule, for readers; empty where there is but one way. strength: name of the unknown that switches the effect off
     when it is at its start; None where there is none. same_as: other effects that this design cannot tell
-    from it by construction (a uniform force on one body and a tilt), told with every verdict.
+    from it by construction (a uniform force on one body and a tilt), told with every verdict. idle: unknowns that do
+    nothing while the effect is off (its place, its rhythm), where it is off at all of its starts: the score test leaves
+    them out, and takes the motion at all starts to be the parent's.
     """
 
     world: World
@@ -53,6 +55,7 @@ class Variant:
     label: str = ""
     strength: str | None = None
     same_as: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
