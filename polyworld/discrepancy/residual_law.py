@@ -25,6 +25,7 @@ MAX_PARAMETERS = 8
 TYPICAL = 0.3  # an ordinary unexplained acceleration [m/s^2]
 STEP = 1e-3  # of it, for derivatives at zero strength
 FACTOR_COST = 0.5
+REFITS = 3
 SEEN = 1.0  # a term that at an ordinary strength moves chi2 by less than this is not looked for
 
 
@@ -154,6 +155,10 @@ def fit_law(problem: Problem, law: Law, start: Fit, numbers: Sequence[float], li
     )
     values = np.concatenate([start.values[: len(problem.base)], np.asarray(numbers, dtype=float)])
     fitted = fit(forward, problem.noise, values, start.states)
+    for _ in range(REFITS):  # long valleys, as of an exponent and a strength that pull together, take more than one
+        if fitted.converged:
+            break
+        fitted = fit(forward, problem.noise, fitted.values, fitted.states)
     return FittedLaw(law, fitted, extended_bic(fitted.chi2, law, problem.design.length, library))
 
 

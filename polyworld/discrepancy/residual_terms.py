@@ -143,14 +143,14 @@ def _by_axis(scales: Scales) -> Iterator[Term]:
     for a in scales.axes:
         yield _term(f"drag along {a}", one(a, "k"), f"along {a}, against that component", "speed", shapes=p)
     if len(scales.axes) > 1:
-        text = " ".join(one(a, "k") for a in scales.axes)
+        text = "".join(one(a, "k") for a in scales.axes).replace("-{", " - {").strip()
         yield _term("drag of each component", text, "against each component by itself", "speed", shapes=p)
         strengths = tuple(f"k{a}" for a in scales.axes)
-        text = " ".join(one(a, f"k{a}") for a in scales.axes)
+        text = "".join(one(a, f"k{a}") for a in scales.axes).replace("-{", " - {").strip()
         factors: frozenset[Factor] = frozenset({"speed"})
         direction = "against each component by itself"
         yield Term("unequal drag of the components", text, direction, factors, strengths, p)
-        straight = " ".join(f"-{{k{a}}}*(speed/{v})^{{p}}*v{a}/{v}*e{a}" for a in scales.axes)
+        straight = " ".join(f"- {{k{a}}}*(speed/{v})^{{p}}*v{a}/{v}*e{a}" for a in scales.axes)
         shapes = (Shape("p", "1", -1.0, 5.0, 0.5, (0.0, 1.0)),)
         direction = "against the velocity, by axes"
         yield Term("anisotropic drag", straight, direction, factors, strengths, shapes)
