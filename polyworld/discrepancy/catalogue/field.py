@@ -1,0 +1,234 @@
+"""Forces that may be missing and have a place or a rhythm: spring, tether, central force, fan, periodic forcing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
+from polyworld.discrepancy.catalogue.adding import BODIES, RIGID, effect, neutral, of_effect, with_effects
+from polyworld.discrepancy.conditions import SHARE, Conditions, conditions, tracks
+from polyworld.discrepancy.places import box_grid, visited_places
+from polyworld.recording import Recording
+from polyworld.world import Effect, World
+
+Array = NDArray[np.float64]
+
+FAR = 10.0  # sizes of the region visited within which a place is sought
+LENGTHS = (0.3, 0.5, 0.75)  # quantiles of the distance to the anchor that a tether's length begins with
+EXPONENTS = (-2.0, -1.0)
+FAN_PLACES = 16
+FAN_WIDTHS = (0.12, 0.3)  # of the size of the region
+SLOWEST, FASTEST = 0.3, 5.0  # forcing: cycles per run, and Hz
+MOST_FREQUENCIES = 16
+PHASES = (0.0, np.pi / 2)
+
+
+def _place(added: Effect, prefix: str, found: Conditions) -> list[Unknown]:
+    return [
+        of_effect(
+            added,
+            f"{prefix}_{'xyz'[a]}",
+            0.3 * found.size,
+            lower=float(found.middle[a]) - FAR * found.size,
+            upper=float(found.middle[a]) + FAR * found.size,
+        )
+        for a in found.axes
+    ]
+
+
+def _there(prefix: str, place: Array, found: Conditions) -> dict[str, float]:
+    return {f"{prefix}_{'xyz'[a]}": float(place[a]) for a in found.axes}
+
+
+def _at_rest(prefix: str, found: Conditions) -> dict[str, float]:
+    """Coordinates of a place that are not unknown: those of the plane of motion, or of axes nobody measured."""
+    return {f"{prefix}_{'xyz'[a]}": float(found.middle[a]) for a in range(3)}
+
+
+def _counts(found: Conditions, each: int) -> list[int]:
+    """Grid points along the axes of motion: three along height would cost much and tell little."""
+    return [each] * min(len(found.axes), 2) + [2] * max(0, len(found.axes) - 2)
+
+
+def _spring(world: World, recording: Recording) -> tuple[Variant, ...]:
+    found = conditions(world, recording)
+    if not world.objects or not found.axes:
+        return ()
+    added = effect(world, "spring", _at_rest("anchor", found))
+    stiffness = of_effect(added, "stiffness", 2.0 * found.force / found.size)
+    unknowns = (stiffness, *_place(added, "anchor", found))
+    # The pull of a spring without rest length is linear in stiffness and anchor: few places suffice.
+    grid = [*box_grid(found, [2] * len(found.axes)), found.middle, *box_grid(found, [2] * len(found.axes), margin=1.0)]
+    starts = tuple(neutral(unknowns, **_there("anchor", place, found)) for place in grid)
+    return (Variant(with_effects(world, added), unknowns, starts, strength="stiffness", idle=_names(unknowns[1:])),)
+
+
+def _names(unknowns: Sequence[Unknown]) -> tuple[str, ...]:
+    return tuple(u.name for u in unknowns)
+
+
+def _distances(world: World, recording: Recording, place: Array, middle: Array) -> Array:
+    parts = [
+        np.linalg.norm(np.where(np.isfinite(t.places), t.places, middle) - place, axis=1)
+        for t in tracks(world, recording)
+    ]
+    return np.concatenate(parts)
+
+
+def _tether(world: World, recording: Recording) -> tuple[Variant, ...]:
+    found = conditions(world, recording)
+    if not world.objects or not found.axes:
+        return ()
+    added = effect(world, "tether", _at_rest("anchor", found))
+    stiffness = of_effect(added, "stiffness", 4.0 * found.force / found.size)
+    length = of_effect(added, "rest_length", 0.2 * found.size, upper=2.0 * FAR * found.size)
+    unknowns = (stiffness, length, *_place(added, "anchor", found))
+    starts = []
+    for place in box_grid(found, _counts(found, 3), margin=-0.25):
+        for length_here in np.quantile(_distances(world, recording, place, found.middle), LENGTHS):
+            starts.append(neutral(unknowns, rest_length=float(length_here), **_there("anchor", place, found)))
+    return (
+        Variant(with_effects(world, added), unknowns, tuple(starts), strength="stiffness", idle=_names(unknowns[1:])),
+    )
+
+
+def _central(world: World, recording: Recording) -> tuple[Variant, ...]:
+    found = conditions(world, recording)
+    if not world.objects or not found.axes:
+        return ()
+    apart = 0.5 * found.size
+    softening = 0.01 * found.size
+    added = effect(world, "central_force", _at_rest("centre", found) | {"softening": softening})
+    strength = of_effect(added, "strength", found.force * max(apart, apart**2))
+    exponent = of_effect(added, "exponent", 0.5)
+    unknowns = (strength, exponent, *_place(added, "centre", found))
+    starts = []
+    for place in box_grid(found, _counts(found, 4), margin=0.1):
+        near = _distances(world, recording, place, found.middle).min()
+        if near < 5.0 * softening:
+            continue  # a pole on a path
+        starts += [neutral(unknowns, exponent=n, **_there("centre", place, found)) for n in EXPONENTS]
+    if not starts:
+        return ()
+    return (
+        Variant(with_effects(world, added), unknowns, tuple(starts), strength="strength", idle=_names(unknowns[1:])),
+    )
+
+
+def _fan(world: World, recording: Recording) -> tuple[Variant, ...]:
+    found = conditions(world, recording)
+    if not world.objects or not found.axes:
+        return ()
+    added = effect(world, "fan", _at_rest("centre", found) | {"width": FAN_WIDTHS[0] * found.size})
+    forces = [of_effect(added, f"force_{'xyz'[a]}", 2.0 * found.force) for a in found.axes]
+    width = of_effect(added, "width", 0.1 * found.size, lower=0.01 * found.size, upper=FAR * found.size)
+    unknowns = (*forces, *_place(added, "centre", found), width)
+    starts = tuple(
+        neutral(unknowns, width=share * found.size, **_there("centre", place, found))
+        for place in visited_places(world, recording, FAN_PLACES)
+        for share in FAN_WIDTHS
+    )
+    if not starts:
+        return ()
+    return (Variant(with_effects(world, added), unknowns, starts, idle=_names(unknowns[len(forces) :])),)
+
+
+def _frequencies(found: Conditions, recording: Recording) -> Sequence[float]:
+    """Evenly spaced, half a cycle per run apart as long as they are not too many, below half the frame rate."""
+    steps = [float(np.median(np.diff(run.times))) for run in recording.runs]
+    low = SLOWEST / found.duration
+    high = min(FASTEST, 0.25 / min(steps))
+    if high <= low:
+        return (low,)
+    count = int(np.clip(np.ceil((high - low) * found.duration * 2.0), 2, MOST_FREQUENCIES))
+    return tuple(np.linspace(low, high, count))
+
+
+def _periodic(world: World, recording: Recording) -> tuple[Variant, ...]:
+    found = conditions(world, recording)
+    if not found.axes or found.duration <= 0.0:
+        return ()
+    added = effect(world, "periodic_forcing")
+    sizes = [of_effect(added, f"amplitude_{'xyz'[a]}", 2.0 * SHARE * found.acceleration) for a in found.axes]
+    frequencies = _frequencies(found, recording)
+    frequency = of_effect(
+        added, "frequency", 0.25 / found.duration, lower=0.1 / found.duration, upper=2.0 * max(frequencies)
+    )
+    phase = of_effect(added, "phase", 0.5)
+    unknowns = (*sizes, frequency, phase)
+    starts = tuple(neutral(unknowns, frequency=f, phase=p) for f in frequencies for p in PHASES)
+    return (Variant(with_effects(world, added), unknowns, starts, idle=("frequency", "phase")),)
+
+
+CANDIDATES = (
+    Candidate(
+        name="spring",
+        group="force",
+        law="F = -k (x - a)",
+        representations=RIGID,
+        signature="residual towards one point, in proportion to the distance from it",
+        reference="Hooke (1678), De potentia restitutiva",
+        variants=_spring,
+        confused_with={
+            "tilt": "an anchor far away: motion over a larger region",
+            "tether": "motion near the anchor, where a tether is slack",
+            "observer_distortion": "a grid at rest: lenses distort it, springs do not",
+        },
+    ),
+    Candidate(
+        name="tether",
+        group="force",
+        law="F = -k (r - L) towards the anchor where r > L, else none",
+        representations=RIGID,
+        signature="residual that sets in at a distance from a point, towards it",
+        reference="Hooke (1678), De potentia restitutiva; a cord bears no compression",
+        variants=_tether,
+        confused_with={
+            "spring": "motion near the anchor",
+            "hidden_wall": "the place where it turns back: a wall is straight and acts at once",
+        },
+    ),
+    Candidate(
+        name="central_force",
+        group="force",
+        law="F = -s r^n towards a point",
+        representations=RIGID,
+        signature="residual towards, or away from, one point, stronger the nearer it is",
+        reference="Newton, Principia I, prop. 10 and 11",
+        variants=_central,
+        confused_with={
+            "spring": "passes at several distances: a spring pulls more from afar",
+            "fan": "passes on opposite sides: a fan pushes to one side",
+        },
+    ),
+    Candidate(
+        name="fan",
+        group="force",
+        law="F = f exp(-|x - c|^2 / (2 w^2))",
+        representations=RIGID,
+        signature="a push in one direction on what passes one place",
+        reference="Pope, Turbulent Flows, 5.1",
+        variants=_fan,
+        confused_with={
+            "friction_patch": "crossings at several speeds and headings: friction is against the motion",
+            "central_force": "passes on opposite sides",
+            "hidden_body": "a crossing a little aside: a jet fades, a body is missed",
+        },
+    ),
+    Candidate(
+        name="periodic_forcing",
+        group="force",
+        law="a = A sin(2 pi f t + phi)",
+        representations=BODIES,
+        signature="residual acceleration that swings with time, alike wherever the body is",
+        reference="Landau & Lifshitz, Mechanics, 22 and 39",
+        variants=_periodic,
+        confused_with={
+            "tilt": "a later start, or a longer run: forcing changes its sign",
+            "spring": "the same motion begun at another time",
+        },
+    ),
+)

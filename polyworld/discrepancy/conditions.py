@@ -1,0 +1,250 @@
+"""Under what conditions bodies were seen to move: region, speeds, spin, contacts. Ordinary sizes of effects follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.identification.contacts import distance_to_static
+from polyworld.initial_states import track_noise
+from polyworld.parameters import object_mass
+from polyworld.recording import Recording, Run
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Sphere
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+SHARE = 0.05  # of the weight: what a force has to be to count as ordinary
+STRIDES = 24  # a run is cut in as many stretches to read speeds from
+NEAR = 0.25  # of a body's radius: gap within which tracks count as touching
+SLIDING = 0.2  # contact that lasts this long is no bounce [s]
+
+
+@dataclass(frozen=True)
+class Track:
+    """One body in one run at the instants (T,) at which anything of it was seen: places (T, 3), NaN where not seen."""
+
+    run: int
+    name: str
+    times: Array
+    places: Array
+    noise: float
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a recording of a world covers.
+
+    lower, upper (3,): box that holds all places seen [m]. axes: indices of the world axes along which bodies may move
+    and were measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where no orientation
+    was measured and the world gives no spin. duration: of the longest run [s]. acceleration: ordinary one [m/s^2]:
+    gravity, or what friction on a supporting plane gives. mass, radius: medians over rigid bodies. supported: bodies
+    lie on a motion plane that gravity presses them on. bounces: some body comes within reach of a static. meetings:
+    pairs of bodies that come within reach of each other. slides: some body stays in contact with a static or plane.
+    """
+
+    lower: Array
+    upper: Array
+    axes: tuple[int, ...]
+    speed: float
+    fastest: float
+    spin: float
+    duration: float
+    acceleration: float
+    mass: float
+    radius: float
+    supported: bool
+    bounces: bool
+    meetings: tuple[tuple[str, str], ...]
+    slides: bool
+
+    @property
+    def size(self) -> float:
+        """Largest extent of the region visited [m]."""
+        return float(max(np.max(self.upper - self.lower), 4.0 * self.radius, 1e-3))
+
+    @property
+    def force(self) -> float:
+        """An ordinary force of an effect on a body [N]."""
+        return SHARE * self.mass * self.acceleration
+
+    @property
+    def middle(self) -> Array:
+        """Centre (3,) of the region visited [m]."""
+        return (self.lower + self.upper) / 2
+
+    @property
+    def touches(self) -> bool:
+        """Whether anything touches anything."""
+        return self.bounces or self.slides or self.supported or bool(self.meetings)
+
+
+def tracks(world: World, recording: Recording) -> Iterator[Track]:
+    """All rigid bodies in all runs."""
+    rigid = {o.name for o in world.objects}
+    for index, run in enumerate(recording.runs):
+        for column, name in enumerate(run.names):
+            if name not in rigid:
+                continue
+            places = run.positions[:, column]
+            rows = np.flatnonzero(np.any(np.isfinite(places), axis=1))
+            if len(rows) >= 2:
+                yield Track(index, name, run.times[rows], places[rows], _noise(run, places[rows]))
+
+
+def conditions(world: World, recording: Recording) -> Conditions:
+    """Read them off the tracks; worlds where nothing was seen twice raise ValueError."""
+    if _LAST and _LAST[0][0] is world and _LAST[0][1] is recording:
+        return _LAST[0][2]
+    found = _conditions(world, recording)
+    _LAST[:] = [(world, recording, found)]
+    return found
+
+
+# Every candidate asks for the same ones in turn.
+_LAST: list[tuple[World, Recording, Conditions]] = []
+
+
+def _conditions(world: World, recording: Recording) -> Conditions:
+    everything = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])
+    seen = np.isfinite(everything)
+    if not seen.any():
+        raise ValueError("the recording holds no position")
+    fallback = np.mean([_start(world, n) for n in world.moving_names], axis=0)
+    lower = np.where(seen.any(axis=0), np.min(np.where(seen, everything, np.inf), axis=0), fallback)
+    upper = np.where(seen.any(axis=0), np.max(np.where(seen, everything, -np.inf), axis=0), fallback)
+    speeds = np.concatenate([_speeds(run) for run in recording.runs])
+    duration = float(max(run.times[-1] - run.times[0] for run in recording.runs))
+    speed = float(np.sqrt(np.mean(speeds**2))) if len(speeds) else 0.0
+    speed = max(speed, 1e-6)
+    plane = world.environment.motion_plane
+    gravity = np.asarray(world.environment.gravity, dtype=float)
+    normal = geometry.plane_axes(plane)[2]
+    supported = world.planar and plane.supports and float(gravity @ normal) < 0.0
+    pull = float(np.linalg.norm(gravity - (gravity @ normal) * normal if world.planar else gravity))
+    rubbing = max((o.friction for o in world.objects), default=0.0) if plane.friction is None else plane.friction
+    if supported:
+        pull = max(pull, rubbing * float(-gravity @ normal))
+    acceleration = pull if pull > 1e-9 else speed / max(duration, 1e-6)
+    radii = [geometry.circumscribed_radius(o.shape) for o in world.objects]
+    masses = [object_mass(o) for o in world.objects]
+    # Of a plane oblique to the axes: the two that its normal is least along.
+    free = sorted(np.argsort(np.abs(normal), kind="stable")[:2].tolist()) if world.planar else [0, 1, 2]
+    near, long = _contacts(world, recording)
+    return Conditions(
+        lower=lower,
+        upper=upper,
+        axes=tuple(a for a in free if seen[:, a].any()),
+        speed=speed,
+        fastest=float(max(speeds.max(initial=0.0), speed)),
+        spin=_spin(world, recording),
+        duration=duration,
+        acceleration=acceleration,
+        mass=float(np.median(masses)) if masses else 1.0,
+        radius=float(np.median(radii)) if radii else 0.0,
+        supported=supported,
+        bounces=near,
+        meetings=_meetings(world, recording),
+        slides=long or supported,
+    )
+
+
+def _start(world: World, name: str) -> Array:
+    item = world.item(name)
+    return np.asarray(item.position if isinstance(item, RigidObject) else (0.0, 0.0, 0.0), dtype=float)
+
+
+def _noise(run: Run, places: Array) -> float:
+    if run.sigma is not None:
+        return run.sigma
+    complete = [track_noise(v[np.isfinite(v)][:, None])[0] for v in places.T if np.isfinite(v).sum() >= 7]
+    levels = [level for level in complete if np.isfinite(level)]
+    return float(max(levels)) if levels else 0.0
+
+
+def _speeds(run: Run) -> Array:
+    """Speeds over stretches of a run long enough that noise does not make them; components not seen count as still."""
+    stride = max(1, (len(run.times) - 1) // STRIDES)
+    span = run.times[stride:] - run.times[:-stride]
+    moved = run.positions[stride:] - run.positions[:-stride]
+    known = np.isfinite(moved).any(axis=-1)
+    speeds: Array = np.sqrt(np.nansum(moved**2, axis=-1)) / span[:, None]
+    return speeds[known]
+
+
+def _spin(world: World, recording: Recording) -> float:
+    given = [float(np.linalg.norm(o.angular_velocity)) for o in world.objects]
+    found = [g for g in given if g > 0.0]
+    rigid = {o.name for o in world.objects}
+    for run in recording.runs:
+        for column, name in enumerate(run.names):
+            q = run.orientations[:, column]
+            rows = np.flatnonzero(np.all(np.isfinite(q), axis=-1))
+            if name not in rigid or len(rows) < 2:
+                continue
+            cosine = np.abs(np.einsum("tk,tk->t", q[rows[1:]], q[rows[:-1]]))
+            rate = 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0)) / np.diff(run.times[rows])
+            found.append(float(np.median(rate)))
+    return float(np.median(found)) if found else 0.0
+
+
+def reach(world: World, item: RigidObject) -> float:
+    """Distance from a body's centre within which a surface may touch it [m]; planar worlds: within the plane."""
+    if not world.planar:
+        return geometry.circumscribed_radius(item.shape)
+    axes = geometry.plane_axes(world.environment.motion_plane)
+    outline, disc = geometry.planar_outline(item.shape, geometry.quaternion_matrix(np.asarray(item.orientation)), axes)
+    return float(np.linalg.norm(outline, axis=1).max() + disc)
+
+
+def touching(world: World, track: Track, margin: float = 0.0) -> NDArray[np.bool_]:
+    """At which of a track's instants (T,) the body is within reach of a static."""
+    item = world.object(track.name)
+    full = np.all(np.isfinite(track.places), axis=1)
+    near = np.zeros(len(track.times), dtype=bool)
+    limit = reach(world, item) * (1.0 + (NEAR if isinstance(item.shape, Sphere) else 0.0)) + 4.0 * track.noise + margin
+    places = np.where(full[:, None], track.places, 0.0)
+    for static in world.statics:
+        near |= full & (distance_to_static(static, places) <= limit)
+    return near
+
+
+def _contacts(world: World, recording: Recording) -> tuple[bool, bool]:
+    """Whether some body touches a static, and whether some contact lasts."""
+    ever, lasting = False, False
+    for track in tracks(world, recording):
+        step = float(np.median(np.diff(track.times)))
+        path = np.linalg.norm(np.diff(track.places, axis=0), axis=1)
+        fast = float(np.nanmax(path)) if np.isfinite(path).any() else 0.0
+        ever = ever or bool(touching(world, track, margin=fast).any())
+        near = touching(world, track)
+        run, longest = 0, 0
+        for flag in near:
+            run = run + 1 if flag else 0
+            longest = max(longest, run)
+        lasting = lasting or longest * step >= SLIDING
+    return ever, lasting
+
+
+def _meetings(world: World, recording: Recording) -> tuple[tuple[str, str], ...]:
+    joined = {frozenset((j.object, j.other)) for j in world.joints if j.kind != "spring"}
+    rigid = [o.name for o in world.objects]
+    found: dict[tuple[str, str], None] = {}
+    for run in recording.runs:
+        columns = {n: c for c, n in enumerate(run.names) if n in rigid}
+        for i, a in enumerate(columns):
+            for b in list(columns)[i + 1 :]:
+                if frozenset((a, b)) in joined or (a, b) in found:
+                    continue
+                apart = np.linalg.norm(run.positions[:, columns[a]] - run.positions[:, columns[b]], axis=1)
+                step = np.abs(np.diff(apart))
+                slack = float(np.nanmax(step)) if np.isfinite(step).any() else 0.0
+                limit = (1.0 + NEAR) * (reach(world, world.object(a)) + reach(world, world.object(b))) + slack
+                if np.any(apart <= limit):
+                    found[(a, b)] = None
+    return tuple(found)
