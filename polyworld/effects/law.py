@@ -59,8 +59,9 @@ class EffectLaw:
     `friction` (p: Vec8, mu: float64, x: vec3d) -> float64: the Coulomb coefficient of a contact at x that would be mu.
     `restitution` (p: Vec8, e: float64, speed: float64) -> float64: the restitution of an impact with that normal
     approach speed [m/s] that would be e.
-    `tangential` (p: Vec8) -> vec2d: (share of the bodies' relative tangential velocity, spin left out, that an impact
-    takes away; tangential restitution of the points that touch, spin included, or -1 for Coulomb friction alone).
+    `tangential` (p: Vec8) -> vec3d: (share of the bodies' relative tangential velocity, spin left out, that an impact
+    takes away; tangential restitution of the points that touch, spin included, or -1 for Coulomb friction alone; its
+    share of the impulse, 0 to 1, the rest being Coulomb's).
     per_mass: whether the force is proportional to mass, so that it may act on the nodes of deformable objects too.
     `reference` is where the law is written down.
     """

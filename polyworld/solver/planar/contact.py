@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.planar.contact_effects import as_effects_have_it, friction_at, lose_sliding
 from polyworld.solver.planar.joints import begin_hold, hold_hinge, join_rate
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Samples, Scene
@@ -142,6 +143,9 @@ def make_row(
     row.mass_tangent = ONE / k_tangent
     row.mass_roll = ONE / k_roll
     row.friction = own_or_mean(bodies.friction[w, a], bodies.friction[w, b])
+    if scene.contact_laws > 0:
+        place = wp.vec3d(point[0], point[1], bodies.height[w, a])
+        row.friction = friction_at(scene, bodies, w, a, b, row.friction, place)
     row.restitution = own_or_mean(bodies.restitution[w, a], bodies.restitution[w, b])
     row.rolling = rolling
     return row
@@ -223,7 +227,9 @@ def settle(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
         apply_impulse(scene, bodies, w, row, change, ZERO, ZERO)
         v = separation_speed(scene, bodies, w, row)
     limit = row.friction * row.impulse
-    across = wp.clamp(row.impulse_tangent - v[1] * row.mass_tangent, -limit, limit)
+    if row.grip > ZERO:
+        limit = FAR
+    across = wp.clamp(row.impulse_tangent - (v[1] - row.aim) * row.mass_tangent, -limit, limit)
     change_across = across - row.impulse_tangent
     row.impulse_tangent = across
     change_roll = ZERO
@@ -250,9 +256,13 @@ def reflect(
     half: wp.int32,
     rows: wp.int32,
     share: wp.float64,
+    gripping: wp.float64,
     threshold: wp.float64,
 ) -> None:
-    """Bring the rows of this round to `share` of the separation speed that restitution demands; hinges hold."""
+    """Bring the rows of this round to `share` of the separation speed that restitution demands; hinges hold.
+
+    gripping: 1 where those that grip do, 0 for Coulomb friction in all.
+    """
     for sweep in range(IMPACT_SWEEPS):
         residual = ZERO
         for k in range(rows):
@@ -261,6 +271,8 @@ def reflect(
                 # Impulses of this round alone; those of the force solve wait in the row meanwhile.
                 visit = row
                 visit.bounce = row.bounce * share
+                visit.grip = row.grip * gripping
+                visit.aim = row.aim * (share * gripping)
                 visit.impulse = wp.where(sweep == 0, ZERO, row.round_impulse)
                 visit.impulse_tangent = wp.where(sweep == 0, ZERO, row.round_tangent)
                 visit.impulse_roll = wp.where(sweep == 0, ZERO, row.round_roll)
@@ -305,6 +317,7 @@ def temper(
     half: wp.int32,
     rows: wp.int32,
     gain: wp.float64,
+    gripping: wp.float64,
     threshold: wp.float64,
 ) -> None:
     """Lower the restitution of a round that friction has let gain energy (Kane 1984) until it gains none.
@@ -319,7 +332,7 @@ def temper(
         row = contacts.rows[w, half, k]
         row.newton_impulse = row.round_impulse
         contacts.rows[w, half, k] = row
-    reflect(scene, bodies, contacts, joints, w, half, rows, ZERO, threshold)
+    reflect(scene, bodies, contacts, joints, w, half, rows, ZERO, gripping, threshold)
     # Energy change at share s: plastic + linear s + bend s^2; it is `gain` at s = 1.
     plastic = ZERO
     bend = ZERO
@@ -361,7 +374,9 @@ def resolve_impacts(
     In each round the rows that approach are reflected together, those that do not are left alone: a row of
     balls then passes the impact on (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012,
     ACM TOG 31, 106). Approach speeds below what gravity changes in half a step do not bounce: from then on the
-    row only keeps its bodies from approaching.
+    row only keeps its bodies from approaching. Effects may have rows grip, by a share: the solutions with grip and
+    with Coulomb friction are then mixed. Neither gains energy, and so no mixture does, for the energy is convex in
+    the rates. Rows of one round that grip by different shares, in impacts at one instant, all take the largest.
     """
     fastest = ZERO
     heaviest = ZERO
@@ -380,9 +395,13 @@ def resolve_impacts(
         return
     for turn_number in range(IMPACT_ROUNDS + 1):
         approaching = wp.int32(0)
+        mix = ZERO
         for k in range(rows):
             row = contacts.rows[w, half, k]
             row.bounce = FAR
+            row.grip = ZERO
+            row.aim = ZERO
+            row.lost = ZERO
             if row.touching == 1:
                 v = separation_speed(scene, bodies, w, row)
                 if v[0] < -QUIET:
@@ -393,8 +412,13 @@ def resolve_impacts(
                             pushed,
                             wp.abs(wp.dot(row.normal, wp.vec2d(bodies.push[w, row.b][0], bodies.push[w, row.b][1]))),
                         )
-                    if -v[0] > HALF * step * pushed + SLOW and row.restitution > ZERO:
+                    if -v[0] > HALF * step * pushed + SLOW and turn_number < IMPACT_ROUNDS:
                         row.bounce = -row.restitution * v[0]
+                        if scene.contact_laws > 0:
+                            row = as_effects_have_it(scene, bodies, w, row, v)
+                            mix = wp.max(mix, row.grip)
+                        if row.bounce == ZERO:
+                            row.plastic = 1
                     else:
                         row.plastic = 1
                 if row.plastic == 1:
@@ -406,15 +430,29 @@ def resolve_impacts(
             return
         for i in range(scene.bodies):
             bodies.drag[w, i] = bodies.next_rate[w, i]
-        reflect(scene, bodies, contacts, joints, w, half, rows, ONE, threshold)
-        gain = energy_gain(scene, bodies, w)
-        if gain > ZERO:
-            temper(scene, bodies, contacts, joints, w, half, rows, gain, threshold)
-        for k in range(rows):
-            row = contacts.rows[w, half, k]
-            if row.bounce < FAR:
-                row.kick = row.kick + row.round_impulse
-                contacts.rows[w, half, k] = row
+        laws = wp.where(mix > ZERO, 2, 1)
+        for law in range(laws):  # Coulomb friction, then the grip
+            part = wp.where(law == 0, ONE - mix, mix)
+            if part > ZERO:
+                gripping = wp.float64(law)
+                if law == 1:
+                    for i in range(scene.bodies):
+                        bodies.mixed[w, i] = bodies.next_rate[w, i]
+                        bodies.next_rate[w, i] = bodies.drag[w, i]
+                reflect(scene, bodies, contacts, joints, w, half, rows, ONE, gripping, threshold)
+                gain = energy_gain(scene, bodies, w)
+                if gain > ZERO:
+                    temper(scene, bodies, contacts, joints, w, half, rows, gain, gripping, threshold)
+                for k in range(rows):
+                    row = contacts.rows[w, half, k]
+                    if row.bounce < FAR:
+                        row.kick = row.kick + row.round_impulse * part
+                        contacts.rows[w, half, k] = row
+        if scene.contact_laws > 0:
+            if mix > ZERO:
+                for i in range(scene.bodies):
+                    bodies.next_rate[w, i] = bodies.mixed[w, i] * (ONE - mix) + bodies.next_rate[w, i] * mix
+            lose_sliding(scene, bodies, contacts, w, half, rows)
 
 
 @wp.func

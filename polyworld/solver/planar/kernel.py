@@ -12,6 +12,7 @@ from polyworld.solver.planar.contact import (
     resolve_impacts,
     separation_speed,
 )
+from polyworld.solver.planar.contact_effects import rub_on_plane
 from polyworld.solver.planar.impact_time import longest_path, next_impact
 from polyworld.solver.planar.joints import begin_hinges, join_rates, mend
 from polyworld.solver.planar.log import touch
@@ -169,6 +170,8 @@ def rollout(
                         v = bodies.rate[w, i]
                         push = find_push(scene, bodies, w, i, time, h)
                         bodies.push[w, i] = push
+                        if scene.contact_laws > 0:
+                            rub_on_plane(scene, bodies, w, i, h)
                         bodies.next_rate[w, i] = v
                         bodies.coupled[w, i] = joints.hinged[i]
                         speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])

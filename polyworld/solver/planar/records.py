@@ -12,6 +12,8 @@ class Scene:
     bodies: wp.int32
     statics: wp.int32
     effects: wp.int32
+    contact_laws: wp.int32  # how many of them change what happens at contacts
+    level: wp.float64  # where the motion plane lies along its normal [m]
     supports: wp.int32  # whether gravity across the plane presses bodies on it
     vertices: wp.array[wp.vec2d]  # outlines, counter-clockwise, about each centre [m]
     normals: wp.array[wp.vec2d]  # outward normal of the edge that starts at the vertex
@@ -54,6 +56,8 @@ class Bodies:
     inverse_inertia: wp.array2d[wp.float64]
     hold: wp.array2d[wp.float64]  # mu |g_n|: largest deceleration by the supporting plane [m/s^2]
     static_pose: wp.array2d[wp.vec3d]  # (W, s) x, y, angle; of a half plane its outward normal and offset
+    support: wp.array2d[wp.float64]  # Coulomb coefficient on the supporting plane, without effects
+    mixed: wp.array2d[wp.vec3d]  # rates after an impact by one of two laws that are mixed
     patch: wp.array2d[wp.float64]  # radius of the spinning-friction patch [m]
     linear_damping: wp.array2d[wp.float64]
     angular_damping: wp.array2d[wp.float64]
@@ -106,6 +110,9 @@ class Row:
     impulse_tangent: wp.float64
     impulse_roll: wp.float64
     plastic: wp.int32  # whether the row has stopped bouncing in this impact
+    grip: wp.float64  # above 0 where the tangential speed is brought to `aim`, whatever Coulomb's limit
+    aim: wp.float64
+    lost: wp.float64  # share of the centres' tangential velocity that this round takes
     kick: wp.float64  # normal impulse of the impact that began the interval
     round_impulse: wp.float64  # impulses of the current round of impacts
     round_tangent: wp.float64

@@ -42,6 +42,8 @@ BODY_FIELDS = {
     "inverse_mass": wp.float64,
     "inverse_inertia": wp.float64,
     "hold": wp.float64,
+    "support": wp.float64,
+    "mixed": wp.vec3d,
     "patch": wp.float64,
     "linear_damping": wp.float64,
     "angular_damping": wp.float64,
@@ -172,9 +174,9 @@ class PlanarSimulator:
         plane = self.world.environment.motion_plane
         load = np.maximum(0.0, -(arrays.gravity @ normal))[:, None] if plane.supports else np.zeros((1, 1))
         own = arrays.plane_friction < 0
-        _view(b.hold)[:] = load * np.where(
-            own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction)
-        )
+        support = np.where(own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction))
+        _view(b.support)[:] = support
+        _view(b.hold)[:] = load * support
         _view(b.patch)[:] = arrays.torsional_radius
         _view(b.linear_damping)[:] = arrays.linear_damping
         _view(b.angular_damping)[:] = arrays.angular_damping

@@ -8,7 +8,7 @@ import warp as wp
 from polyworld.solver.spatial.constraints import aim_contacts, build_rows, note_forces, separate_overlaps
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
-from polyworld.solver.spatial.impacts import time_to_impact
+from polyworld.solver.spatial.impacts import rub_as_effects_have_it, time_to_impact
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
 from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, place
@@ -72,10 +72,12 @@ def stepping(joining: Joining) -> Any:
             settle(joints, state, k, geometry.lock)
             find_contacts(geometry, state, k, half)
             build_rows(state, k, half, geometry.lock)
+            if parameters.contact_laws > 0:
+                rub_as_effects_have_it(parameters, state, w, k, half, threshold, left)
             part = longest_part(joints, state, k, h, left)
             slowest = threshold
             if impacts < MAX_IMPACTS:
-                if resolve_impacts(joints, state, k, half, threshold) > 0:
+                if resolve_impacts(parameters, joints, state, w, k, half, threshold) > 0:
                     impacts += 1
                     continue  # the bodies now move elsewhere: look again what they may hit
                 whole = part

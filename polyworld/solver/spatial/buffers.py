@@ -10,6 +10,7 @@ import warp as wp
 
 from polyworld import geometry
 from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
@@ -121,6 +122,7 @@ def write_parameters(world: World, parameters: layout.Parameters | None, arrays:
             kept.numpy()[:] = values
         else:
             setattr(p, name, wp.array(values, dtype=dtype, device="cpu"))
+    p.contact_laws = contact_laws(arrays.effect_kind)
     return p
 
 

@@ -69,8 +69,10 @@ def build_rows(state: State, w: int, half: int, lock: wp.vec3d) -> None:
 
 
 @wp.func
-def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64) -> wp.float64:
-    """Bring the two-dimensional velocity of rows r, r + 1 towards zero with an impulse of at most `bound`.
+def solve_disc(
+    state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, aim: wp.vec2d
+) -> wp.float64:
+    """Bring the two-dimensional velocity of rows r, r + 1 towards `aim` with an impulse of at most `bound`.
 
     Sticks if it can. Else steps along the velocity by the same factor in both directions and projects on the
     disc: at the fixed point the impulse then opposes the velocity. Returns the velocity changed.
@@ -79,8 +81,8 @@ def solve_disc(state: State, w: int, a: int, b: int, r: int, coupling: wp.float6
     y = state.rows[w, r + 1].impulse
     if bound <= wp.float64(0.0) and x == wp.float64(0.0) and y == wp.float64(0.0):
         return wp.float64(0.0)
-    vx = velocity_along(state, w, a, b, r)
-    vy = velocity_along(state, w, a, b, r + 1)
+    vx = velocity_along(state, w, a, b, r) - aim[0]
+    vy = velocity_along(state, w, a, b, r + 1) - aim[1]
     kx = state.rows[w, r].k
     ky = state.rows[w, r + 1].k
     det = kx * ky - coupling * coupling
@@ -241,9 +243,12 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
                     if normal != before:
                         push(state, w, a, b, r, normal - before)
                         worst = wp.max(worst, wp.abs(normal - before) * k)
-                    if friction > wp.float64(0.0):
+                    grip = state.contacts[w, c].grip
+                    if friction > wp.float64(0.0) or grip > wp.float64(0.0):
                         coupling = state.contacts[w, c].coupling
-                        worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, friction * normal))
+                        bound = wp.max(friction * normal, grip)
+                        aim = state.contacts[w, c].aim
+                        worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, bound, aim))
                     if torsion > wp.float64(0.0):
                         bound = friction * normal * torsion
                         spin = state.rows[w, r + 3].impulse
@@ -253,7 +258,7 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
                         worst = wp.max(worst, wp.abs(wanted - spin) * state.rows[w, r + 3].k * torsion)
                     if rolling > wp.float64(0.0):
                         coupling = state.contacts[w, c].coupling_rolling
-                        changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal)
+                        changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal, wp.vec2d())
                         worst = wp.max(worst, changed * rolling)
             worst = wp.max(worst, hold(joints, state, w, h, last - first))
             if worst < converged:

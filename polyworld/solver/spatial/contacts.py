@@ -181,6 +181,8 @@ def touch(
             point - state.bodies[w, i].x
         )
         state.contacts[w, base + first + k].gap = scratch[MAX_MANIFOLD_POINTS + k][0]
+        state.contacts[w, base + first + k].aim = wp.vec2d()
+        state.contacts[w, base + first + k].grip = wp.float64(0.0)
         before = wp.int32(0)
         if old >= 0:
             before = state.manifolds[w, old].first

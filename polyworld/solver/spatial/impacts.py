@@ -4,9 +4,10 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.solver.effect_contacts import contact_friction, contact_restitution, contact_tangential
 from polyworld.solver.spatial.constraints import NO_TARGET, ROWS, clear_impulses
 from polyworld.solver.spatial.joint_layout import Joints
-from polyworld.solver.spatial.layout import Body, State
+from polyworld.solver.spatial.layout import Body, Parameters, State
 from polyworld.solver.spatial.rows import push, velocity_along
 
 ITERATIONS = 200
@@ -14,6 +15,7 @@ CONVERGED = wp.float64(1.0e-11)  # [m/s]
 AIM = wp.float64(0.1)  # an impact is looked for where the gap is this fraction of what counts as touching
 TRIALS = 12
 LESS = wp.float64(0.7)  # factor on the restitution from trial to trial
+UNLIMITED = wp.float64(1.0e30)  # an impulse that none exceeds [N s]
 ENERGY_ROUNDING = wp.float64(1.0 + 1.0e-9)
 
 
@@ -66,19 +68,34 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
     """
 
     @wp.func(inline=False)
-    def rebound(joints: Joints, state: State, w: int, i: int, last: int, offset: int) -> wp.float64:
+    def undo(joints: Joints, state: State, w: int, i: int, last: int, offset: int) -> None:
+        """Take back the impulses of an impact whose manifolds are [i, last)."""
+        a = state.manifolds[w, i].a
+        b = state.manifolds[w, i].b
+        start = state.manifolds[w, i].first
+        end = state.manifolds[w, last - 1].first + state.manifolds[w, last - 1].count
+        for r in range(ROWS * (start - offset), ROWS * (end - offset)):
+            if state.rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
+                push(state, w, a, b, r, -state.rows[w, r].impulse)
+        take_back(joints, state, w)
+
+    @wp.func(inline=False)
+    def rebound(
+        joints: Joints, state: State, w: int, i: int, last: int, offset: int, e: wp.float64, tangential: wp.float64
+    ) -> wp.float64:
         """Resolve the impact of one pair, whose manifolds are [i, last); returns its normal impulse [N s].
 
-        All points rebound with the restitution times their own approach speed (Moreau's form of Newton's law, which
+        All points rebound with the restitution e times their own approach speed (Moreau's form of Newton's law, which
         for frictionless bodies keeps the energy where it is 1). With friction Newton's law can create energy in
         oblique impacts of slender bodies (Kane 1984; Stronge 1990, Proc. R. Soc. A 431, 169): the restitution is
-        then lowered until it does not.
+        then lowered until it does not. tangential: restitution along the contact, -1 for Coulomb friction.
         """
         a = state.manifolds[w, i].a
         b = state.manifolds[w, i].b
         start = state.manifolds[w, i].first
         end = state.manifolds[w, last - 1].first + state.manifolds[w, last - 1].count
-        restitution = state.manifolds[w, i].restitution
+        restitution = e
+        returned = tangential
         allowed = energy(joints, state, w, a, b) * ENERGY_ROUNDING
         for trial in range(TRIALS):
             for m in range(i, last):
@@ -90,21 +107,88 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
                     state.contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
                     if state.contacts[w, c].gap > close:
                         state.contacts[w, c].target = NO_TARGET
+                    elif tangential > wp.float64(-1.0):
+                        x = velocity_along(state, w, a, b, r + 1)
+                        y = velocity_along(state, w, a, b, r + 2)
+                        state.contacts[w, c].aim = wp.vec2d(-returned * x, -returned * y)
+                        state.contacts[w, c].grip = UNLIMITED
             solve_manifolds(joints, state, w, i, last, offset, ITERATIONS, CONVERGED, wp.float64(0.0))
             if energy(joints, state, w, a, b) <= allowed or trial == TRIALS - 1:
                 break
             restitution = restitution * LESS
-            for r in range(ROWS * (start - offset), ROWS * (end - offset)):
-                if state.rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
-                    push(state, w, a, b, r, -state.rows[w, r].impulse)
-            take_back(joints, state, w)
+            returned = returned * LESS
+            undo(joints, state, w, i, last, offset)
         impulse = wp.float64(0.0)
         for c in range(start, end):
             impulse += state.rows[w, ROWS * (c - offset)].impulse
+            state.contacts[w, c].aim = wp.vec2d()
+            state.contacts[w, c].grip = wp.float64(0.0)
+        return impulse
+
+    @wp.func(inline=False)
+    def rebound_with_effects(
+        parameters: Parameters,
+        joints: Joints,
+        state: State,
+        world: int,
+        w: int,
+        i: int,
+        last: int,
+        offset: int,
+        fastest: wp.float64,
+        normal: wp.vec3d,
+    ) -> wp.float64:
+        """As `rebound`, for an approach at the speed `fastest` along `normal`, as the effects on the pair will have it.
+
+        A grip of less than 1 mixes the solution with it and that of Coulomb friction. Both keep the bodies apart and
+        gain no energy, and so does any mixture, for the energy is convex in the velocities.
+        """
+        zero = wp.float64(0.0)
+        one = wp.float64(1.0)
+        a = state.manifolds[w, i].a
+        b = state.manifolds[w, i].b
+        kinds = parameters.effect_kind
+        acts = parameters.effect_acts
+        values = parameters.effect_parameters
+        e = contact_restitution(kinds, acts, values, world, a, b, state.manifolds[w, i].restitution, fastest)
+        law = contact_tangential(kinds, acts, values, world, a, b)
+        grip = law[2]
+        impulse = zero
+        if grip < one:
+            impulse = rebound(joints, state, w, i, last, offset, e, -one)
+        if grip > zero:
+            if grip < one:
+                for k in range(state.objects):
+                    state.bodies[w, k].v_free = state.bodies[w, k].v  # free for use until the step is predicted
+                    state.bodies[w, k].w_free = state.bodies[w, k].w
+                undo(joints, state, w, i, last, offset)
+            gripped = rebound(joints, state, w, i, last, offset, e, law[1])
+            impulse = impulse * (one - grip) + gripped * grip
+            if grip < one:
+                for k in range(state.objects):
+                    v = state.bodies[w, k].v_free * (one - grip)
+                    spin = state.bodies[w, k].w_free * (one - grip)
+                    state.bodies[w, k].v = v + state.bodies[w, k].v * grip
+                    state.bodies[w, k].w = spin + state.bodies[w, k].w * grip
+        if law[0] > zero:
+            ma = state.bodies[w, a].inverse_mass
+            mb = state.bodies[w, b].inverse_mass
+            u = state.bodies[w, a].v - state.bodies[w, b].v
+            lost = (u - normal * wp.dot(normal, u)) * (law[0] / (ma + mb))
+            state.bodies[w, a].v -= lost * ma
+            state.bodies[w, b].v += lost * mb
         return impulse
 
     @wp.func
-    def resolve_impacts(joints: Joints, state: State, w: int, half: int, threshold: wp.float64) -> int:
+    def resolve_impacts(
+        parameters: Parameters,
+        joints: Joints,
+        state: State,
+        world: int,
+        w: int,
+        half: int,
+        threshold: wp.float64,
+    ) -> int:
         """Newton's impact law for all touching pairs that approach faster than the threshold; returns their number.
 
         Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
@@ -133,19 +217,71 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
                 a = state.manifolds[w, i].a
                 b = state.manifolds[w, i].b
                 fastest = wp.float64(0.0)
+                hardest = wp.int32(i)  # the manifold that approaches fastest
                 while last < base + count and state.manifolds[w, last].a == a and state.manifolds[w, last].b == b:
                     close = state.manifolds[w, last].close
                     start = state.manifolds[w, last].first
                     for c in range(start, start + state.manifolds[w, last].count):
                         if state.contacts[w, c].gap <= close:
-                            fastest = wp.max(fastest, -velocity_along(state, w, a, b, ROWS * (c - offset)))
+                            fast = -velocity_along(state, w, a, b, ROWS * (c - offset))
+                            if fast > fastest:
+                                fastest = fast
+                                hardest = last
                     last += 1
                 if fastest <= threshold:
                     continue
                 state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
                 active = wp.int32(1)
                 resolved += 1
-                state.manifolds[w, i].impact += rebound(joints, state, w, i, last, offset)
+                impulse = wp.float64(0.0)
+                if parameters.contact_laws > 0:
+                    normal = state.manifolds[w, hardest].normal
+                    impulse = rebound_with_effects(
+                        parameters, joints, state, world, w, i, last, offset, fastest, normal
+                    )
+                else:
+                    e = state.manifolds[w, i].restitution
+                    impulse = rebound(joints, state, w, i, last, offset, e, wp.float64(-1.0))
+                state.manifolds[w, i].impact += impulse
         return resolved
 
     return resolve_impacts
+
+
+@wp.func(inline=False)
+def rub_as_effects_have_it(
+    parameters: Parameters, state: State, world: int, w: int, half: int, threshold: wp.float64, h: wp.float64
+) -> None:
+    """Give all touching pairs the friction that effects have at the middle of where they touch.
+
+    Pairs that approach faster than the threshold collide now; the others are rubbed over a step of length h, in which
+    the place moves on with the first of them: it is taken at the middle of the step.
+    """
+    base = half * state.max_manifolds
+    for i in range(base, base + state.manifold_count[w, half]):
+        centre = wp.vec3d()
+        touching = wp.float64(0.0)
+        ahead = wp.float64(0.5) * h
+        start = state.manifolds[w, i].first
+        for c in range(start, start + state.manifolds[w, i].count):
+            if state.contacts[w, c].gap <= state.manifolds[w, i].close:
+                centre += state.contacts[w, c].point
+                touching += wp.float64(1.0)
+                if state.contacts[w, c].speed < -threshold:
+                    ahead = wp.float64(0.0)
+        if touching > wp.float64(0.0):
+            friction = contact_friction(
+                parameters.effect_kind,
+                parameters.effect_acts,
+                parameters.effect_parameters,
+                world,
+                state.manifolds[w, i].a,
+                state.manifolds[w, i].b,
+                state.manifolds[w, i].friction,
+                centre / touching + state.bodies[w, state.manifolds[w, i].a].v * ahead,
+            )
+            state.manifolds[w, i].friction = friction
+            if friction <= wp.float64(0.0):  # nothing to begin with from the last step
+                for c in range(start, start + state.manifolds[w, i].count):
+                    state.contacts[w, c].force_t = wp.vec3d()
+                    state.contacts[w, c].force_spin = wp.float64(0.0)

@@ -139,6 +139,8 @@ class Contact:
     gap: wp.float64
     speed: wp.float64  # relative normal velocity at the start of the step, negative where the pair approaches
     target: wp.float64  # normal velocity that the solver aims at
+    aim: wp.vec2d  # tangential velocity that the solver aims at
+    grip: wp.float64  # tangential impulse allowed whatever Coulomb's limit
     coupling: wp.float64  # off-diagonal of the tangential effective mass
     coupling_rolling: wp.float64
     force_n: wp.float64
@@ -215,6 +217,7 @@ class Parameters:
     gravity: wp.array[wp.vec3d]
     time_scale: wp.array[wp.float64]
     effect_parameters: wp.array3d[wp.float64]
+    contact_laws: int  # how many effects change what happens at contacts
     effect_kind: wp.array[wp.int32]
     effect_acts: wp.array2d[wp.int32]
     effect_programs: wp.array2d[wp.float64]

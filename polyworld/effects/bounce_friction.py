@@ -1,0 +1,21 @@
+"""A share of the sliding speed lost at every impact, whatever the spin: soft, dusty or grassy ground."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+
+
+@wp.func
+def tangential(p: Vec8) -> wp.vec3d:
+    return wp.vec3d(p[0], wp.float64(-1.0), wp.float64(0.0))
+
+
+LAW = EffectLaw(
+    kind="bounce_friction",
+    summary="an impact takes the share f of the centres' relative velocity along the contact, after Coulomb friction",
+    parameters={
+        "share": EffectParameter("1", 0.0, 1.0, (0.0, 0.5), 0.0, "part of the tangential velocity that is lost"),
+    },
+    tangential=tangential,
+    reference="Brody (1984), Phys. Teach. 22, 494: so a bounce with sliding does at one angle; here at all",
+)

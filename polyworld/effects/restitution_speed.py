@@ -1,0 +1,21 @@
+"""Rebounds that get weaker with the speed of approach, as bodies lose more in harder impacts."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+
+
+@wp.func
+def restitution(p: Vec8, e: wp.float64, speed: wp.float64) -> wp.float64:
+    return e / (wp.float64(1.0) + p[0] * speed)
+
+
+LAW = EffectLaw(
+    kind="restitution_speed",
+    summary="e(v) = e0 / (1 + k v)",
+    parameters={
+        "rate": EffectParameter("s/m", 0.0, 1e3, (0.0, 0.5), 0.0, "relative loss of restitution per approach speed"),
+    },
+    restitution=restitution,
+    reference="Hunt & Crossley (1975), J. Appl. Mech. 42, 440, to first order in the speed: e = 1 - k v where e0 is 1",
+)

@@ -1,0 +1,169 @@
+"""What enabled effects change at a contact, whichever laws the catalogue holds: friction, restitution, tangential law.
+
+An effect acts on a contact in which an object takes part that it acts on.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Vec8
+
+_CONTACT_KINDS = [
+    KIND_INDEX[kind] for kind, law in CATALOGUE.items() if law.friction or law.restitution or law.tangential
+]
+
+
+def contact_laws(kinds: NDArray[np.int32]) -> int:
+    """How many of some effects, given by their kinds (e,), change what happens at contacts."""
+    return int(np.isin(kinds, _CONTACT_KINDS).sum())
+
+
+@wp.func
+def _same_friction(_kind: int, _p: Vec8, mu: wp.float64, _x: wp.vec3d) -> wp.float64:
+    return mu
+
+
+@wp.func
+def _same_restitution(_kind: int, _p: Vec8, e: wp.float64, _speed: wp.float64) -> wp.float64:
+    return e
+
+
+@wp.func
+def _coulomb(_kind: int, _p: Vec8) -> wp.vec3d:
+    return wp.vec3d(wp.float64(0.0), wp.float64(-1.0), wp.float64(0.0))
+
+
+def _with_friction(others: Any, law: EffectLaw) -> Any:
+    friction, index = law.friction, KIND_INDEX[law.kind]
+
+    @wp.func
+    def apply(kind: int, p: Vec8, mu: wp.float64, x: wp.vec3d) -> wp.float64:
+        if kind == index:
+            return friction(p, mu, x)
+        return others(kind, p, mu, x)
+
+    return apply
+
+
+def _with_restitution(others: Any, law: EffectLaw) -> Any:
+    restitution, index = law.restitution, KIND_INDEX[law.kind]
+
+    @wp.func
+    def apply(kind: int, p: Vec8, e: wp.float64, speed: wp.float64) -> wp.float64:
+        if kind == index:
+            return restitution(p, e, speed)
+        return others(kind, p, e, speed)
+
+    return apply
+
+
+def _with_tangential(others: Any, law: EffectLaw) -> Any:
+    tangential, index = law.tangential, KIND_INDEX[law.kind]
+
+    @wp.func
+    def apply(kind: int, p: Vec8) -> wp.vec3d:
+        if kind == index:
+            return tangential(p)
+        return others(kind, p)
+
+    return apply
+
+
+_laws = list(CATALOGUE.values())
+_friction = reduce(_with_friction, [law for law in _laws if law.friction], _same_friction)
+_restitution = reduce(_with_restitution, [law for law in _laws if law.restitution], _same_restitution)
+_tangential = reduce(_with_tangential, [law for law in _laws if law.tangential], _coulomb)
+
+
+@wp.func
+def _acts_on(acts: wp.array2d[wp.int32], e: int, a: int, b: int) -> bool:
+    """Whether effect e acts on object a or b; statics and the supporting plane are no objects."""
+    if acts[e, a] == 1:
+        return True
+    if b < 0 or b >= acts.shape[1]:
+        return False
+    return acts[e, b] == 1
+
+
+@wp.func
+def _values(parameters: wp.array3d[wp.float64], world: int, e: int) -> Vec8:
+    row = world % parameters.shape[0]
+    p = Vec8()
+    for k in range(8):
+        p[k] = parameters[row, e, k]
+    return p
+
+
+@wp.func(inline=False)
+def contact_friction(
+    kinds: wp.array[wp.int32],
+    acts: wp.array2d[wp.int32],
+    parameters: wp.array3d[wp.float64],
+    world: int,
+    a: int,
+    b: int,
+    mu: wp.float64,
+    x: wp.vec3d,
+) -> wp.float64:
+    """Coulomb coefficient of a contact of a and b at x (world axes) that would be mu without effects.
+
+    kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `polyworld.solver.arrays.RigidArrays`; a is an object, b
+    an object, a static (from n on) or the supporting plane (-1).
+    """
+    coefficient = mu
+    for e in range(kinds.shape[0]):
+        if _acts_on(acts, e, a, b):
+            coefficient = _friction(kinds[e], _values(parameters, world, e), coefficient, x)
+    return coefficient
+
+
+@wp.func(inline=False)
+def contact_restitution(
+    kinds: wp.array[wp.int32],
+    acts: wp.array2d[wp.int32],
+    parameters: wp.array3d[wp.float64],
+    world: int,
+    a: int,
+    b: int,
+    e0: wp.float64,
+    speed: wp.float64,
+) -> wp.float64:
+    """Restitution of an impact of a and b with that approach speed [m/s] that would be e0; else as above."""
+    restitution = e0
+    for e in range(kinds.shape[0]):
+        if _acts_on(acts, e, a, b):
+            restitution = _restitution(kinds[e], _values(parameters, world, e), restitution, speed)
+    return restitution
+
+
+@wp.func(inline=False)
+def contact_tangential(
+    kinds: wp.array[wp.int32],
+    acts: wp.array2d[wp.int32],
+    parameters: wp.array3d[wp.float64],
+    world: int,
+    a: int,
+    b: int,
+) -> wp.vec3d:
+    """What an impact of a and b does along the contact, see `EffectLaw.tangential`; else as above.
+
+    Losses multiply; of several tangential restitutions the one with the strongest grip counts. Without a grip the
+    last two numbers are -1 and 0.
+    """
+    one = wp.float64(1.0)
+    kept = one
+    found = wp.vec3d(wp.float64(0.0), -one, wp.float64(0.0))
+    for e in range(kinds.shape[0]):
+        if _acts_on(acts, e, a, b):
+            law = _tangential(kinds[e], _values(parameters, world, e))
+            kept = kept * (one - law[0])
+            if law[1] > -one and law[2] > found[2]:
+                found = law
+    found[0] = one - kept
+    return found

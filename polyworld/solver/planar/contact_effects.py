@@ -1,0 +1,67 @@
+"""What effects change at contacts and on the supporting plane of a planar world."""
+
+import warp as wp
+
+from polyworld.solver.effect_contacts import contact_friction, contact_restitution, contact_tangential
+from polyworld.solver.planar.records import Bodies, Contacts, Row, Scene
+
+wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
+
+
+@wp.func(inline=False)
+def friction_at(
+    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32, mu: wp.float64, x: wp.vec3d
+) -> wp.float64:
+    """Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1) at x, plane coordinates."""
+    place = wp.transpose(scene.axes) * x
+    return contact_friction(scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, a, b, mu, place)
+
+
+@wp.func
+def rub_on_plane(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
+    """Set what the supporting plane can hold, where the body will be at the middle of a step of length h."""
+    load = -bodies.gravity[w][2]
+    if scene.supports == 1 and load > ZERO:
+        x = bodies.pose[w, i] + bodies.rate[w, i] * (HALF * h)
+        mu = friction_at(scene, bodies, w, i, -1, bodies.support[w, i], wp.vec3d(x[0], x[1], scene.level))
+        bodies.hold[w, i] = load * mu
+
+
+@wp.func(inline=False)
+def as_effects_have_it(scene: Scene, bodies: Bodies, w: wp.int32, row: Row, v: wp.vec2d) -> Row:
+    """The row of an impact at the separation speed v (normal, tangent), with its bounce, grip, aim and loss."""
+    kinds = scene.effect_kind
+    acts = scene.effect_acts
+    values = bodies.effect_parameters
+    e = contact_restitution(kinds, acts, values, w, row.a, row.b, row.restitution, -v[0])
+    law = contact_tangential(kinds, acts, values, w, row.a, row.b)
+    row.bounce = -e * v[0]
+    row.lost = law[0]
+    row.aim = -law[1] * v[1]
+    row.grip = law[2]
+    return row
+
+
+@wp.func
+def lose_sliding(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32) -> None:
+    """Take each pair's share of its centres' relative tangential velocity, once a pair."""
+    last = wp.int32(-1)
+    for k in range(rows):
+        row = contacts.rows[w, half, k]
+        if row.lost > ZERO and row.slot != last:
+            last = row.slot
+            ma = bodies.inverse_mass[w, row.a]
+            mb = ZERO
+            v = -bodies.next_rate[w, row.a]
+            if row.b < scene.bodies:
+                mb = bodies.inverse_mass[w, row.b]
+                v = v + bodies.next_rate[w, row.b]
+            across = row.normal[0] * v[1] - row.normal[1] * v[0]
+            p = wp.vec3d(-row.normal[1], row.normal[0], ZERO) * (row.lost * across / (ma + mb))
+            bodies.next_rate[w, row.a] = bodies.next_rate[w, row.a] + p * ma
+            if row.b < scene.bodies:
+                bodies.next_rate[w, row.b] = bodies.next_rate[w, row.b] - p * mb
