@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.forward import Forward, Settings
-from polyworld.discrepancy.noise import Noise
+from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.profile import Fit, Linearised, fit, project_out
 from polyworld.discrepancy.residual_terms import STRENGTH, Factor, Term
 from polyworld.world import World
@@ -26,17 +26,22 @@ TYPICAL = 0.3  # an ordinary unexplained acceleration [m/s^2]
 STEP = 1e-3  # of it, for derivatives at zero strength
 FACTOR_COST = 0.5
 REFITS = 3
+SAME_NOISE = 0.02  # relative change of levels, or change of correlations
 SEEN = 1.0  # a term that at an ordinary strength moves chi2 by less than this is not looked for
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be explained: a design, its base unknowns and noise, and whom the force acts on (None: all)."""
+    """What is to be explained: a design, its base unknowns and noise, and whom the force acts on (None: all).
+
+    library: how many terms there are to choose from.
+    """
 
     design: Design
     world: World
     base: tuple[Unknown, ...]
     noise: Noise
+    library: int = 1
     objects: tuple[str, ...] | None = None
     cancelled: Callable[[], bool] | None = None
 
@@ -109,7 +114,7 @@ class Law:
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A law with its fit. values (S,) of the fit begin with the base unknowns. ebic: as `extended_bic` has it."""
+    """A law with its fit. values (S,) of the fit begin with the base unknowns. ebic: the criterion."""
 
     law: Law
     fit: Fit
@@ -129,15 +134,14 @@ class Score:
     values: tuple[float, ...]
 
 
-def extended_bic(chi2: float, law: Law, data: int, library: int) -> float:
-    """Chen & Chen (2008), Biometrika 95, 759, with gamma = 1: laws of so many out of `library` terms.
+def criterion(problem: Problem, law: Law, chi2: float) -> float:
+    """Extended BIC of a law.
 
     Each factor costs a little, so that of laws which the data cannot tell apart the one that depends on less wins.
     """
-    terms = len(law.terms)
-    choices = gammaln(library + 1) - gammaln(terms + 1) - gammaln(library - terms + 1)
     factors = sum(len(t.factors) for t in law.terms)
-    return float(chi2 + len(law.numbers) * np.log(data) + 2.0 * choices + FACTOR_COST * factors)
+    count = problem.noise.count
+    return extended_bic(chi2, len(law.numbers), count, len(law.terms), problem.library) + FACTOR_COST * factors
 
 
 def room_for(law: Law, term: Term) -> bool:
@@ -145,7 +149,7 @@ def room_for(law: Law, term: Term) -> bool:
     return len(law.numbers) + len(term.strengths) + len(term.shapes) <= MAX_PARAMETERS
 
 
-def fit_law(problem: Problem, law: Law, start: Fit, numbers: Sequence[float], library: int) -> FittedLaw:
+def fit_law(problem: Problem, law: Law, start: Fit, numbers: Sequence[float]) -> FittedLaw:
     """Fit a law together with base unknowns and initial states; base and states begin at those of `start`."""
     forward = Forward(
         problem.design,
@@ -159,7 +163,24 @@ def fit_law(problem: Problem, law: Law, start: Fit, numbers: Sequence[float], li
         if fitted.converged:
             break
         fitted = fit(forward, problem.noise, fitted.values, fitted.states)
-    return FittedLaw(law, fitted, extended_bic(fitted.chi2, law, problem.design.length, library))
+    return FittedLaw(law, fitted, criterion(problem, law, fitted.chi2))
+
+
+def refitted(problem: Problem, known: FittedLaw) -> FittedLaw:
+    """A law fitted on from where it stands, under the problem's noise."""
+    return fit_law(problem, known.law, known.fit, known.fit.values[len(problem.base) :].tolist())
+
+
+def with_refined_noise(problem: Problem, known: FittedLaw) -> Problem:
+    """The problem under the noise that a law's residuals tell; the very same where that changes next to nothing."""
+    world = known.law.in_world(problem.world, problem.objects, {})
+    forward = Forward(problem.design, world, (*problem.base, *known.law.unknowns()), problem.cancelled)
+    settings = [Settings(r.index, known.fit.values[None], known.fit.states[r.index][None]) for r in problem.design.runs]
+    noise = refined_noise(problem.design, problem.noise, [raw[0] for raw in forward.residuals(settings)])
+    levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(noise.sigma, problem.noise.sigma, strict=True))
+    linked = max(float(np.max(np.abs(a - b))) for a, b in zip(noise.rho, problem.noise.rho, strict=True))
+    kept = all(bool(np.all(a == b)) for a, b in zip(noise.kept, problem.noise.kept, strict=True))
+    return problem if kept and max(levels, linked) <= SAME_NOISE else replace(problem, noise=noise)
 
 
 def score_term(problem: Problem, known: FittedLaw, term: Term) -> Score | None:

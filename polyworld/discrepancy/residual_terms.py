@@ -97,6 +97,15 @@ def _term(name: str, text: str, direction: str, *factors: Factor, shapes: tuple[
     return Term(name, text, direction, frozenset(factors), shapes=shapes)
 
 
+def _in_fixed_direction(
+    name: str, course: str, scales: Scales, *factors: Factor, shapes: tuple[Shape, ...] = ()
+) -> Term:
+    """A force whose direction is fixed and unknown: a strength an axis, all with one course."""
+    vector = " + ".join(f"{{k{a}}}*e{a}" for a in scales.axes)
+    strengths = tuple(f"k{a}" for a in scales.axes)
+    return Term(name, f"{course}({vector})", "in a fixed direction", frozenset(factors), strengths, shapes)
+
+
 def _along_velocity(scales: Scales) -> Iterator[Term]:
     v = _number(scales.speed, "m/s")
     p = (_exponent(),)
@@ -165,13 +174,19 @@ def _by_axis(scales: Scales) -> Iterator[Term]:
 
 def _of_position(scales: Scales) -> Iterator[Term]:
     length = _number(scales.length, "m")
+    products = {
+        "*".join(places): "*".join(f"x.{b}/{length}" for b in places)
+        for degree in (1, 2)
+        for places in itertools.combinations_with_replacement(scales.axes, degree)
+    }
     for a in scales.axes:
         yield _term(f"constant force along {a}", f"{{k}}*e{a}", f"along {a}")
-        for degree in (1, 2):
-            for places in itertools.combinations_with_replacement(scales.axes, degree):
-                product = "*".join(f"x.{b}/{length}" for b in places)
-                name = f"force along {a} with {'*'.join(places)}"
-                yield _term(name, f"{{k}}*{product}*e{a}", f"along {a}", "position")
+        for name, product in products.items():
+            yield _term(f"force along {a} with {name}", f"{{k}}*{product}*e{a}", f"along {a}", "position")
+    if len(scales.axes) > 1:
+        yield _in_fixed_direction("constant force", "", scales)
+        for name, product in products.items():
+            yield _in_fixed_direction(f"force with {name}", f"{product}*", scales, "position")
     strengths = ("k", *(f"a{a}" for a in scales.axes))
     constant = "".join(f" + {{a{a}}}*e{a}" for a in scales.axes)
     towards: frozenset[Factor] = frozenset({"position"})
@@ -199,18 +214,19 @@ def _of_time(scales: Scales) -> Iterator[Term]:
     rates = tuple(slow * (fast / slow) ** (i / 15.0) for i in range(16)) if fast > slow else (slow,)
     f = (Shape("f", "Hz", 0.2 * slow, max(fast, slow) * 2.0, 0.1 / scales.duration, rates),)
     tau = (_decay(scales),)
+    wave = (*f, Shape("h", "1", -1.0, 1.0, 0.1, (0.0, 0.25)))
     for a in scales.axes:
         along = f"along {a}"
         yield _term(f"decaying force along {a}", f"{{k}}*exp(-t/{{tau}})*e{a}", along, "time", shapes=tau)
         yield _term(f"growing force along {a}", f"{{k}}*t/{_number(scales.duration, 's')}*e{a}", along, "time")
-        wave = f"({{k}}*sin(6.283185307179586*{{f}}*t) + {{c}}*cos(6.283185307179586*{{f}}*t))*e{a}"
-        yield Term(f"periodic force along {a}", wave, along, frozenset({"time"}), ("k", "c"), f)
+        text = f"({{k}}*sin(6.283185307179586*{{f}}*t) + {{c}}*cos(6.283185307179586*{{f}}*t))*e{a}"
+        yield Term(f"periodic force along {a}", text, along, frozenset({"time"}), ("k", "c"), f)
     if len(scales.axes) > 1:
-        strengths = tuple(f"k{a}" for a in scales.axes)
-        vector = " + ".join(f"{{k{a}}}*e{a}" for a in scales.axes)
-        factors: frozenset[Factor] = frozenset({"time"})
-        direction = "in a fixed direction"
-        yield Term("decaying force", f"exp(-t/{{tau}})*({vector})", direction, factors, strengths, tau)
+        yield _in_fixed_direction("decaying force", "exp(-t/{tau})*", scales, "time", shapes=tau)
+        yield _in_fixed_direction("growing force", f"t/{_number(scales.duration, 's')}*", scales, "time")
+        yield _in_fixed_direction(
+            "periodic force", "sin(6.283185307179586*({f}*t + {h}))*", scales, "time", shapes=wave
+        )
 
 
 def _across(scales: Scales) -> Iterator[Term]:

@@ -9,7 +9,7 @@ that and no more.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,21 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.goodness import goodness
 from polyworld.discrepancy.noise import Noise
 from polyworld.discrepancy.profile import Fit
 from polyworld.discrepancy.residual_dependence import FACTORS, Dependence, dependences, without_factor
-from polyworld.discrepancy.residual_law import FittedLaw, Law, Problem, Score, fit_law, room_for, score_term
+from polyworld.discrepancy.residual_law import (
+    FittedLaw,
+    Law,
+    Problem,
+    Score,
+    fit_law,
+    refitted,
+    room_for,
+    score_term,
+    with_refined_noise,
+)
 from polyworld.discrepancy.residual_terms import Scales, Term, library
 from polyworld.parameters import with_parameters
 from polyworld.world import World
@@ -30,6 +41,7 @@ Array = NDArray[np.float64]
 
 CONTENDERS = 6  # terms that are fitted, of those the score test ranks
 MAX_TERMS = 3
+REFINEMENTS = 2  # of the noise, after a better law is found
 BETTER = 2.0  # least fall of the criterion for one more term
 NEAR = 10.0  # laws within this of the best criterion are told as alternatives
 Z95 = 1.959963984540054
@@ -50,7 +62,7 @@ class ResidualForce:
 
     explains: whether with it the fit passes the goodness of fit; where not, the law is only the closest found.
     expression: an acceleration [m/s^2], empty where no term helps; written: with its numbers in it. numbers: by name.
-    directions: one a term. speed_exponents: by term, where it has one. dependence: what each factor buys.
+    directions: one a term. speed_exponent: of the first term that has one. dependence: what each factor buys.
     chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
     worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
     fit: of the base unknowns followed by the law's numbers. tried: laws fitted.
@@ -61,7 +73,7 @@ class ResidualForce:
     written: str
     numbers: dict[str, Number]
     directions: tuple[str, ...]
-    speed_exponents: tuple[Number, ...]
+    speed_exponent: Number | None
     dependence: tuple[Dependence, ...]
     chi2_before: float
     chi2_after: float
@@ -87,8 +99,8 @@ class ResidualForce:
             "expression": self.expression,
             "written": self.written,
             "numbers": {n: _number_json(x) for n, x in self.numbers.items()},
-            "direction": list(self.directions),
-            "speed_exponent": [_number_json(x) for x in self.speed_exponents],
+            "direction": "; ".join(self.directions),
+            "speed_exponent": None if self.speed_exponent is None else _number_json(self.speed_exponent),
             "dependence": {d.factor: d.to_json() for d in self.dependence},
             "chi2_before": self.chi2_before,
             "chi2_after": self.chi2_after,
@@ -102,7 +114,6 @@ class _Search:
     problem: Problem
     terms: tuple[Term, ...]
     base: FittedLaw
-    passes: Callable[[Fit], bool]
     progress: Callable[[float, str], None] | None
     history: dict[tuple[str, ...], FittedLaw] = field(default_factory=dict)
     first_scores: list[Score] = field(default_factory=list)
@@ -115,16 +126,32 @@ class _Search:
             found = self._extended(best, depth)
             if found is None or found.ebic > best.ebic - BETTER:
                 break
-            best = self._reduced(found)
-            if self.passes(best.fit):
+            best = self._renoised(self._reduced(found))
+            if self.passes(best):
                 return best
         if len(best.law.terms) > 1:
-            best = self._swapped(best)
+            best = self._renoised(self._swapped(best))
+        return best
+
+    def passes(self, known: FittedLaw) -> bool:
+        """Whether what a law leaves is noise."""
+        return goodness(self.problem.design, self.problem.noise, known.fit).passes
+
+    def _renoised(self, best: FittedLaw) -> FittedLaw:
+        """The best law under the noise that its residuals tell, and all others judged under that noise too."""
+        for _ in range(REFINEMENTS):
+            problem = with_refined_noise(self.problem, best)
+            if problem is self.problem:
+                break
+            self.problem = problem
+            self.history = {key: refitted(problem, known) for key, known in self.history.items()}
+            self.base = self.history[()]
+            best = min(self.history.values(), key=lambda f: f.ebic)
         return best
 
     def scores(self, known: FittedLaw) -> list[Score]:
         """All terms not yet in a law, best promise first."""
-        cost = np.log(self.problem.design.length)
+        cost = np.log(self.problem.noise.count)
         found = []
         for term in self.terms:
             if term not in known.law.terms and room_for(known.law, term):
@@ -140,7 +167,7 @@ class _Search:
         if key not in self.history:
             settled = known.fit.values[len(self.problem.base) :]
             numbers = [*settled.tolist(), *score.values]
-            self.history[key] = fit_law(self.problem, law, known.fit, numbers, len(self.terms))
+            self.history[key] = fit_law(self.problem, law, known.fit, numbers)
         return self.history[key]
 
     def _extended(self, known: FittedLaw, depth: int) -> FittedLaw | None:
@@ -182,7 +209,7 @@ class _Search:
                 if i != index:
                     numbers += values[at : at + width].tolist()
                 at += width
-            self.history[key] = fit_law(self.problem, Law(terms), known.fit, numbers, len(self.terms))
+            self.history[key] = fit_law(self.problem, Law(terms), known.fit, numbers)
         return self.history[key]
 
     def _tell(self, share: float, what: str) -> None:
@@ -195,7 +222,6 @@ def describe_unexplained(
     noise: Noise,
     base: Sequence[Unknown],
     fitted: Fit,
-    passes: Callable[[Fit], bool],
     *,
     world: World | None = None,
     objects: tuple[str, ...] | None = None,
@@ -204,13 +230,17 @@ def describe_unexplained(
 ) -> ResidualForce:
     """Describe the force that a fitted world lacks.
 
-    fitted: the fit of the base unknowns alone. passes: the goodness of fit. world: the one fitted, default the
-    design's. objects: whom the force acts on, default all. Raises InterruptedError where cancelled.
+    fitted: the fit of the base unknowns alone, under this noise, which is refined as better laws are found. world: the
+    one fitted, default the design's. objects: whom the force acts on, default all. progress: told the share done and
+    the step. cancelled: asked between batches; where it says so `InterruptedError` is raised.
     """
-    problem = Problem(design, world or design.world, tuple(base), noise, objects, cancelled)
+    problem = Problem(design, world or design.world, tuple(base), noise, 1, objects, cancelled)
     scales = scales_of(problem, fitted)
-    search = _Search(problem, library(scales), FittedLaw(Law(()), fitted, fitted.chi2), passes, progress)
+    terms = library(scales)
+    problem = replace(problem, library=len(terms))
+    search = _Search(problem, terms, FittedLaw(Law(()), fitted, fitted.chi2), progress)
     best = search.run()
+    problem = search.problem
     for factor in FACTORS:  # so that what a factor buys is told against a fair rival
         rival = without_factor(factor, search.first_scores)
         if best.law.depends_on(factor) and rival is not None:
@@ -270,9 +300,9 @@ def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Depen
         name: Number(values[name], unit, _interval(values[name], float(d), low, high))
         for (name, unit, low, high, _), d in zip(best.law.numbers, deviations, strict=True)
     }
-    exponents = tuple(
+    exponents = [
         numbers[best.law.name(i, "p")] for i, t in enumerate(best.law.terms) if any(s.name == "p" for s in t.shapes)
-    )
+    ]
     others = sorted((f for f in search.history.values() if f is not best), key=lambda f: f.ebic)
     unknowns = (*problem.base, *best.law.unknowns())
     world = None
@@ -282,16 +312,16 @@ def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Depen
         shared = {p: float(v) for u, v in fitted_base.items() for p in u.paths}
         world = with_parameters(world, shared) if shared else world
     return ResidualForce(
-        explains=bool(best.law.terms) and search.passes(best.fit),
+        explains=bool(best.law.terms) and search.passes(best),
         expression=best.law.text,
         written=best.law.literal({n: float(f"{v:.4g}") for n, v in values.items()}),
         numbers=numbers,
         directions=tuple(t.direction for t in best.law.terms),
-        speed_exponents=exponents,
+        speed_exponent=exponents[0] if exponents else None,
         dependence=tests,
         chi2_before=search.base.fit.chi2,
         chi2_after=best.fit.chi2,
-        data=problem.design.length,
+        data=problem.noise.count,
         alternatives=tuple(
             (f.law.text, f.ebic - best.ebic) for f in others if f.ebic - best.ebic < NEAR and f.law.terms
         ),
