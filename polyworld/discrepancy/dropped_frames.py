@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.design import RunDesign
 from polyworld.discrepancy.forward import Settings
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.score import Ground, Lead
+from polyworld.discrepancy.score import Lead
 from polyworld.discrepancy.trial import Bench, Trial
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def dropped_frame_starts(
     times = run.times
     if len(times) < 2 * ENDS + 1:
         return ()
-    ground = Ground(trial, bench)
+    ground = trial.ground
     stride = 1 + (len(times) - 2 * ENDS) // MOST_ONSETS
     first_after = np.arange(ENDS, len(times) - ENDS + 1, stride)
     slopes = ground.off(run.index, _slopes(bench, trial, run, first_after))

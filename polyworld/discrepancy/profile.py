@@ -90,6 +90,44 @@ def fit(
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
 
 
+def rough_fit(
+    forward: Forward,
+    noise: Noise,
+    values: Array,
+    states: Sequence[Array],
+    known: tuple[Array, ...],
+    *,
+    iterations: int = 4,
+) -> Fit:
+    """First steps of a fit whose derivatives by the initial states are taken as known, from a fit nearby.
+
+    Chord method: a step costs one rollout a run and shared unknown, whatever the number of coordinates of the states.
+    It ends where such steps no longer help; never converged, and its covariance is no more than a guide.
+    """
+    before = forward.rollouts
+    at = _Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
+    keep = tuple(np.ones(r.length, bool) for r in forward.design.runs)
+    shared = _first_steps(forward)[0]
+    damping = 1e-4
+    linear = _linearise_shared(forward, noise, at, known, shared)
+    count = 0
+    while count < iterations and np.isfinite(linear.chi2):
+        count += 1
+        shared = _steps(forward, linear)[0]
+        trials = [_step(forward, linear, at, damping * t) for t in TRIALS]
+        costs = _costs(forward, noise, trials, keep)
+        best = int(np.argmin(costs))
+        if not costs[best] < linear.chi2:
+            break
+        gain = linear.chi2 - costs[best]
+        at, damping = trials[best], float(np.clip(damping * TRIALS[best], 1e-8, 1e8))
+        linear = _linearise_shared(forward, noise, at, known, shared)
+        if gain < 0.01 * linear.chi2:
+            break
+    covariance, _ = _covariances(forward, linear)
+    return Fit(at.values, at.states, linear.chi2, covariance, linear, False, count, forward.rollouts - before)
+
+
 def start_states(design: Design) -> tuple[Array, ...]:
     """Initial states as the first samples of each run suggest them."""
     return tuple(r.start for r in design.runs)

@@ -1,0 +1,231 @@
+"""From a world and a recording to the missing effect: the whole procedure in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from polyworld.discrepancy.candidate import Candidate, Unknown
+from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.design import Design, design
+from polyworld.discrepancy.examine import fitted_base
+from polyworld.discrepancy.experiment import Contender, propose_experiment
+from polyworld.discrepancy.intervals import intervals95
+from polyworld.discrepancy.noise import Noise, refined_noise
+from polyworld.discrepancy.report import GapReport
+from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
+from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.verdict import Verdict, decide
+from polyworld.recording import Recording
+from polyworld.world import World
+
+LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
+CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
+KEPT_CHANGED = 0.002  # the same of the share of outliers
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """How the gap is looked for.
+
+    search: how widely. alarm: by how much an effect must lower EBIC to be looked into although the base passes the
+    gate. null_control: whether the procedure is repeated on data made from the base world. experiment: whether the
+    experiment that would decide is sought where the verdict is ambiguous. initial: "free", or "given" where every run
+    starts as the world says. seed: of the null control.
+    """
+
+    search: SearchSettings = field(default_factory=SearchSettings)
+    alarm: float = 10.0
+    null_control: bool = True
+    experiment: bool = True
+    seed: int = 0
+
+
+def find_gap(
+    world: World,
+    recording: Recording,
+    *,
+    sealed: Recording | None = None,
+    base: Sequence[Unknown] = (),
+    candidates: Sequence[Candidate] | None = None,
+    settings: GapSettings | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> GapReport:
+    """Find what a world lacks to explain a recording.
+
+    base: unknowns that are fitted in every hypothesis. candidates: effects to choose from, default the whole
+    catalogue. sealed: data that no step sees before the end. progress: told the share done (0 to 1) and the step.
+    cancelled: asked between batches; where it says so `InterruptedError` is raised. Raises ValueError where the
+    recording does not fit the world.
+    """
+    settings = settings or GapSettings()
+    plan = design(world, recording)
+    chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
+    story = _Story(progress)
+    search = _searched(plan, tuple(base), chosen, settings, story, cancelled)
+    verdict, bench, ground = search.verdict, search.bench, search.ground
+    best = verdict.best
+    intervals = intervals95(bench, best if best is not None else ground)
+    story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
+    child = best.hypothesis.fitted_world(best.values) if best is not None else None
+    gap: SealedGap | None = None
+    if sealed is not None:
+        before = ground.hypothesis.fitted_world(ground.values)
+        gap = sealed_gap(before, child if child is not None else before, sealed)
+        story.tell(0.85, "sealed data", gap.to_dict())
+    null: NullControl | None = None
+    if settings.null_control:
+        null = _null_control(search, chosen, settings, cancelled)
+        story.tell(0.95, "null control", null.to_dict())
+    experiment = None
+    if settings.experiment and verdict.kind == "ambiguous":
+        found = propose_experiment(plan, bench.noise, [_contender(t) for t in verdict.credible])
+        experiment = found.to_dict() if found is not None else None
+        story.tell(0.98, "experiment", {"found": found is not None})
+    story.tell(1.0, "done", {"rollouts": bench.rollouts})
+    return GapReport(
+        verdict=verdict,
+        bench=bench,
+        base=ground,
+        intervals=intervals,
+        world=child,
+        sealed=gap,
+        null=null,
+        experiment=experiment,
+        residual_force=None,
+        near_misses=search.near_misses,
+        history=tuple(story.steps),
+    )
+
+
+class _Story:
+    """The steps so far, each told as it happens."""
+
+    def __init__(self, progress: Callable[[float, str], None] | None) -> None:
+        self.steps: list[dict[str, Any]] = []
+        self.share = 0.0
+        self._progress = progress
+
+    def tell(self, share: float, step: str, figures: dict[str, Any]) -> None:
+        self.share = max(self.share, share)
+        self.steps.append({"step": step, **figures})
+        if self._progress is not None:
+            self._progress(self.share, step)
+
+
+@dataclass(frozen=True)
+class _Searched:
+    verdict: Verdict
+    bench: Bench
+    ground: Trial
+    near_misses: tuple[dict[str, Any], ...] = ()
+
+
+def _searched(
+    plan: Design,
+    base: tuple[Unknown, ...],
+    candidates: tuple[Candidate, ...],
+    settings: GapSettings,
+    story: _Story,
+    cancelled: Callable[[], bool] | None,
+) -> _Searched:
+    ground = fitted_base(plan, base, len(candidates), cancelled)
+    story.tell(
+        0.1,
+        "base fit",
+        {"chi2": ground.chi2, "measurements": ground.bench.observations, "passes": ground.passes}
+        | {"goodness": ground.goodness.to_json(), "noise": ground.bench.noise.to_json()},
+    )
+
+    def tell(step: str, figures: dict[str, Any]) -> None:
+        story.tell(min(story.share + 0.02, 0.75), step, figures)
+
+    search = Search(ground.bench, candidates, settings.search, tell)
+    near_misses: tuple[dict[str, Any], ...] = ()
+    if ground.passes:
+        explained, near_misses = _explained(search, ground, settings.alarm)
+        if explained:
+            return _Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
+    effects = 0
+    parents = [ground]
+    while effects < settings.search.max_effects:
+        effects += 1
+        search.add_effect(parents)
+        _renoise(search, effects)
+        if not _passed(search, effects):
+            search.restart(effects)
+            _renoise(search, effects)
+        if effects > 1 and not _passed(search, effects):
+            search.swap(effects)
+            _renoise(search, effects)
+        if _passed(search, effects):
+            break
+        parents = search.ranked(effects)[: settings.search.parents]
+    verdict = decide(search.ranked(effects), settings.search.credible)
+    bench = verdict.best.bench if verdict.best is not None else search.bench
+    if bench is not ground.bench:
+        ground = bench.refit(ground)
+    return _Searched(verdict, bench, ground, near_misses)
+
+
+def _explained(search: Search, ground: Trial, alarm: float) -> tuple[bool, tuple[dict[str, Any], ...]]:
+    """Whether no effect betters a base that passes by more than `alarm`, and those that better it at all."""
+    promising = search.promising(ground, 0.5 * alarm)
+    near = [t for t in promising if t.ebic < ground.ebic]
+    told = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ground.ebic - t.ebic} for t in near)
+    return not near or ground.ebic - near[0].ebic <= alarm, told
+
+
+def _renoise(search: Search, effects: int) -> None:
+    """Estimate the noise from the best hypothesis' residuals, and judge all under it."""
+    best = search.best(effects)
+    if best is None:
+        return
+    noise = refined_noise(search.bench.design, search.bench.noise, search.bench.raw_residuals(best))
+    if _differs(noise, search.bench.noise):
+        search.under(search.bench.with_noise(noise), effects)
+
+
+def _differs(one: Noise, other: Noise) -> bool:
+    """Whether two estimates of the noise are so far apart that fits would weigh the data otherwise."""
+    levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(one.sigma, other.sigma, strict=True))
+    linked = max(float(np.max(np.abs(a - b))) for a, b in zip(one.rho, other.rho, strict=True))
+    kept = sum(int(np.sum(a != b)) for a, b in zip(one.kept, other.kept, strict=True))
+    return levels > LEVEL_CHANGED or linked > CORRELATION_CHANGED or kept > KEPT_CHANGED * one.count
+
+
+def _passed(search: Search, effects: int) -> bool:
+    best = search.best(effects)
+    return best is not None and best.passes
+
+
+def _contender(trial: Trial) -> Contender:
+    h = trial.hypothesis
+    return Contender(h.names, h.world, h.unknowns, trial.values, trial.fit.covariance)
+
+
+def _null_control(
+    found: _Searched,
+    candidates: tuple[Candidate, ...],
+    settings: GapSettings,
+    cancelled: Callable[[], bool] | None,
+) -> NullControl:
+    ground, best = found.ground, found.verdict.best
+    states = best.fit.states if best is not None else ground.fit.states
+    bench = found.bench
+    made = simulated_recording(bench.forward(ground.hypothesis), ground.values, states, bench.noise, settings.seed)
+    plan = design(bench.design.world, made)
+    again = _searched(plan, ground.hypothesis.base, candidates, settings, _Story(None), cancelled)
+    after: float | None = None
+    if best is not None:
+        values = np.concatenate(
+            [again.ground.values, [u.start for u in best.hypothesis.unknowns[len(ground.values) :]]]
+        )
+        # Places and frequencies stay as found: where the strength is nothing, they could not be told.
+        after = again.bench.fit(best.hypothesis, values, again.ground.fit.states).chi2
+    return NullControl(again.verdict.kind, again.ground.chi2, after, int(again.bench.observations), settings.seed)

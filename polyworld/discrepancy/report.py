@@ -1,0 +1,128 @@
+"""What was found, as plain data: the verdict with its evidence, and the way there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.seal import NullControl, SealedGap
+from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.verdict import RunnerUp, Verdict
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GapReport:
+    """The outcome of the search for the gap.
+
+    intervals (S, 2): 95%, of the best hypothesis' unknowns. world: child with the effects, fitted; None where nothing
+    is missing. history: every step with its figures. near_misses: effects that would have bettered the fit of data
+    that are explained already. to_dict gives all of it as JSON-ready values.
+    """
+
+    verdict: Verdict
+    bench: Bench = field(repr=False)
+    base: Trial = field(repr=False)
+    intervals: Array
+    world: World | None
+    sealed: SealedGap | None
+    null: NullControl | None
+    experiment: dict[str, Any] | None
+    residual_force: dict[str, Any] | None
+    near_misses: tuple[dict[str, Any], ...]
+    history: tuple[dict[str, Any], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects of the best hypothesis, empty where nothing is missing."""
+        return self.verdict.best.hypothesis.names if self.verdict.best is not None else ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values; numbers that are not finite become None."""
+        best = self.verdict.best
+        judged = best if best is not None else self.base
+        told = {
+            "verdict": self.verdict.kind,
+            "effects": effects_of(best, self.intervals) if best is not None else [],
+            "credible_set": [list(t.hypothesis.names) for t in self.verdict.credible],
+            "runner_up": _runner_up(self.verdict.runner_up),
+            "experiment": self.experiment,
+            "residual_force": self.residual_force,
+            "noise": self.bench.noise.to_json(),
+            "goodness": judged.goodness.to_json(),
+            "sealed": None if self.sealed is None else self.sealed.to_dict(),
+            "null_control": None if self.null is None else self.null.to_dict(),
+            "near_misses": list(self.near_misses),
+            "base": {
+                "unknowns": _unknowns(judged, 0, len(judged.hypothesis.base), self.intervals),
+                "passes": self.base.passes,
+                "chi2": self.base.chi2,
+            },
+            "world": None if self.world is None else self.world.model_dump(mode="json"),
+            "history": list(self.history),
+        }
+        result: dict[str, Any] = finite(told)
+        return result
+
+
+def effects_of(trial: Trial, intervals: Array) -> list[dict[str, Any]]:
+    """Every effect of a hypothesis with its fitted unknowns and their 95% intervals."""
+    found = []
+    at = len(trial.hypothesis.base)
+    for part in trial.hypothesis.parts:
+        count = len(part.variant.unknowns)
+        found.append(
+            {
+                "name": part.candidate.name,
+                "label": part.variant.label,
+                "law": part.candidate.law,
+                "same_as": list(part.variant.same_as),
+                "unknowns": _unknowns(trial, at, count, intervals),
+            }
+        )
+        at += count
+    return found
+
+
+def _unknowns(trial: Trial, first: int, count: int, intervals: Array) -> dict[str, dict[str, Any]]:
+    told = {}
+    for i in range(first, first + count):
+        u = trial.hypothesis.unknowns[i]
+        told[u.name] = {
+            "value": float(trial.values[i]),
+            "unit": u.unit,
+            "interval95": [float(v) for v in intervals[i]] if i < len(intervals) else None,
+            "paths": list(u.paths),
+        }
+    return told
+
+
+def _runner_up(found: RunnerUp | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "effects": list(found.trial.hypothesis.names),
+        "ebic_behind": found.ebic_behind,
+        "held_out_behind": found.held_out.gain,
+        "held_out_error": found.held_out.error,
+        "passes": found.trial.passes,
+    }
+
+
+def finite(value: Any) -> Any:
+    """The same with None for every number that JSON cannot hold."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

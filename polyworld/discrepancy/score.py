@@ -1,0 +1,129 @@
+"""The score test: what each effect promises, from the slope of the trajectories where it does nothing yet.
+
+Rao 1948 (Proc. Camb. Phil. Soc. 44, 50): derivatives of the residuals by an effect's unknowns, projected off all that
+is fitted already, against the residuals. It needs one batch of rollouts for each way to add an effect, all of its
+starts (places, frequencies) in it, and foretells both chi2 and the unknowns of a fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.forward import Settings
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.profile import FIRST_STEP, PRIOR
+from polyworld.discrepancy.trial import Bench, Ground, Trial
+
+Array = NDArray[np.float64]
+
+MOST_WORLDS = 768  # rolled out in one batch: beyond this memory counts and speed gains nothing
+
+
+@dataclass(frozen=True)
+class Lead:
+    """Where to begin the fit of a hypothesis: shared values (S,), and the chi2 that the slope foretells there."""
+
+    hypothesis: Hypothesis
+    values: Array
+    chi2: float
+
+
+def leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothesis], keep: int) -> list[Lead]:
+    """The `keep` most promising starts of each hypothesis that adds one effect to a fitted one, best first."""
+    ground = trial.ground
+    found: list[Lead] = []
+    special: dict[str, list[Hypothesis]] = {}
+    for hypothesis in hypotheses:
+        candidate = hypothesis.parts[-1].candidate
+        if candidate.leads is not None:
+            special.setdefault(candidate.name, []).append(hypothesis)
+            continue
+        own = _of_one(bench, trial, hypothesis, ground)
+        found += sorted(own, key=lambda lead: lead.chi2)[:keep]
+    for group in special.values():
+        by_itself = group[0].parts[-1].candidate.leads
+        found += by_itself(bench, trial, group, keep) if by_itself is not None else []
+    return sorted(found, key=lambda lead: lead.chi2)
+
+
+def _of_one(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground) -> list[Lead]:
+    own = hypothesis.parts[-1].variant
+    starts = np.array(hypothesis.starts(trial.values))
+    per_start = len(bench.design.runs) * (1 + len(own.unknowns) - len(own.idle))
+    found: list[Lead] = []
+    size = max(1, MOST_WORLDS // per_start)
+    for first in range(0, len(starts), size):
+        found += _of_starts(bench, trial, hypothesis, ground, starts[first : first + size])
+    return found
+
+
+def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground, starts: Array) -> list[Lead]:
+    variant = hypothesis.parts[-1].variant
+    own = tuple(u for u in variant.unknowns if u.name not in variant.idle)
+    j, k, s = len(starts), len(own), len(trial.values)
+    at = s + np.array([i for i, u in enumerate(variant.unknowns) if u.name not in variant.idle])
+    steps = np.array([FIRST_STEP * u.typical for u in own])
+    upper = np.array([u.upper for u in own])
+    signed = np.where(starts[:, at] + steps > upper, -steps, steps)
+    changed = np.repeat(starts[:, None], k, axis=1)
+    changed[:, np.arange(k), at] += signed
+    plain = starts[:1] if variant.idle else starts
+    values = np.concatenate([plain, changed.reshape(j * k, -1)])
+    settings = [
+        Settings(r.index, values, np.repeat(trial.fit.states[r.index][None], len(values), axis=0))
+        for r in bench.design.runs
+    ]
+    square = np.zeros(j)
+    ga, gc = np.zeros((j, s)), np.zeros((j, k))
+    cc, ac = np.zeros((j, k, k)), np.zeros((j, s, k))
+    for r, raw in zip(bench.design.runs, bench.forward(hypothesis).residuals(settings), strict=True):
+        white = bench.noise.whiten(r.index, raw)
+        base = np.broadcast_to(white[: len(plain)], (j, white.shape[1]))
+        slopes = (white[len(plain) :].reshape(j, k, -1) - base[:, None]) / signed[:, :, None]
+        slopes = ground.off(r.index, np.where(np.isfinite(slopes), slopes, 0.0))
+        rest = ground.off(r.index, base)
+        a = ground.slopes[r.index]
+        square += (rest**2).sum(axis=1)
+        ga += rest @ a
+        gc += np.einsum("jkm,jm->jk", slopes, rest)
+        cc += np.einsum("jkm,jlm->jkl", slopes, slopes)
+        ac += np.einsum("ms,jkm->jsk", a, slopes)
+    found = []
+    for i in range(j):
+        if not np.isfinite(square[i]):
+            continue
+        matrix = cc[i] - ac[i].T @ ground.inverse @ ac[i]
+        gradient = gc[i] - ac[i].T @ ground.inverse @ ga[i]
+        ground_level = square[i] - ga[i] @ ground.inverse @ ga[i]
+        step = bounded_step(matrix, gradient, own, starts[i, at])
+        chi2 = ground_level + 2.0 * gradient @ step + step @ matrix @ step
+        begin = starts[i].copy()
+        begin[at] += step
+        found.append(Lead(hypothesis, begin, float(chi2)))
+    return found
+
+
+def bounded_step(matrix: Array, gradient: Array, unknowns: Sequence[Unknown], at: Array) -> Array:
+    """The step (K,) from `at` that minimises 2 gradient^T s + s^T matrix s within the unknowns' bounds."""
+    typical = np.array([u.typical for u in unknowns])
+    room = [np.array([getattr(u, side) for u in unknowns]) - at for side in ("lower", "upper")]
+    damped = matrix + np.diag((PRIOR / typical) ** 2)
+    step = np.zeros(len(typical))
+    free = np.ones(len(typical), dtype=bool)
+    for _ in range(len(typical)):
+        step[free] = -np.linalg.solve(
+            damped[np.ix_(free, free)], gradient[free] + damped[np.ix_(free, ~free)] @ step[~free]
+        )
+        out = free & ((step < room[0]) | (step > room[1]))
+        if not out.any():
+            break
+        step[out] = np.clip(step[out], room[0][out], room[1][out])
+        free &= ~out
+        if not free.any():
+            break
+    return step

@@ -1,0 +1,242 @@
+"""The search for missing effects: rank by the score test, fit the contenders, add a second effect where one fails.
+
+Forward, swap and backward steps over hypotheses, each fitted on trajectories together with the base's unknowns and all
+initial states. Every step is told with its figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.candidate import Candidate
+from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
+from polyworld.discrepancy.score import Lead, leads
+from polyworld.discrepancy.trial import Bench, Trial
+
+Array = NDArray[np.float64]
+
+FIRST_ITERATIONS = 4  # of every contender, after which the hopeless are left
+ROUGH_ITERATIONS = 8
+HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How widely to search.
+
+    contenders: hypotheses fitted at each step. starts: of each hypothesis that are tried where the first fails.
+    parents: hypotheses that a further effect is added to. finalists: fitted to convergence. credible: difference of
+    EBIC within which hypotheses stand side by side. max_effects: added at most.
+    """
+
+    contenders: int = 10
+    starts: int = 3
+    parents: int = 3
+    finalists: int = 5
+    credible: float = 10.0
+    max_effects: int = 2
+
+
+@dataclass
+class Search:
+    """All trials so far, the best of each hypothesis, and the story of how they came about."""
+
+    bench: Bench
+    candidates: tuple[Candidate, ...]
+    settings: SearchSettings
+    tell: Callable[[str, dict[str, Any]], None]
+    trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+
+    def ranked(self, effects: int | None = None) -> list[Trial]:
+        """The best trial of every hypothesis (with so many effects), lowest EBIC first."""
+        chosen = [t for t in self.trials.values() if effects is None or len(t.hypothesis.parts) == effects]
+        return sorted(chosen, key=lambda t: (t.ebic, t.hypothesis.title))
+
+    def take(self, trial: Trial) -> Trial:
+        """Keep a trial if it is the best of its hypothesis so far; returns the best."""
+        key = identity(trial.hypothesis)
+        if np.isfinite(trial.chi2) and (key not in self.trials or trial.chi2 < self.trials[key].chi2):
+            self.trials[key] = trial
+        return self.trials.get(key, trial)
+
+    def under(self, bench: Bench, effects: int) -> None:
+        """Go on under other noise: trials near the best are refitted, the others dropped."""
+        before = self.ranked(effects)
+        self.bench = bench
+        self.trials = {}
+        for trial in before[: self.settings.finalists]:
+            self.take(bench.refit(trial))
+
+    def add_effect(self, parents: Sequence[Trial]) -> None:
+        """Forward: fit the hypotheses that one more effect makes of the parents."""
+        if not parents:
+            return
+        found: list[tuple[Trial, Lead]] = []
+        for parent in parents:
+            hypotheses = [
+                h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)
+            ]
+            own = leads(self.bench, parent, hypotheses, self.settings.starts)
+            self.tell(
+                "score test",
+                {
+                    "on": parent.hypothesis.title,
+                    "chi2": parent.chi2,
+                    "promised": [{"effect": x.hypothesis.title, "chi2": x.chi2} for x in own[:12]],
+                },
+            )
+            found += [(parent, lead) for lead in own]
+        found.sort(key=lambda pair: self._promise(pair[1]))
+        firsts = _first_of_each(found, self.settings.contenders)
+        level = min(p.chi2 for p in parents)
+        self._fit_leads(firsts, level)
+        best = self.best(len(parents[0].hypothesis.parts) + 1)
+        if best is None or not best.passes:
+            chosen = {id(lead.hypothesis) for _, lead in firsts}
+            tried = {id(lead) for _, lead in firsts}
+            others = [(p, x) for p, x in found if id(x.hypothesis) in chosen and id(x) not in tried]
+            self._fit_leads(others[: self.settings.contenders], level)
+            self._nested(parents)
+
+    def promising(self, ground: Trial, gain: float) -> list[Trial]:
+        """Fits of one effect on top of a hypothesis, where the score test foretells that EBIC falls by more than
+        `gain`; best first."""
+        hypotheses = [h for c in self.candidates for h in extended(ground.hypothesis, c, self.bench.design.recording)]
+        own = [
+            lead
+            for lead in leads(self.bench, ground, hypotheses, 1)
+            if self._promise(lead) + 2.0 * float(np.log(max(self.bench.candidates, 1))) < ground.ebic - gain
+        ]
+        fits = [self.bench.fit(x.hypothesis, x.values, ground.fit.states) for x in own[: self.settings.contenders]]
+        return sorted(fits, key=lambda t: t.ebic)
+
+    def _promise(self, lead: Lead) -> float:
+        h = lead.hypothesis
+        return lead.chi2 + h.extra * float(np.log(self.bench.observations))
+
+    def best(self, effects: int) -> Trial | None:
+        """The hypothesis with so many effects that has the lowest EBIC."""
+        ranked = self.ranked(effects)
+        return ranked[0] if ranked else None
+
+    def _fit_leads(self, chosen: Sequence[tuple[Trial, Lead]], level: float) -> None:
+        """First iterations of every lead, then to convergence where it may still win."""
+        rough = [
+            self.take(self.bench.rough_fit(lead.hypothesis, lead.values, parent, iterations=FIRST_ITERATIONS))
+            for parent, lead in chosen
+        ]
+        self.finish(rough, level)
+
+    def finish(self, trials: Iterable[Trial], level: float) -> None:
+        """Fit to convergence those trials that may still win. level: chi2 of what they are to improve on."""
+        distinct = {identity(t.hypothesis): self.take(t) for t in trials}
+        ranked = sorted(distinct.values(), key=lambda t: t.ebic)
+        if not ranked:
+            return
+        least = ranked[0].chi2
+        for trial in ranked[: self.settings.finalists]:
+            if trial.fit.converged or level - trial.chi2 < HOPELESS * (level - least):
+                continue
+            done = self.take(self.bench.refit(trial))
+            self._told("fit", done)
+        for trial in ranked:
+            if trial.fit.converged:
+                self._told("fit", trial)
+
+    def _told(self, step: str, trial: Trial) -> None:
+        self.tell(
+            step,
+            {
+                "hypothesis": trial.hypothesis.title,
+                "chi2": trial.chi2,
+                "ebic": trial.ebic,
+                "converged": trial.fit.converged,
+                "values": {u.name: float(v) for u, v in zip(trial.hypothesis.unknowns, trial.values, strict=True)},
+            },
+        )
+
+    def _nested(self, parents: Sequence[Trial]) -> None:
+        """Start richer laws from simpler ones fitted already: those whose unknowns they have, by name and unit."""
+        effects = len(parents[0].hypothesis.parts) + 1
+        simple = self.ranked(effects)[: self.settings.finalists]
+        started: list[Trial] = []
+        for trial in self.ranked(effects):
+            own = trial.hypothesis.parts[-1].variant.unknowns
+            for other in simple:
+                theirs = other.hypothesis.parts[-1].variant.unknowns
+                inner = {(u.name, u.unit) for u in theirs}
+                if other.hypothesis.parts[:-1] != trial.hypothesis.parts[:-1]:
+                    continue
+                if not inner < {(u.name, u.unit) for u in own}:
+                    continue
+                told = other.hypothesis.of_part(effects - 1, other.values)
+                kept = other.values[: len(other.values) - len(theirs)]
+                values = np.concatenate([kept, [told.get(u.name, u.start) for u in own]])
+                started.append(
+                    self.take(self.bench.fit(trial.hypothesis, values, other.fit.states, iterations=ROUGH_ITERATIONS))
+                )
+        self.finish(started, min(p.chi2 for p in parents))
+
+    def restart(self, effects: int) -> None:
+        """Fit the leaders anew from the data's own starts over growing horizons: out of minima behind a bounce."""
+        states = profile.start_states(self.bench.design)
+        for trial in self.ranked(effects)[: self.settings.finalists]:
+            again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.HORIZONS)
+            if again.chi2 < trial.chi2 - 1.0:
+                self._told("restart", again)
+            self.take(again)
+
+    def swap(self, effects: int) -> None:
+        """Replace each effect of the best hypothesis by every other that promises more."""
+        best = self.best(effects)
+        if best is None or effects < 2:
+            return
+        base = Hypothesis(self.bench.design.world, best.hypothesis.base)
+        parents = []
+        for index in range(effects):
+            smaller = without_part(base, best.hypothesis, index, best.values, self.bench.design.recording)
+            if smaller is None:
+                continue
+            known = self.trials.get(identity(smaller[0]))
+            parents.append(known or self.take(self.bench.fit(smaller[0], smaller[1], best.fit.states)))
+        self.tell("swap", {"of": best.hypothesis.title, "kept": [p.hypothesis.title for p in parents]})
+        if parents:
+            self.add_effect(parents)
+
+    def backward(self, trial: Trial) -> Trial:
+        """Drop effects that the gate and EBIC do not miss."""
+        while len(trial.hypothesis.parts) > 1:
+            base = Hypothesis(self.bench.design.world, trial.hypothesis.base)
+            smaller = []
+            for index in range(len(trial.hypothesis.parts)):
+                less = without_part(base, trial.hypothesis, index, trial.values, self.bench.design.recording)
+                if less is not None:
+                    smaller.append(self.take(self.bench.fit(less[0], less[1], trial.fit.states)))
+            good = [t for t in smaller if t.passes and t.ebic <= trial.ebic + self.settings.credible]
+            if not good:
+                return trial
+            trial = min(good, key=lambda t: t.ebic)
+            self._told("backward", trial)
+        return trial
+
+
+def identity(hypothesis: Hypothesis) -> tuple[str, ...]:
+    """What makes two hypotheses the same, in whatever order their effects were added."""
+    return tuple(sorted(f"{p.candidate.name}|{p.variant.label}" for p in hypothesis.parts))
+
+
+def _first_of_each(found: Sequence[tuple[Trial, Lead]], most: int) -> list[tuple[Trial, Lead]]:
+    chosen: list[tuple[Trial, Lead]] = []
+    seen: set[tuple[str, ...]] = set()
+    for parent, lead in found:
+        key = identity(lead.hypothesis)
+        if key not in seen:
+            seen.add(key)
+            chosen.append((parent, lead))
+    return chosen[:most]

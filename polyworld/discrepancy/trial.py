@@ -1,0 +1,161 @@
+"""Fits of hypotheses to one design: the place where forward models are kept and criteria computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.criteria import extended_bic, held_out
+from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.forward import Forward, Settings
+from polyworld.discrepancy.goodness import Goodness, goodness
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.noise import Noise
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A hypothesis fitted: the fit, under which noise, and what it is worth."""
+
+    hypothesis: Hypothesis
+    fit: profile.Fit
+    bench: Bench = field(repr=False)
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared whitened residuals."""
+        return self.fit.chi2
+
+    @property
+    def ebic(self) -> float:
+        """Extended BIC: lower is better."""
+        h = self.hypothesis
+        return extended_bic(self.chi2, h.extra, self.bench.observations, len(h.parts), self.bench.candidates)
+
+    @cached_property
+    def goodness(self) -> Goodness:
+        """Whether what is left is noise."""
+        return goodness(self.bench.design, self.bench.noise, self.fit)
+
+    @property
+    def passes(self) -> bool:
+        """Whether the gate is passed."""
+        return self.goodness.passes
+
+    @cached_property
+    def held_out(self) -> Array:
+        """chi2 (F,) of data left out."""
+        return held_out(self.bench.design, self.hypothesis.unknowns, self.fit)
+
+    @cached_property
+    def ground(self) -> Ground:
+        """What is fitted, to project further effects off."""
+        return Ground(self.fit)
+
+    @property
+    def values(self) -> Array:
+        """Shared unknowns (S,)."""
+        return self.fit.values
+
+
+class Ground:
+    """What is fitted already, with the initial states projected out, run by run.
+
+    bases[run] (m, n): orthonormal, of what the initial state can take up. slopes[run] (m, S): derivatives by the shared
+    unknowns, less that. inverse (S, S): of their information.
+    """
+
+    def __init__(self, fit: profile.Fit) -> None:
+        linear = fit.linear
+        self.bases: list[Array] = []
+        self.slopes: list[Array] = []
+        for a, b in zip(linear.a, linear.b, strict=True):
+            lengths = np.linalg.norm(b, axis=0)
+            basis, size, _ = np.linalg.svd(b[:, lengths > 0.0] / lengths[lengths > 0.0], full_matrices=False)
+            basis = basis[:, size > 1e-8 * size.max(initial=0.0)]
+            self.bases.append(basis)
+            self.slopes.append(a - basis @ (basis.T @ a))
+        s = len(fit.values)
+        information = sum((a.T @ a for a in self.slopes), np.zeros((s, s)))
+        self.inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+
+    def off(self, run: int, vectors: Array) -> Array:
+        """Vectors (..., m) of one run less what its initial state can take up."""
+        basis = self.bases[run]
+        rest: Array = vectors - (vectors @ basis) @ basis.T
+        return rest
+
+
+@dataclass
+class Bench:
+    """A design, its noise as estimated so far, and the forward models of the hypotheses tried on it.
+
+    candidates: how many effects were to choose from. cancelled: asked between batches; where it says so
+    `InterruptedError` is raised.
+    """
+
+    design: Design
+    noise: Noise
+    candidates: int
+    cancelled: Callable[[], bool] | None = None
+    _forwards: dict[int, tuple[Hypothesis, Forward]] = field(default_factory=dict, repr=False)
+
+    @property
+    def observations(self) -> float:
+        """Number of independent measurements."""
+        return float(self.noise.count)
+
+    @property
+    def rollouts(self) -> int:
+        """Worlds simulated so far."""
+        return sum(f.rollouts for _, f in self._forwards.values())
+
+    def with_noise(self, noise: Noise) -> Bench:
+        """The same bench under other noise; forward models are shared."""
+        return replace(self, noise=noise)
+
+    def forward(self, hypothesis: Hypothesis) -> Forward:
+        """The forward model of a hypothesis; each is built once."""
+        key = id(hypothesis)
+        if key not in self._forwards:
+            made = Forward(self.design, hypothesis.world, hypothesis.unknowns, self.cancelled)
+            self._forwards[key] = (hypothesis, made)
+        return self._forwards[key][1]
+
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        values: Array,
+        states: Sequence[Array],
+        *,
+        horizons: Sequence[float] = (1.0,),
+        iterations: int = 12,
+    ) -> Trial:
+        """Fit shared unknowns and initial states from the values given."""
+        found = profile.fit(
+            self.forward(hypothesis), self.noise, values, states, horizons=horizons, iterations=iterations
+        )
+        return Trial(hypothesis, found, self)
+
+    def rough_fit(self, hypothesis: Hypothesis, values: Array, near: Trial, *, iterations: int = 4) -> Trial:
+        """First steps of a fit from the states of another one, of the same noise, and its derivatives by them."""
+        found = profile.rough_fit(
+            self.forward(hypothesis), self.noise, values, near.fit.states, near.fit.linear.b, iterations=iterations
+        )
+        return Trial(hypothesis, found, self)
+
+    def raw_residuals(self, trial: Trial) -> list[Array]:
+        """Simulated less observed (m,) of every run at a fit [m, rad], as measured, not whitened."""
+        settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in self.design.runs]
+        return [raw[0] for raw in self.forward(trial.hypothesis).residuals(settings)]
+
+    def refit(self, trial: Trial, *, iterations: int = 12) -> Trial:
+        """Go on from where a fit ended, under this bench's noise."""
+        return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, iterations=iterations)

@@ -1,0 +1,95 @@
+"""Which name the evidence allows: one, several, none of the catalogue, or none needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+
+from polyworld.discrepancy.criteria import HeldOutGain, held_out_gain
+from polyworld.discrepancy.trial import Trial
+
+Kind = Literal["identified", "ambiguous", "unexplained", "nothing_missing"]
+
+SAME = 1e-3  # probability, under the simpler of two nested laws, that they differ by more than what counts as the same
+
+
+@dataclass(frozen=True)
+class RunnerUp:
+    """The best hypothesis with another name: how far behind it is."""
+
+    trial: Trial
+    ebic_behind: float
+    held_out: HeldOutGain
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """kind; best: the leading hypothesis; credible: all that stand beside it, best first; runner_up: the next name."""
+
+    kind: Kind
+    best: Trial | None
+    credible: tuple[Trial, ...] = ()
+    runner_up: RunnerUp | None = None
+
+
+def decide(trials: Sequence[Trial], credible: float) -> Verdict:
+    """The verdict on trials of equally many effects, none of which is the base.
+
+    Hypotheses stand beside the best where they pass the gate and their EBIC is within `credible` of the least, or
+    where the data prefer them by more than their further unknowns would by chance, whatever Occam's share of EBIC
+    says. A richer law that foretells the same as a simpler one, to what its further unknowns fit of the noise,
+    contains it and is left out.
+    """
+    ranked = sorted((t for t in trials if np.isfinite(t.ebic)), key=lambda t: (t.ebic, t.hypothesis.title))
+    best = next((t for t in ranked if _could_pass(t, ranked) and t.passes), None)
+    if best is None:
+        first = ranked[0] if ranked else None
+        return Verdict("unexplained", first, (), _runner_up(first, ranked) if first else None)
+    near = [t for t in ranked if t is best or t.ebic - best.ebic <= credible or _preferred(t, best)]
+    beside = [t for t in near if t.passes]
+    beside = [t for t in beside if not any(_contains(t, other) for other in beside if other is not t)]
+    if best not in beside:
+        best = beside[0]
+    beside = one_of_each_name(beside)
+    kind: Kind = "identified" if len(beside) == 1 else "ambiguous"
+    return Verdict(kind, best, tuple(beside), _runner_up(best, ranked))
+
+
+def _could_pass(trial: Trial, ranked: Sequence[Trial]) -> bool:
+    """Whether chi2 is near enough to the least, within what noise does, for the gate to be worth asking."""
+    least = min(t.chi2 for t in ranked)
+    return trial.chi2 < least + 5.0 * float(np.sqrt(2.0 * max(least, trial.bench.observations)))
+
+
+def one_of_each_name(trials: Sequence[Trial]) -> list[Trial]:
+    """The first trial of every set of names: labels tell whom it acts on, not what it is."""
+    chosen: dict[tuple[str, ...], Trial] = {}
+    for trial in trials:
+        chosen.setdefault(tuple(sorted(trial.hypothesis.names)), trial)
+    return list(chosen.values())
+
+
+def _preferred(trial: Trial, best: Trial) -> bool:
+    more = trial.hypothesis.extra - best.hypothesis.extra
+    return more > 0 and best.chi2 - trial.chi2 > float(chi2_distribution.isf(SAME, more))
+
+
+def _contains(richer: Trial, simpler: Trial) -> bool:
+    """Whether a law with more unknowns foretells what a simpler one does, noise aside."""
+    more = richer.hypothesis.extra - simpler.hypothesis.extra
+    if more <= 0:
+        return False
+    apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(richer.fit.linear.r, simpler.fit.linear.r, strict=True))
+    return apart < float(chi2_distribution.isf(SAME, more))
+
+
+def _runner_up(best: Trial, ranked: Sequence[Trial]) -> RunnerUp | None:
+    names = sorted(best.hypothesis.names)
+    other = next((t for t in ranked if sorted(t.hypothesis.names) != names), None)
+    if other is None:
+        return None
+    return RunnerUp(other, other.ebic - best.ebic, held_out_gain(best.held_out, other.held_out))
