@@ -134,9 +134,11 @@ def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoor
     reach = float(flat @ flat)
     times = run.times - run.times[0] + run.lead
     angles = np.full(len(times), np.nan)
-    seen = np.all(np.isfinite(run.positions[:, column]), axis=-1)
+    # What lies along the axis does not turn, and need not have been measured.
+    places = np.where(np.abs(axis) > 1.0 - 1e-9, pivot, run.positions[:, column])
+    seen = np.all(np.isfinite(places), axis=-1)
     if reach > 1e-12 and seen.any():
-        there = run.positions[seen, column] - pivot
+        there = places[seen] - pivot
         angles[seen] = np.arctan2(there @ side, there @ flat)
     else:
         turned = np.all(np.isfinite(run.orientations[:, column]), axis=-1)

@@ -84,6 +84,7 @@ def _time_offset(world: World, recording: Recording) -> tuple[Variant, ...]:
         or bool(world.deformables)
         or any(o.start_time > 0.0 for o in world.objects)
         or any(getattr(j, "other", None) is not None for j in world.joints)
+        or any(getattr(j, "motor", None) is not None for j in world.joints)
         or any(e.enabled and e.kind in _TIMED for e in world.effects)
     )
     if not begins:
