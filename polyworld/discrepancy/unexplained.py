@@ -13,9 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.goodness import goodness
@@ -33,11 +31,10 @@ from polyworld.discrepancy.residual_law import (
     score_term,
     with_refined_noise,
 )
-from polyworld.discrepancy.residual_terms import Scales, Term, library
+from polyworld.discrepancy.residual_scales import scales_of
+from polyworld.discrepancy.residual_terms import Term, library
 from polyworld.parameters import with_parameters
 from polyworld.world import World
-
-Array = NDArray[np.float64]
 
 CONTENDERS = 6  # terms that are fitted, of those the score test ranks
 MAX_TERMS = 3
@@ -235,7 +232,7 @@ def describe_unexplained(
     the step. cancelled: asked between batches; where it says so `InterruptedError` is raised.
     """
     problem = Problem(design, world or design.world, tuple(base), noise, 1, objects, cancelled)
-    scales = scales_of(problem, fitted)
+    scales = scales_of(design, problem.world, fitted)
     terms = library(scales)
     problem = replace(problem, library=len(terms))
     search = _Search(problem, terms, FittedLaw(Law(()), fitted, fitted.chi2), progress)
@@ -247,49 +244,6 @@ def describe_unexplained(
             search.fit_with(search.base, rival)
     tests = dependences(problem, best, search.history.values(), search.first_scores, scales)
     return _told(problem, search, best, tests)
-
-
-def scales_of(problem: Problem, fitted: Fit) -> Scales:
-    """Ordinary speed, extent, duration and spin of the recorded motion."""
-    speeds, places, durations, intervals = [], [], [], []
-    for r in problem.design.runs:
-        run = r.run
-        durations.append(float(r.times[-1] - r.times[0]))
-        intervals.append(float(np.median(np.diff(run.times))))
-        stride = max(1, len(run.times) // 20)
-        moved = (run.positions[stride:] - run.positions[:-stride]) / (run.times[stride:] - run.times[:-stride])[
-            :, None, None
-        ]
-        speeds.append(np.sqrt(np.nansum(moved**2, axis=-1))[np.isfinite(moved).any(axis=-1)])
-        places.append(run.positions.reshape(-1, 3))
-    seen = np.concatenate(places)
-    measured = np.isfinite(seen).any(axis=0)
-    low = np.array([np.nanmin(seen[:, i]) if measured[i] else 0.0 for i in range(3)])
-    high = np.array([np.nanmax(seen[:, i]) if measured[i] else 0.0 for i in range(3)])
-    extent = high - low
-    length = max(float(extent.max()) / 2.0, 1e-6)
-    axes = "".join(a for i, a in enumerate("xyz") if extent[i] > 0.02 * length)
-    if problem.world.planar:
-        normal = geometry.plane_axes(problem.world.environment.motion_plane)[2]
-        axes = "".join(a for i, a in enumerate("xyz") if abs(normal[i]) < 1.0 - 1e-9)
-    middle = (low + high) / 2.0
-    return Scales(
-        speed=max(float(np.sqrt(np.mean(np.concatenate(speeds) ** 2))), 1e-6),
-        length=length,
-        centre=(float(middle[0]), float(middle[1]), float(middle[2])),
-        duration=max(durations),
-        interval=min(intervals),
-        spin=_spin(problem, fitted),
-        axes=axes,
-    )
-
-
-def _spin(problem: Problem, fitted: Fit) -> float:
-    spins = [float(np.linalg.norm(o.angular_velocity)) for o in problem.world.objects]
-    for r in problem.design.runs:
-        labels = [i for i, label in enumerate(r.labels) if ".angular_velocity." in label]
-        spins.append(float(np.linalg.norm(fitted.states[r.index][labels])))
-    return max(spins, default=0.0)
 
 
 def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Dependence, ...]) -> ResidualForce:
