@@ -16,7 +16,7 @@ from polyworld.observer import clock_ratio, observe, sampling_times
 from polyworld.parameters import parameter_paths, read_parameter
 from polyworld.readouts.material_points import MaterialPoints, material_points
 from polyworld.rollout import Simulator, simulator
-from polyworld.symmetry import smallest_rotation, turn_about
+from polyworld.symmetry import rotation_vector, smallest_rotation, turn_about
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 
@@ -165,6 +165,8 @@ class _Group:
         observed = design.run.orientations[rows, column]
         order = np.full(len(rows), design.run.symmetry[column], dtype=np.int64)
         if not self.world.planar:
+            if np.all(order == 1):  # most often; one look-alike need not be compared with itself
+                return rotation_vector(simulated, observed)
             return smallest_rotation(simulated, observed, order)
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
         result = np.zeros((*simulated.shape[:2], 3))
