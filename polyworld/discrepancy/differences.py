@@ -1,0 +1,133 @@
+"""Noise before any model: third differences of a series, at several strides, blind to smooth motion.
+
+The third divided difference of a cubic is zero, so that of a smooth motion is near zero and noise is left. For noise
+with autocorrelation rho(s) at s samples, weights 1, 3, 3, 1 give the variance sigma^2 (20 - 30 rho(s) + 12 rho(2s) -
+2 rho(3s)). Bounces disturb the few differences that span them, which are clipped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STRIDES = (1, 2, 3, 4, 6, 8)
+SQUARES = 20.0  # of the weights 1, -3, 3, -1
+CLIP = 3.0  # standard deviations beyond which a difference is not noise
+KEPT = 0.97334  # variance of a normal variable given that it is within CLIP
+CLIPPED = 0.25  # share of clipped differences from which on a stride tells nothing
+FEWEST = 8  # differences that a scale needs
+CORRELATIONS = np.concatenate([np.linspace(0.0, 0.9, 31), 1.0 - np.geomspace(0.09, 0.015, 12)])
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Variances (K,) of the differences of one series by stride, NaN where they tell nothing; count: of samples;
+    interval: median [s] between samples."""
+
+    variances: Array
+    count: int
+    interval: float
+
+
+def spread(times: Array, values: Array) -> Spread:
+    """How third differences of a series (m,) at times (m,) scatter."""
+    m = len(times)
+    interval = float(np.median(np.diff(times))) if m > 1 else 1.0
+    variances = np.full(len(STRIDES), np.nan)
+    for k, s in enumerate(STRIDES):
+        if m - 3 * s < FEWEST or 3 * s > max(m // 6, 3):
+            break
+        t = np.stack([times[j * s : m - (3 - j) * s] for j in range(4)])
+        y = np.stack([values[j * s : m - (3 - j) * s] for j in range(4)])
+        weights = _divided(t)
+        whole = t[3] - t[0] < 1.5 * 3.0 * s * interval
+        if np.count_nonzero(whole) >= FEWEST:
+            variance, clipped = _clipped_variance((weights * y).sum(axis=0)[whole])
+            if k == 0 or clipped < CLIPPED:
+                variances[k] = variance
+    return Spread(variances, m, interval)
+
+
+def least(first: Spread, second: Spread) -> Spread:
+    """The smaller variance of two series with the same noise, each disturbed by a motion of its own."""
+    return Spread(np.fmin(first.variances, second.variances), first.count, first.interval)
+
+
+def expected(correlation: Array, strides: Array) -> Array:
+    """Variance of differences of AR(1) noise of unit variance, for its correlation from sample to sample."""
+    rho = correlation**strides
+    result: Array = SQUARES - 30.0 * rho + 12.0 * rho**2 - 2.0 * rho**3
+    return result
+
+
+def correlation(spreads: list[Spread]) -> tuple[float, float]:
+    """Correlation over the interval of the first series, and its standard error, where all share a correlation time.
+
+    Each series has a level of its own, and a third derivative of its own, left by its motion: an addition that grows
+    with the sixth power of the stride. The standard error follows simulated AR(1) noise.
+    """
+    useful = [s for s in spreads if np.count_nonzero(np.isfinite(s.variances)) >= 2 and np.nanmin(s.variances) > 0.0]
+    count = sum(s.count for s in useful)
+    if not useful or count < 20:
+        return 0.0, 0.5
+    interval = useful[0].interval
+    cost = np.zeros(len(CORRELATIONS))
+    for s in useful:
+        seen = np.isfinite(s.variances)
+        strides = np.array(STRIDES, dtype=float)[seen]
+        seconds = s.interval / interval
+        for i, phi in enumerate(CORRELATIONS):
+            cost[i] += _misfit(s.variances[seen], expected(np.array(phi**seconds), strides), strides, s.count)
+    best = int(np.argmin(cost))
+    phi = float(CORRELATIONS[best])
+    return phi, min((1.0 + 2.0 * phi) / np.sqrt(count), 0.5)
+
+
+def level(spread_: Spread, phi: float) -> float:
+    """Standard deviation of the noise from its shortest differences; NaN where there are none."""
+    if not np.isfinite(spread_.variances[0]):
+        return float("nan")
+    return float(np.sqrt(spread_.variances[0] / expected(np.array(phi), np.array(1.0))))
+
+
+def _misfit(variances: Array, noise: Array, strides: Array, count: int) -> float:
+    """Squared relative misfit of level * noise + motion * stride^6 to the variances, both factors at least 0."""
+    weight = np.sqrt(count / (3.0 * strides))  # differences at a stride overlap
+    columns = np.stack([noise, strides**6], axis=1) / variances[:, None] * weight[:, None]
+    a, b = columns.T
+    target = weight
+    aa, ab, bb, ay, by = a @ a, a @ b, b @ b, a @ target, b @ target
+    motion = (by * aa - ay * ab) / max(aa * bb - ab**2, 1e-12 * aa * bb)
+    motion = max(motion, 0.0)
+    scale = max((ay - motion * ab) / aa, 0.0)
+    return float(((target - scale * a - motion * b) ** 2).sum())
+
+
+def _divided(t: Array) -> Array:
+    """Weights (4, n) of third divided differences at times (4, n), of the size of 1, -3, 3, -1."""
+    gaps = t[:, None] - t[None]
+    gaps[np.arange(4), np.arange(4)] = 1.0
+    weights: Array = 1.0 / gaps.prod(axis=1)
+    weights *= np.sqrt(SQUARES / (weights**2).sum(axis=0))
+    return weights
+
+
+def _clipped_variance(differences: Array) -> tuple[float, float]:
+    """Variance without what is far out, and the share that was."""
+    size = np.abs(differences)
+    scale = float(np.median(size)) / 0.6745
+    inside = size <= CLIP * scale
+    for _ in range(6):
+        if scale <= 0.0 or not inside.any():
+            break
+        new = float(np.sqrt((size[inside] ** 2).mean() / KEPT))
+        inside_now = size <= CLIP * new
+        if np.array_equal(inside_now, inside):
+            scale = new
+            break
+        scale, inside = new, inside_now
+    return scale**2, 1.0 - float(inside.mean())
