@@ -239,6 +239,19 @@ def test_parameters_given_per_world_act_as_those_of_a_world_of_its_own(kind: str
             np.testing.assert_array_equal(both[1], positions(with_parameters(world, {here: other}), TIMES[:20]))
 
 
+@pytest.mark.parametrize("kind", FORCES)
+def test_paths_depend_smoothly_on_every_parameter(kind: str) -> None:
+    """A fit follows derivatives: over 2e-4 of the range searched, paths change linearly to 1%."""
+    world = spatial(effect(kind))
+    for name, spec in CATALOGUE[kind].parameters.items():
+        here = f"effects.e.{name}"
+        value = read_parameter(world, here)
+        assert value is not None
+        values = value + np.array([-1.0, 0.0, 1.0]) * 1e-4 * (spec.search[1] - spec.search[0])
+        low, middle, high = simulator(world, TIMES, n_worlds=3, threads=1).run({here: values}).positions[:, :, 0]
+        assert np.abs(high + low - 2 * middle).max() <= 0.01 * np.abs(high - low).max() + 2e-6
+
+
 def bouncing(force: Force, restitution: float, times: Array) -> Array:
     """A frictionless ball on the floor z = 0 by SciPy, from impact to impact."""
 
