@@ -1,0 +1,137 @@
+"""Hidden effects on a bouncing ball, and what the library makes of them: `python -m tests.benchmarks.hidden_effects`.
+
+Options: [--quick] [--json] [--cases N] [--section NAME ...] [--effect NAME ...] [--jobs N] [--seed S] [--keep DIR].
+
+Three kinds of processes that share files only: a generator that imports nothing of the project (SciPy and MuJoCo), the
+runners that call `find_gap`, and a scorer that alone reads the truths. Seeds come from the operating system unless
+given, and are printed. Every failure is printed, then the table with bars and 95% Wilson intervals.
+
+Noise is a share of the path scale: the standard deviation of a coordinate about its run's mean, over all launches of
+the base world (about 1 m); turns have the same share of a radian. An effect's strength is drawn so that, once every
+launch's position and velocity are refitted in the base world, 2 to 10% of the path scale is left (log-uniform; the same
+physics at all noise levels). --quick draws from all sections at random and begins no case after four minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import secrets
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tests.benchmarks.hidden_cases import FULL, SECTIONS, Case
+from tests.benchmarks.hidden_files import read_json, write_json
+from tests.benchmarks.hidden_report import table, written
+
+QUICK_CASES = 80
+QUICK_SECONDS = 235.0
+ROOT = Path(__file__).parents[2]
+
+
+def chosen_cases(
+    sections: list[str], effects: list[str] | None, count: int | None, quick: bool, seed: int
+) -> list[Case]:
+    """The cases to run, in random order; `count` of each section where given."""
+    rng = np.random.default_rng(seed)
+    listed: list[Case] = []
+    for section in sections:
+        cases = list(SECTIONS[section](FULL[section]))
+        if effects:
+            cases = [c for c in cases if set(effects) & set(c.effects)]
+        keep = len(cases) if count is None else min(count, len(cases))
+        if quick and count is None:
+            keep = min(QUICK_CASES // len(sections), len(cases))
+        order = rng.permutation(len(cases))[:keep]
+        listed += [cases[i] for i in order]
+    return [listed[i] for i in rng.permutation(len(listed))]
+
+
+def run(cases: list[Case], *, seed: int, jobs: int, until: float | None, folder: Path) -> list[dict[str, object]]:
+    """Generate, judge and score in separate processes; the outcomes."""
+    begin = time.monotonic()
+    public, private = folder / "public", folder / "private"
+    public.mkdir(parents=True)
+    private.mkdir()
+    names = [c.name for c in cases]
+    write_json(public / "order.json", names)
+    write_json(folder / "cases.json", [c.to_dict() for c in cases])
+    places = ["--public", str(public), "--private", str(private)]
+    generate = [*_module("hidden_generate"), "--cases", str(folder / "cases.json"), "--seed", str(seed), *places]
+    generator = subprocess.Popen(generate, cwd=ROOT, env=_one_thread())
+    _judge(public, jobs, until, generator)
+    experiments = [n for n in names if (public / n / "verdict.json").exists() and n.startswith("poor_designs")]
+    if experiments:
+        subprocess.run([*generate, "--experiment"], cwd=ROOT, env=_one_thread(), check=True)
+        _judge(public, jobs, None if until is None else until - (time.monotonic() - begin), None)
+    scores = folder / "scores.json"
+    subprocess.run([*_module("hidden_score"), *places, "--out", str(scores)], cwd=ROOT, check=True)
+    outcomes: list[dict[str, object]] = read_json(scores)
+    return outcomes
+
+
+def _judge(public: Path, jobs: int, until: float | None, generator: subprocess.Popen[bytes] | None) -> None:
+    """Let the runners work through the cases, and tell them when the generator has ended."""
+    command = [*_module("hidden_run"), "--public", str(public)]
+    limit = [] if until is None else ["--until", str(until)]
+    runners = [
+        subprocess.Popen([*command, "--share", f"{k}/{jobs}", *limit], cwd=ROOT, env=_one_thread()) for k in range(jobs)
+    ]
+    if generator is not None:
+        while generator.poll() is None and any(r.poll() is None for r in runners):
+            time.sleep(0.2)
+        generator.terminate()
+        generator.wait()
+    (public / "complete").touch()
+    codes = [r.wait() for r in runners]
+    if any(codes):
+        raise RuntimeError(f"a runner ended with codes {codes}")
+
+
+def _module(name: str) -> list[str]:
+    return [sys.executable, "-m", f"tests.benchmarks.{name}"]
+
+
+def _one_thread() -> dict[str, str]:
+    """One thread of linear algebra a process: the processes fill the machine."""
+    return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a random sample in under five minutes")
+    parser.add_argument("--json", action="store_true", help="outcomes and table as JSON")
+    parser.add_argument("--cases", type=int, help="cases of each section, drawn at random")
+    parser.add_argument("--section", action="append", choices=sorted(SECTIONS), help="default: all")
+    parser.add_argument("--effect", action="append", help="only cases that hide one of these")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--seed", type=int, help="default: from the operating system")
+    parser.add_argument("--keep", type=Path, help="keep all files in this new folder")
+    chosen = parser.parse_args()
+    seed = secrets.randbits(32) if chosen.seed is None else chosen.seed
+    print(f"seed {seed}", file=sys.stderr)
+    begin = time.monotonic()
+    cases = chosen_cases(chosen.section or list(SECTIONS), chosen.effect, chosen.cases, chosen.quick, seed)
+    until = QUICK_SECONDS if chosen.quick else None
+    with tempfile.TemporaryDirectory() as made:
+        folder = chosen.keep or Path(made) / "run"
+        outcomes = run(cases, seed=seed, jobs=chosen.jobs, until=until, folder=folder)
+    seconds = time.monotonic() - begin
+    if chosen.json:
+        rows = [row.to_dict() for row in table(outcomes)]
+        told = {"seed": seed, "seconds": seconds, "asked": len(cases), "table": rows, "outcomes": outcomes}
+        print(json.dumps(told))
+        return
+    print(written(outcomes))
+    print(f"\nseed {seed}; {len(outcomes)} of {len(cases)} cases judged in {seconds:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
