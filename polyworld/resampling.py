@@ -34,6 +34,8 @@ def resample(
     w, x, y, z. Instants that are samples (to 1e-9 s) get the sample itself. Before the first and after the last
     sample the motion goes on straight and at constant angular velocity. Raises ValueError for a single sample.
     """
+    if times.shape == wanted.shape and np.all(np.abs(times - wanted) <= 1e-9):
+        return positions, orientations
     rows = np.arange(len(times))[:, None]
     count = times.shape[1]
     nearest = _nearest(times, wanted)

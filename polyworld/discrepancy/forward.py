@@ -101,8 +101,9 @@ class _Group:
 
     def takes(self, design: RunDesign) -> bool:
         """Whether a run can be simulated by this group's simulators."""
-        if self.observer is not None and self.observer.shift_run is not None:
-            return False  # its instants are its own
+        shifted = None if self.observer is None else self.observer.shift_run
+        if shifted in (design.run.name, self._runs[self.key].run.name):
+            return False  # the instants of that run are its own
         return design.absent == self.absent and np.array_equal(design.times, self.times)
 
     def run(
