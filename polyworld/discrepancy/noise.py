@@ -372,8 +372,7 @@ def _rounding(values: Array) -> float:
     different = np.unique(values)
     if len(values) < 8 or len(different) > 0.9 * len(values) or len(different) < 2:
         return 0.0
-    step = float(np.diff(different).min())
-    return step
+    return float(np.diff(different).min())
 
 
 def _told(design: Design, sigma: Sequence[Array]) -> tuple[NoiseLevel, ...]:
