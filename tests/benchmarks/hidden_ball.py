@@ -52,8 +52,8 @@ class Ball:
     """A homogeneous ball and all laws that move it. Planes: the floor first, then hidden walls.
 
     forces: (t, x, v, omega) -> force [N], gravity left out. torques: the same, torque [N m]. wrench: (state: x, v,
-    quaternion, omega) -> force and torque. added_mass: moves with the ball [kg]; weight_lost: mass whose weight a fluid
-    carries [kg]. restitution: of an impact as a function of approach speed. tangential: restitution of the touching
+    quaternion, omega) -> force and torque. added_mass: moves with the ball between impacts [kg]; weight_lost: mass
+    whose weight a fluid carries [kg]. restitution: of an impact as a function of approach speed. tangential: restitution of the touching
     point's tangential velocity (Garwin 1969, Am. J. Phys. 37, 88), None for Coulomb friction. tangential_loss: share of
     the tangential velocity of the centre that every impact takes besides. rolling: lever arm of rolling resistance [m].
     contact_drag: force per speed while it touches the floor [kg/s].
@@ -213,7 +213,7 @@ def _samples(solution: Callable[[Array], Array], times: Array) -> Array:
 
 
 def _impact(ball: Ball, y: Array, plane: Plane) -> Array:
-    """The state after an instantaneous impact with a plane."""
+    """The state after an instantaneous impact with a plane; a fluid that moves along takes no part in it."""
     y = y.copy()
     normal = np.asarray(plane.normal)
     v, w = y[3:6], y[10:]
@@ -221,18 +221,18 @@ def _impact(ball: Ball, y: Array, plane: Plane) -> Array:
     if approach <= 0.0:
         return y
     arm = -ball.radius * normal
-    push = (1.0 + ball.restitution(approach)) * ball.moved_mass * approach
+    push = (1.0 + ball.restitution(approach)) * ball.mass * approach
     slip = v + np.cross(w, arm)
     slip = slip - (slip @ normal) * normal
     speed = float(np.linalg.norm(slip))
-    sticking = 1.0 / (1.0 / ball.moved_mass + ball.radius**2 / ball.inertia)
+    sticking = 1.0 / (1.0 / ball.mass + ball.radius**2 / ball.inertia)
     if ball.tangential is not None:
         across = -(1.0 + ball.tangential) * sticking * slip
     elif speed > 0.0:
         across = -min(sticking * speed, _friction(ball, y[:3]) * push) * slip / speed
     else:
         across = np.zeros(3)
-    v = v + (push * normal + across) / ball.moved_mass
+    v = v + (push * normal + across) / ball.mass
     flat = v - (v @ normal) * normal
     y[3:6] = v - ball.tangential_loss * flat
     y[10:] = w + np.cross(arm, across) / ball.inertia

@@ -76,21 +76,28 @@ def _through_the_middle(rng: np.random.Generator, speed: float, heading: float, 
 
 
 def sliding(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
-    """Launches along the floor, 1 to 4 m/s with backspin, so that the ball slides long before it rolls; two of eight
-    go through the air, which tells forces of the floor from forces of the air."""
+    """As `floor`, but two of eight launches go through the air: they tell forces of the floor from those of the air."""
+    on_floor = floor(rng, runs=runs, rate=rate)
+    launches = list(on_floor.launches)
+    for k in range(3, len(launches), 4):
+        vx, vy, _ = launches[k].velocity
+        heading, rise = float(np.arctan2(vy, vx)), float(rng.uniform(0.0, 0.9))
+        launches[k] = _through_the_middle(rng, float(np.hypot(vx, vy)), heading, rise, 1.0)
+    return _design("sliding", rng, launches, runs, rate, friction=0.12)
+
+
+def floor(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
+    """Launches along the floor: 1 to 4 m/s with backspin, so that the ball slides long before it rolls."""
     launches = []
     for k in range(runs + SEALED_RUNS):
         heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + SEALED_RUNS) * 3.0
-        speed = float(rng.uniform(1.0, 4.0))
-        if k % 4 == 3:
-            launches.append(_through_the_middle(rng, speed, heading, float(rng.uniform(0.0, 0.9)), 1.0))
-            continue
         along = np.array([np.cos(heading), np.sin(heading), 0.0])
+        speed = float(rng.uniform(1.0, 4.0))
         start = -along * speed * rng.uniform(0.3, 0.7) + np.array([*rng.normal(0.0, 0.25, 2), 0.0])
         back = -float(rng.uniform(0.0, 40.0)) * np.array([-along[1], along[0], 0.0])
         spin = back + np.array([0.0, 0.0, rng.uniform(-10.0, 10.0)])
         launches.append(Launch((start[0], start[1], 0.1), tuple(speed * along), tuple(spin)))
-    return _design("sliding", rng, launches, runs, rate, friction=0.12)
+    return _design("floor", rng, launches, runs, rate, friction=0.12)
 
 
 def outward(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
@@ -141,4 +148,11 @@ def _design(
     return BallDesign(name, ball, floats, runs, stamps)
 
 
-DESIGNS = {"bouncing": bouncing, "sliding": sliding, "outward": outward, "drops": drops, "one_speed": one_speed}
+DESIGNS = {
+    "bouncing": bouncing,
+    "sliding": sliding,
+    "floor": floor,
+    "outward": outward,
+    "drops": drops,
+    "one_speed": one_speed,
+}

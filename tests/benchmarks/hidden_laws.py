@@ -460,7 +460,7 @@ EFFECTS: dict[str, tuple[Draw, tuple[str, ...]]] = {
         (restitution_speed, ("bouncing",)),
         (bounce_friction, ("bouncing",)),
         (spin_coupling, ("bouncing",)),
-        (friction_error, ("bouncing", "sliding")),
+        (friction_error, ("bouncing", "floor")),
         (hidden_wall, ("outward",)),
         (observer_scale, ("bouncing",)),
         (observer_clock, ("bouncing",)),
@@ -469,6 +469,6 @@ EFFECTS: dict[str, tuple[Draw, tuple[str, ...]]] = {
         (dropped_frames, ("bouncing",)),
         (friction_patch, ("sliding",)),
         (viscous_friction, ("sliding",)),
-        (rolling_resistance, ("sliding",)),
+        (rolling_resistance, ("floor",)),
     )
 }
