@@ -53,10 +53,10 @@ class Ball:
 
     forces: (t, x, v, omega) -> force [N], gravity left out. torques: the same, torque [N m]. wrench: (state: x, v,
     quaternion, omega) -> force and torque. added_mass: moves with the ball between impacts [kg]; weight_lost: mass
-    whose weight a fluid carries [kg]. restitution: of an impact as a function of approach speed. tangential: restitution of the touching
-    point's tangential velocity (Garwin 1969, Am. J. Phys. 37, 88), None for Coulomb friction. tangential_loss: share of
-    the tangential velocity of the centre that every impact takes besides. rolling: lever arm of rolling resistance [m].
-    contact_drag: force per speed while it touches the floor [kg/s].
+    whose weight a fluid carries [kg]. restitution: of an impact as a function of approach speed. tangential:
+    restitution of the touching point's tangential velocity (Garwin 1969, Am. J. Phys. 37, 88), None for Coulomb
+    friction. tangential_loss: share of the tangential velocity of the centre that every impact takes besides. rolling:
+    lever arm of rolling resistance [m]. contact_drag: force per speed while it touches the floor [kg/s].
     """
 
     mass: float = 0.5
