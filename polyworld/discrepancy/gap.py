@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Candidate, Unknown
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import Design, design
@@ -18,10 +20,13 @@ from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.stepping import coarsened, with_substep
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.verdict import Verdict, decide
 from polyworld.recording import Recording
 from polyworld.world import World
+
+Array = NDArray[np.float64]
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
@@ -64,7 +69,7 @@ def find_gap(
     recording does not fit the world.
     """
     settings = settings or GapSettings()
-    plan = design(world, recording)
+    plan = design(coarsened(world, recording), recording)
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
     story = _Story(progress)
     search = _searched(plan, tuple(base), chosen, settings, story, cancelled)
@@ -72,10 +77,10 @@ def find_gap(
     best = verdict.best
     intervals = intervals95(bench, best if best is not None else ground)
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
-    child = best.hypothesis.fitted_world(best.values) if best is not None else None
+    child = _told_world(best, world) if best is not None else None
     gap: SealedGap | None = None
     if sealed is not None:
-        before = ground.hypothesis.fitted_world(ground.values)
+        before = _told_world(ground, world)
         gap = sealed_gap(before, child if child is not None else before, sealed)
         story.tell(0.85, "sealed data", gap.to_dict())
     null: NullControl | None = None
@@ -101,6 +106,11 @@ def find_gap(
         near_misses=search.near_misses,
         history=tuple(story.steps),
     )
+
+
+def _told_world(trial: Trial, world: World) -> World:
+    """The fitted world, stepped as the world that was given."""
+    return with_substep(trial.hypothesis.fitted_world(trial.values), world.time.substep)
 
 
 class _Story:
@@ -143,9 +153,10 @@ def _searched(
     )
 
     def tell(step: str, figures: dict[str, Any]) -> None:
-        story.tell(min(story.share + 0.02, 0.75), step, figures)
+        story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
 
-    search = Search(ground.bench, candidates, settings.search, tell)
+    early = ground.fit.states if ground.passes else _early_states(ground)
+    search = Search(ground.bench, candidates, settings.search, tell, early)
     near_misses: tuple[dict[str, Any], ...] = ()
     if ground.passes:
         explained, near_misses = _explained(search, ground, settings.alarm)
@@ -171,6 +182,12 @@ def _searched(
     if bench is not ground.bench:
         ground = bench.refit(ground)
     return _Searched(verdict, bench, ground, near_misses)
+
+
+def _early_states(ground: Trial) -> tuple[Array, ...]:
+    plan = ground.bench.design
+    states = profile.start_states(plan)
+    return ground.bench.fit(ground.hypothesis, ground.values, states, horizons=profile.HORIZONS[:1]).fit.states
 
 
 def _explained(search: Search, ground: Trial, alarm: float) -> tuple[bool, tuple[dict[str, Any], ...]]:

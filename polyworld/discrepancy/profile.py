@@ -24,6 +24,7 @@ FIRST_STEP = 1e-3  # of a typical change, while no standard error is known
 STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
 TRIALS = 10.0 ** np.array([-2.0, 0.0, 2.0])  # dampings tried at once, as factors of the last successful one
 HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
+NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
 PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
 
 
@@ -69,11 +70,13 @@ def fit(
     horizons: Sequence[float] = (1.0,),
     iterations: int = 12,
     tolerance: float = 1e-2,
+    target: float | None = None,
 ) -> Fit:
     """Fit shared unknowns and initial states from the values given.
 
     horizons: parts of each run's time fitted one after another, the last 1. tolerance: a fit has converged when chi2
-    falls by less than this, absolutely: differences of 10 decide between hypotheses.
+    falls by less than this, absolutely: differences of 10 decide between hypotheses. target: chi2 below which the fit
+    is of interest; a fit far above it that comes no nearer is given up.
     """
     at = _Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
     before = forward.rollouts
@@ -83,49 +86,12 @@ def fit(
     for horizon in horizons:
         keep = tuple(r.before(horizon) for r in forward.design.runs)
         loose = tolerance if horizon >= 1.0 else 10.0
-        at, steps, used, converged = _descend(forward, noise, at, keep, steps, iterations, loose)
+        aim = target if horizon >= 1.0 else None
+        at, steps, used, converged = _descend(forward, noise, at, keep, steps, iterations, loose, aim)
         total += used
     linear = _linearise(forward, noise, at, tuple(np.ones(r.length, bool) for r in forward.design.runs), steps)
     covariance, _ = _covariances(forward, linear)
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
-
-
-def rough_fit(
-    forward: Forward,
-    noise: Noise,
-    values: Array,
-    states: Sequence[Array],
-    known: tuple[Array, ...],
-    *,
-    iterations: int = 4,
-) -> Fit:
-    """First steps of a fit whose derivatives by the initial states are taken as known, from a fit nearby.
-
-    Chord method: a step costs one rollout a run and shared unknown, whatever the number of coordinates of the states.
-    It ends where such steps no longer help; never converged, and its covariance is no more than a guide.
-    """
-    before = forward.rollouts
-    at = _Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
-    keep = tuple(np.ones(r.length, bool) for r in forward.design.runs)
-    shared = _first_steps(forward)[0]
-    damping = 1e-4
-    linear = _linearise_shared(forward, noise, at, known, shared)
-    count = 0
-    while count < iterations and np.isfinite(linear.chi2):
-        count += 1
-        shared = _steps(forward, linear)[0]
-        trials = [_step(forward, linear, at, damping * t) for t in TRIALS]
-        costs = _costs(forward, noise, trials, keep)
-        best = int(np.argmin(costs))
-        if not costs[best] < linear.chi2:
-            break
-        gain = linear.chi2 - costs[best]
-        at, damping = trials[best], float(np.clip(damping * TRIALS[best], 1e-8, 1e8))
-        linear = _linearise_shared(forward, noise, at, known, shared)
-        if gain < 0.01 * linear.chi2:
-            break
-    covariance, _ = _covariances(forward, linear)
-    return Fit(at.values, at.states, linear.chi2, covariance, linear, False, count, forward.rollouts - before)
 
 
 def start_states(design: Design) -> tuple[Array, ...]:
@@ -164,7 +130,14 @@ def _first_steps(forward: Forward) -> _Steps:
 
 
 def _descend(
-    forward: Forward, noise: Noise, at: _Point, keep: _Masks, steps: _Steps, iterations: int, tolerance: float
+    forward: Forward,
+    noise: Noise,
+    at: _Point,
+    keep: _Masks,
+    steps: _Steps,
+    iterations: int,
+    tolerance: float,
+    target: float | None,
 ) -> tuple[_Point, _Steps, int, bool]:
     damping = 1e-4
     chi2 = np.inf
@@ -193,6 +166,8 @@ def _descend(
         damping = float(np.clip(dampings[best], 1e-8, 1e8))
         if gain < tolerance + 1e-6 * chi2:
             return at, steps, iteration + 1, True
+        if target is not None and gain < NO_NEARER * (chi2 - target):
+            return at, steps, iteration + 1, False
     return at, steps, iterations, False
 
 

@@ -26,11 +26,17 @@ MOST_WORLDS = 768  # rolled out in one batch: beyond this memory counts and spee
 
 @dataclass(frozen=True)
 class Lead:
-    """Where to begin the fit of a hypothesis: shared values (S,), and the chi2 that the slope foretells there."""
+    """Where to begin the fit of a hypothesis: shared values (S,), and the chi2 that the slope foretells there.
+
+    before (S,): the same with the effect still off, as its start has it. states[run] (N,): the initial states that go
+    with the values. None where they are not known.
+    """
 
     hypothesis: Hypothesis
     values: Array
     chi2: float
+    before: Array | None = None
+    states: tuple[Array, ...] | None = None
 
 
 def leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothesis], keep: int) -> list[Lead]:
@@ -81,11 +87,15 @@ def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Groun
     square = np.zeros(j)
     ga, gc = np.zeros((j, s)), np.zeros((j, k))
     cc, ac = np.zeros((j, k, k)), np.zeros((j, s, k))
+    answers = []
     for r, raw in zip(bench.design.runs, bench.forward(hypothesis).residuals(settings), strict=True):
         white = bench.noise.whiten(r.index, raw)
         base = np.broadcast_to(white[: len(plain)], (j, white.shape[1]))
         slopes = (white[len(plain) :].reshape(j, k, -1) - base[:, None]) / signed[:, :, None]
-        slopes = ground.off(r.index, np.where(np.isfinite(slopes), slopes, 0.0))
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        answer = ground.answers[r.index]
+        answers.append((base @ answer.T, slopes @ answer.T, trial.fit.linear.a[r.index].T @ answer.T))
+        slopes = ground.off(r.index, slopes)
         rest = ground.off(r.index, base)
         a = ground.slopes[r.index]
         square += (rest**2).sum(axis=1)
@@ -104,7 +114,13 @@ def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Groun
         chi2 = ground_level + 2.0 * gradient @ step + step @ matrix @ step
         begin = starts[i].copy()
         begin[at] += step
-        found.append(Lead(hypothesis, begin, float(chi2)))
+        shared = -ground.inverse @ (ga[i] + ac[i] @ step)
+        begin[:s] += shared
+        states = tuple(
+            own_states + still[i] + step @ moved[i] + shared @ carried
+            for own_states, (still, moved, carried) in zip(trial.fit.states, answers, strict=True)
+        )
+        found.append(Lead(hypothesis, begin, float(chi2), starts[i], states))
     return found
 
 

@@ -17,13 +17,15 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
 from polyworld.discrepancy.score import Lead, leads
-from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.trial import Bench, Start, Trial
 
 Array = NDArray[np.float64]
 
-FIRST_ITERATIONS = 4  # of every contender, after which the hopeless are left
+FIRST_ITERATIONS = 3  # of every contender, after which the hopeless are left
 ROUGH_ITERATIONS = 8
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
+PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
+MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,16 @@ class SearchSettings:
 
 @dataclass
 class Search:
-    """All trials so far, the best of each hypothesis, and the story of how they came about."""
+    """All trials so far, the best of each hypothesis, and the story of how they came about.
+
+    early: initial states as the first part of every run tells them, where what is missing has not yet done much.
+    """
 
     bench: Bench
     candidates: tuple[Candidate, ...]
     settings: SearchSettings
     tell: Callable[[str, dict[str, Any]], None]
+    early: tuple[Array, ...]
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
@@ -127,27 +133,34 @@ class Search:
 
     def _fit_leads(self, chosen: Sequence[tuple[Trial, Lead]], level: float) -> None:
         """First iterations of every lead, then to convergence where it may still win."""
-        rough = [
-            self.take(self.bench.rough_fit(lead.hypothesis, lead.values, parent, iterations=FIRST_ITERATIONS))
-            for parent, lead in chosen
-        ]
+        rough = []
+        for parent, lead in chosen:
+            start = self.bench.nearest(lead.hypothesis, self._options(parent, lead))
+            fit = self.bench.fit(lead.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
+            rough.append(self.take(fit))
         self.finish(rough, level)
+
+    def _options(self, parent: Trial, lead: Lead) -> list[Start]:
+        """Starts of a lead: the effect off and on, with the parent's states, those that go with it, and early ones."""
+        options = [Start(lead.values, self.early)]
+        if lead.before is not None:
+            options.append(Start(lead.before, parent.fit.states))
+        if lead.states is not None and lead.before is not None:
+            for share in PARTS:
+                middle = tuple(
+                    (1.0 - share) * a + share * b for a, b in zip(parent.fit.states, lead.states, strict=True)
+                )
+                options.append(Start((1.0 - share) * lead.before + share * lead.values, middle))
+        return options
 
     def finish(self, trials: Iterable[Trial], level: float) -> None:
         """Fit to convergence those trials that may still win. level: chi2 of what they are to improve on."""
         distinct = {identity(t.hypothesis): self.take(t) for t in trials}
         ranked = sorted(distinct.values(), key=lambda t: t.ebic)
-        if not ranked:
-            return
-        least = ranked[0].chi2
         for trial in ranked[: self.settings.finalists]:
-            if trial.fit.converged or level - trial.chi2 < HOPELESS * (level - least):
-                continue
-            done = self.take(self.bench.refit(trial))
-            self._told("fit", done)
-        for trial in ranked:
-            if trial.fit.converged:
-                self._told("fit", trial)
+            least = min(t.chi2 for t in self.trials.values() if len(t.hypothesis.parts) == len(trial.hypothesis.parts))
+            if not trial.fit.converged and level - trial.chi2 > HOPELESS * (level - least):
+                self._told("fit", self.take(self.bench.refit(trial, target=least + MARGIN)))
 
     def _told(self, step: str, trial: Trial) -> None:
         self.tell(

@@ -21,6 +21,14 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Start:
+    """Where a fit may begin: shared values (S,) and initial states[run] (N,)."""
+
+    values: Array
+    states: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
 class Trial:
     """A hypothesis fitted: the fit, under which noise, and what it is worth."""
 
@@ -68,19 +76,23 @@ class Trial:
 class Ground:
     """What is fitted already, with the initial states projected out, run by run.
 
-    bases[run] (m, n): orthonormal, of what the initial state can take up. slopes[run] (m, S): derivatives by the shared
-    unknowns, less that. inverse (S, S): of their information.
+    bases[run] (m, n): orthonormal, of what the initial state can take up. answers[run] (N, m): what the initial state
+    does to take up a residual. slopes[run] (m, S): derivatives by the shared unknowns, less what the initial state
+    takes up. inverse (S, S): of their information.
     """
 
     def __init__(self, fit: profile.Fit) -> None:
         linear = fit.linear
         self.bases: list[Array] = []
+        self.answers: list[Array] = []
         self.slopes: list[Array] = []
         for a, b in zip(linear.a, linear.b, strict=True):
-            lengths = np.linalg.norm(b, axis=0)
-            basis, size, _ = np.linalg.svd(b[:, lengths > 0.0] / lengths[lengths > 0.0], full_matrices=False)
-            basis = basis[:, size > 1e-8 * size.max(initial=0.0)]
+            lengths = np.maximum(np.linalg.norm(b, axis=0), 1e-300)
+            basis, size, turn = np.linalg.svd(b / lengths, full_matrices=False)
+            use = size > 1e-8 * size.max(initial=0.0)
+            basis = basis[:, use]
             self.bases.append(basis)
+            self.answers.append(-(turn[use].T / size[use]) @ basis.T / lengths[:, None])
             self.slopes.append(a - basis @ (basis.T @ a))
         s = len(fit.values)
         information = sum((a.T @ a for a in self.slopes), np.zeros((s, s)))
@@ -137,25 +149,37 @@ class Bench:
         *,
         horizons: Sequence[float] = (1.0,),
         iterations: int = 12,
+        target: float | None = None,
     ) -> Trial:
-        """Fit shared unknowns and initial states from the values given."""
+        """Fit shared unknowns and initial states from the values given; `target` as in `profile.fit`."""
         found = profile.fit(
-            self.forward(hypothesis), self.noise, values, states, horizons=horizons, iterations=iterations
+            self.forward(hypothesis),
+            self.noise,
+            values,
+            states,
+            horizons=horizons,
+            iterations=iterations,
+            target=target,
         )
         return Trial(hypothesis, found, self)
 
-    def rough_fit(self, hypothesis: Hypothesis, values: Array, near: Trial, *, iterations: int = 4) -> Trial:
-        """First steps of a fit from the states of another one, of the same noise, and its derivatives by them."""
-        found = profile.rough_fit(
-            self.forward(hypothesis), self.noise, values, near.fit.states, near.fit.linear.b, iterations=iterations
-        )
-        return Trial(hypothesis, found, self)
+    def nearest(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Start:
+        """The one of some starts of a hypothesis at which chi2 is least; the first where none is finite."""
+        settings = [
+            Settings(r.index, np.array([o.values for o in options]), np.array([o.states[r.index] for o in options]))
+            for r in self.design.runs
+        ]
+        total = np.zeros(len(options))
+        for r, raw in zip(self.design.runs, self.forward(hypothesis).residuals(settings), strict=True):
+            white = self.noise.whiten(r.index, raw)
+            total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
+        return options[int(np.argmin(total))]
 
     def raw_residuals(self, trial: Trial) -> list[Array]:
         """Simulated less observed (m,) of every run at a fit [m, rad], as measured, not whitened."""
         settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in self.design.runs]
         return [raw[0] for raw in self.forward(trial.hypothesis).residuals(settings)]
 
-    def refit(self, trial: Trial, *, iterations: int = 12) -> Trial:
+    def refit(self, trial: Trial, *, target: float | None = None) -> Trial:
         """Go on from where a fit ended, under this bench's noise."""
-        return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, iterations=iterations)
+        return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, target=target)
