@@ -98,10 +98,10 @@ def move_axis(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
             total += change
             v += change * c
         if joints.kinds[j].driven > 0:
-            most = wp.abs(joints.kinds[j].effort) * joint.drive
-            wanted = joints.kinds[j].effort * joint.drive
+            most = wp.abs(joint.effort) * joint.drive
+            wanted = joint.effort * joint.drive
             if joints.kinds[j].driven == 2:
-                wanted = wp.clamp(joint.driving + (joints.kinds[j].speed - v) / c, -most, most)
+                wanted = wp.clamp(joint.driving + (joint.target_speed - v) / c, -most, most)
             total += wanted - joint.driving
             v += (wanted - joint.driving) * c
             joint.driving = wanted

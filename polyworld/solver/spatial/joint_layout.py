@@ -20,7 +20,7 @@ class JointKind:
     frame: columns axis and two tangents, world axes. point, points: its rows hold the coordinates
     [point, point + points) of the anchor in the frame, and then of the rotation [turn, turn + turns). first: its
     first row. axis, axes: its rows along which it moves with friction, motors and stops, or along which a spring
-    pulls. effort: of the motor without a target, with its sign.
+    pulls. direction: 1 or -1, of a motor's effort without a target.
     """
 
     kind: int
@@ -41,8 +41,7 @@ class JointKind:
     upper: wp.float64
     rest_length: wp.float64  # negative: as long as it starts
     driven: int  # 0: no motor; 1: with a constant effort; 2: towards a speed
-    speed: wp.float64
-    effort: wp.float64
+    direction: wp.float64
     switched_on: wp.float64
     switched_off: wp.float64
 
@@ -65,6 +64,9 @@ class Joint:
     damping: wp.float64
     stiffness: wp.float64
     rest_length: wp.float64
+    target_speed: wp.float64  # of its motor
+    effort: wp.float64  # of its motor, with its sign
+    delay: wp.float64
     place: wp.float64
     end_place: wp.float64  # at the end of the step, as it looks now
     seen_speed: wp.float64  # rate of the spring's length at which end_place was found
@@ -127,3 +129,6 @@ class Joints:
     friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.solver.arrays.RigidArrays`
     damping: wp.array2d[wp.float64]
     stiffness: wp.array2d[wp.float64]
+    target_speed: wp.array2d[wp.float64]
+    limit: wp.array2d[wp.float64]
+    delay: wp.array2d[wp.float64]

@@ -33,7 +33,15 @@ _KINDS = {
     Fixed: joint_layout.FIXED,
     Spring: joint_layout.SPRING,
 }
-_FIELDS = ("friction", "damping", "stiffness")
+# The kernel's name of what differs per world, and that of `RigidArrays`.
+_FIELDS = {
+    "friction": "joint_friction",
+    "damping": "joint_damping",
+    "stiffness": "joint_stiffness",
+    "target_speed": "motor_target_speed",
+    "limit": "motor_limit",
+    "delay": "motor_delay",
+}
 
 
 def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
@@ -104,8 +112,8 @@ def joint_rows(world: World) -> int:
 
 def write_joints(joints: joint_layout.Joints, arrays: RigidArrays) -> None:
     """Copy the joints' parameters into the kernel's arrays, which are made anew where a field changes its rows."""
-    for name in _FIELDS:
-        values = getattr(arrays, f"joint_{name}")
+    for name, field in _FIELDS.items():
+        values = getattr(arrays, field)
         kept = getattr(joints, name)
         if kept.shape == values.shape:
             kept.numpy()[:] = values
@@ -154,8 +162,7 @@ def _describe(row: Any, joint: Joint, world: World) -> None:
         motor = joint.motor
         if motor is not None:
             row["driven"] = 1 if motor.target_speed is None else 2
-            row["speed"] = motor.target_speed or 0.0
-            row["effort"] = -motor.limit if motor.reverse else motor.limit
+            row["direction"] = -1.0 if motor.reverse else 1.0
             row["switched_on"] = motor.start
             row["switched_off"] = joint_layout.NEVER if motor.end is None else motor.end
 

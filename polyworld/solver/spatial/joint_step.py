@@ -74,6 +74,9 @@ def load_joints(joints: Joints, state: State, w: int, k: int) -> None:
         joint.friction = joints.friction[w % joints.friction.shape[0], d.column]
         joint.damping = joints.damping[w % joints.damping.shape[0], d.column]
         joint.stiffness = joints.stiffness[w % joints.stiffness.shape[0], d.column]
+        joint.target_speed = joints.target_speed[w % joints.target_speed.shape[0], d.column]
+        joint.effort = d.direction * joints.limit[w % joints.limit.shape[0], d.column]
+        joint.delay = joints.delay[w % joints.delay.shape[0], d.column]
         joint.rest_length = d.rest_length
         if d.rest_length < wp.float64(0.0):
             joint.rest_length = wp.length(d.anchor - d.other_anchor)
@@ -125,7 +128,8 @@ def begin_joints(joints: Joints, state: State, k: int, time: wp.float64, h: wp.f
         joints.joint[k, j].speed = speed
         joints.joint[k, j].seen_speed = speed[0]
         joints.joint[k, j].end_place = joints.joint[k, j].place + h * speed[0]
-        on = wp.min(time + h, d.switched_off) - wp.max(time, d.switched_on)
+        delay = joints.joint[k, j].delay
+        on = wp.min(time + h, d.switched_off + delay) - wp.max(time, d.switched_on + delay)
         joints.joint[k, j].drive = wp.max(on, zero)
     aim_at_stops(joints, k, h)
 

@@ -38,7 +38,7 @@ def state_of(joints: Joints, k: int, j: int, h: wp.float64) -> int:
         return UPPER
     if joint.friction > zero and wp.abs(joint.rubbing[0]) < INNER * joint.friction * h:
         return RUBBING
-    most = wp.abs(joints.kinds[j].effort) * joint.drive
+    most = wp.abs(joint.effort) * joint.drive
     if joints.kinds[j].driven == 2 and wp.abs(joint.driving) < INNER * most:
         return DRIVEN
     if joint.damping > zero and h > zero:
@@ -92,7 +92,7 @@ def wanted(joints: Joints, k: int, j: int, state: int, h: wp.float64) -> wp.vec2
     joint = joints.joint[k, j]
     v = joints.rate[k, axis]
     if state == DRIVEN:
-        return wp.vec2d(joints.kinds[j].speed - v, zero)
+        return wp.vec2d(joint.target_speed - v, zero)
     if state == LOWER:
         return wp.vec2d(joint.stop_aim[0] - v, zero)
     if state == UPPER:
@@ -114,7 +114,7 @@ def wanted(joints: Joints, k: int, j: int, state: int, h: wp.float64) -> wp.vec2
 def take(joints: Joints, k: int, j: int, state: int, change: wp.float64, h: wp.float64) -> wp.float64:
     """Change the impulse of an axis in its state, within its bounds; returns by how much."""
     joint = joints.joint[k, j]
-    most = wp.abs(joints.kinds[j].effort) * joint.drive
+    most = wp.abs(joint.effort) * joint.drive
     given = cut(joint, state, change, most, joint.friction * h)
     if state == RUBBING:
         joint.rubbing[0] = joint.rubbing[0] + given
