@@ -20,7 +20,9 @@ from polyworld.world import StaticObject, World
 Array = NDArray[np.float64]
 
 ALL = BODIES | {"fluid", "fluid_planar"}
-MOST = 0.3  # of a point's distance from the centre that distortion displaces it at the edge of what was seen
+# Bounds of k r^2 where r is the largest distance seen, which distortion itself has changed: below, points would change
+# order (k r^2 = -1/3 of the true distance); above, what was seen is one and a half times as far as it was.
+LEAST, MOST = -0.3, 1.0
 ORDINARY = 0.02
 # Effects that know no direction and no place: they look the same in axes turned about gravity.
 _ISOTROPIC = frozenset(
@@ -171,7 +173,7 @@ def _bent(
             "observer.distortion",
             "distortion",
             ORDINARY / reach**2,
-            lower=-MOST / reach**2,
+            lower=LEAST / reach**2,
             upper=MOST / reach**2,
         )
     ]
