@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MODES = 12
+LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
 LEVEL = 0.01  # share of false alarms
 LEFT = 0.15  # part of a direction that the fit must have left, for it to count
 EDGE = 0.02  # least relative error of a noise level
@@ -46,7 +47,8 @@ class Goodness:
 
     passes: p >= LEVEL. p: of the data under the hypothesis that the fit explains them, all tests taken together.
     statistic: energy of the low modes over its expectation, about 1 for noise. modes: how many count. p_total: of the
-    sum over all runs; p_worst: of the worst series, the number of them accounted for. series: worst first.
+    sum over all runs; p_lowest: the same of the LOWEST modes alone; p_worst: of the worst series, the number of them
+    accounted for. series: worst first.
     """
 
     passes: bool
@@ -54,6 +56,7 @@ class Goodness:
     statistic: float
     modes: int
     p_total: float
+    p_lowest: float
     p_worst: float
     series: tuple[SeriesFit, ...]
 
@@ -105,6 +108,7 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
     scale = {kind: _Scale(design, noise, whitened, runs, kind) for kind in noise.correlation}
     energies: list[float] = []
     counts: list[int] = []
+    lowest: list[tuple[float, int]] = []
     total_error: list[float] = []
     found: list[SeriesFit] = []
     for r, low in zip(design.runs, runs, strict=True):
@@ -120,6 +124,8 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
         energy, count = _energy(z, low.covariance)
         energies.append(energy)
         counts.append(count)
+        few = low.number < LOWEST
+        lowest.append(_energy(z[few], low.covariance[np.ix_(few, few)]))
         total_error.append(float(errors.max()))
         for i, s in enumerate(r.series):
             mine = low.owner == i
@@ -131,13 +137,15 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
                 found.append(SeriesFit(r.run.name, s.name, s.kind, s.axis, p, e / c, c))
     modes = int(sum(counts))
     if not modes:
-        return Goodness(False, float("nan"), float("nan"), 0, float("nan"), float("nan"), ())
+        return Goodness(False, float("nan"), float("nan"), 0, float("nan"), float("nan"), float("nan"), ())
     statistic = float(sum(energies) / modes)
     p_total = _tail(float(sum(energies)), modes, max(total_error), 0.0)
     found.sort(key=lambda s: s.p)
     p_worst = min(1.0, found[0].p * len(found))
-    p = min(1.0, 2.0 * min(p_total, p_worst))
-    return Goodness(p >= level, p, statistic, modes, p_total, p_worst, tuple(found))
+    slow, left = (float(sum(e for e, _ in lowest)), sum(c for _, c in lowest))
+    p_lowest = _tail(slow, left, max(total_error), 0.0) if left else 1.0
+    p = min(1.0, 3.0 * min(p_total, p_lowest, p_worst))
+    return Goodness(p >= level, p, statistic, modes, p_total, p_lowest, p_worst, tuple(found))
 
 
 def projected(fit: Fit) -> tuple[list[Array], list[Array], list[Array]]:

@@ -360,10 +360,9 @@ def resolution(design: Design, s: Series) -> float:
     values = _raw(design.runs[s.run], s)
     if s.kind == "rotation":
         return RESOLUTION * np.pi
-    column = design.runs[s.run].run.names.index(s.name)
-    with np.errstate(invalid="ignore"):
-        places = design.runs[s.run].run.positions[:, column]
-        extent = float(np.nanmax(np.nanmax(places, axis=0) - np.nanmin(places, axis=0))) if len(values) else 0.0
+    places = design.runs[s.run].run.positions[:, design.runs[s.run].run.names.index(s.name)]
+    spans = [np.ptp(v[np.isfinite(v)]) for v in places.T if np.isfinite(v).any()]
+    extent = float(max(spans, default=0.0))
     return max(RESOLUTION * extent, _rounding(values) / float(np.sqrt(12.0)), 1e-9)
 
 
