@@ -15,6 +15,7 @@ from typing import Any
 import anyio
 from mcp.shared.exceptions import MCPError
 
+from atw_mcp import gap_command
 from atw_mcp.client import Reply, Session, ToolFailed, connected, save_pictures
 from atw_mcp.forms import did_you_mean
 from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
@@ -108,6 +109,8 @@ def _parser() -> argparse.ArgumentParser:
             metavar="FOLDER",
             help="where to write pictures (default: %(default)s)",
         )
+
+    gap_command.add_parser(commands)
 
     schema = commands.add_parser("schema", help="print the JSON schema of a world description")
     schema.add_argument("what", choices=["world"])

@@ -50,6 +50,7 @@ from atw_mcp.tools import (
     commitment,
     construction,
     control,
+    discrepancy,
     experimentation,
     identification,
     inspection,
@@ -63,6 +64,7 @@ GROUPS: tuple[ToolGroup, ...] = (
     measurement.GROUP,
     construction.GROUP,
     identification.GROUP,
+    discrepancy.GROUP,
     commitment.GROUP,
     inspection.GROUP,
     looking.GROUP,
@@ -73,7 +75,8 @@ GROUPS: tuple[ToolGroup, ...] = (
 INSTRUCTIONS = """\
 Answer physical questions about a video by building a small executable world that behaves like it, then \
 experimenting on that world. World Modeling: OpenCase, ObserveObjects, CalibrateCamera, BuildWorld, FitWorld, \
-look at InspectFrames and InspectRollout, CommitWorld. World Probing: Rollout (with interventions), ReadEvents, \
+look at InspectFrames and InspectRollout, CommitWorld. Where the fitted world still disagrees with the data: \
+FindDiscrepancy, ProposeEffects, AddEffect. World Probing: Rollout (with interventions), ReadEvents, \
 CompareWorlds, QueryWorld, then Finish with the evidence ids that decide the question. SI units, z up; \
 frames are numbered from 0."""
 

@@ -26,7 +26,7 @@ from atw_mcp.results import RESULT_SCHEMA, Answer, to_result, validation_text
 from atw_mcp.schemas import inlined, without_null
 from evidence_store import StoreError
 
-Role = Literal["world construction", "world inspection", "world experimentation", "execution control"]
+Role = Literal["world construction", "gap", "world inspection", "world experimentation", "execution control"]
 ToolFunction = Callable[..., Answer | LongWork | CallToolResult]
 logger = logging.getLogger(__name__)
 

@@ -88,6 +88,7 @@ def describe_tool(
 
 STAGES = {
     "world construction": "World Modeling: refused once the case has a committed world (OpenCase is always allowed)",
+    "gap": "FindDiscrepancy and ProposeEffects in either stage; AddEffect is refused once a world is committed",
     "world inspection": "either stage",
     "world experimentation": "World Probing: refused until CommitWorld",
     "execution control": "either stage",

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, WithJsonSchema
 from atw_mcp.building import Given, hull_vertices
 from atw_mcp.parts import parts_schema
 from polyworld.description import Appearance
+from polyworld.effects import CATALOGUE
 from polyworld.geometry import quaternion_matrix
 from polyworld.shapes import BodyShape, Box, Compound, ConvexMesh, Part, TriangleMesh, Wall
 from polyworld.world import Effect, MotionPlane, StaticObject
@@ -218,9 +219,21 @@ class EffectArgument(Argument):
     """A law beyond gravity, contact and damping."""
 
     name: Name
-    kind: str = Field(max_length=64, description="linear_drag, quadratic_drag, magnus_lift, uniform_acceleration, ...")
+    kind: str = Field(max_length=64, description=f"expression, or a law of the catalogue: {', '.join(CATALOGUE)}")
     parameters: dict[str, float] = Field(default_factory=dict, description="values by parameter name, SI")
     objects: list[str] | None = Field(default=None, max_length=64, description="objects it acts on; default: all")
+    expression: Annotated[str, Field(max_length=2000)] | None = Field(
+        default=None,
+        description="kind expression: an acceleration [m/s^2] such as '-k*speed*v', made of vectors v, x, omega, g, "
+        "ex, ey, ez, numbers speed, spin, t, contact, mass, radius, vx, x.., parameters, + - * / ^ and sin cos exp log "
+        "sqrt abs tanh min max step dot cross norm unit",
+    )
+    parameter_units: dict[str, str] = Field(
+        default_factory=dict, description="of an expression's parameters, e.g. {'k': '1/m'}; default: 1"
+    )
+    parameter_bounds: dict[str, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        default_factory=dict, description="least and greatest value of an expression's parameters"
+    )
 
     def to_effect(self) -> Effect:
         """The engine's effect; raises ValueError naming the kinds there are."""
@@ -229,6 +242,9 @@ class EffectArgument(Argument):
             kind=self.kind,
             parameters=self.parameters,
             objects=None if self.objects is None else tuple(self.objects),
+            expression=self.expression,
+            parameter_units=self.parameter_units,
+            parameter_bounds={name: (low, high) for name, (low, high) in self.parameter_bounds.items()},
         )
 
 

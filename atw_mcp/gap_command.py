@@ -1,0 +1,119 @@
+"""`atw-mcp gap`: a world and a table of measured motion in, the missing effect and a better world out."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from atw_mcp.results import validation_text
+
+OK, FAILED, USAGE = 0, 1, 2
+
+DESCRIPTION = """\
+Find what a world lacks to explain measured motion. The table is a CSV with columns run, object, t [s], x, y, z [m] and
+optionally qw, qx, qy, qz; cells that were not measured are empty. `atw-mcp schema world` prints the form of WORLD.json.
+The verdict is one of identified, ambiguous, unexplained, nothing_missing.
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    gap = commands.add_parser(
+        "gap",
+        help="find the effect that a world lacks to explain measured motion",
+        description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    gap.add_argument("--world", type=Path, required=True, metavar="WORLD.json")
+    gap.add_argument("--data", type=Path, required=True, metavar="DATA.csv")
+    gap.add_argument("--sealed", type=Path, metavar="FILE.csv", help="runs to judge the result by, seen by no step")
+    gap.add_argument(
+        "--seal", metavar="RUN,RUN", help="seal these runs of --data (default: the last quarter); 'none' for no sealing"
+    )
+    gap.add_argument(
+        "--fit", action="append", default=[], metavar="PATH", help="a parameter of the world that is not known exactly"
+    )
+    gap.add_argument(
+        "--effects", metavar="NAME,NAME", help="consider these effects only (default: the whole catalogue)"
+    )
+    gap.add_argument("--max-effects", type=int, default=2, choices=(1, 2, 3), help="default: %(default)s")
+    gap.add_argument("--seed", type=int, default=0, help="of the null control (default: %(default)s)")
+    gap.add_argument("--out", type=Path, metavar="FILE", help="write the better world here")
+    gap.add_argument("--pictures", type=Path, metavar="FOLDER", help="write pictures here")
+    gap.add_argument("--json", action="store_true", help="print the whole result as JSON")
+    gap.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    try:
+        return _run(options)
+    except ValidationError as error:
+        print(f"{options.world}: {validation_text(error)}", file=sys.stderr)
+    except (OSError, ValueError, KeyError) as error:
+        print(error.args[0] if isinstance(error, KeyError) else error, file=sys.stderr)
+    return FAILED
+
+
+def _run(options: argparse.Namespace) -> int:
+    from atw_mcp import gap_work
+    from atw_mcp.gap_words import verdict_text
+    from polyworld.discrepancy import GapSettings, find_gap
+    from polyworld.discrepancy.catalogue import catalogue
+    from polyworld.discrepancy.holdback import HeldBack, hold_back
+    from polyworld.discrepancy.search import SearchSettings
+    from polyworld.recording_csv import read_recording
+    from polyworld.world import World
+
+    world = World.model_validate_json(options.world.read_text())
+    recording = read_recording(options.data, world.moving_names)
+    if options.sealed is not None:
+        parts = HeldBack(recording, read_recording(options.sealed, world.moving_names), f"sealed {options.sealed}")
+    elif options.seal == "none":
+        parts = HeldBack(recording, None, "nothing sealed, as asked")
+    else:
+        parts = hold_back(recording, None if options.seal is None else options.seal.split(","))
+    known = catalogue()
+    wanted = options.effects.split(",") if options.effects else list(known)
+    unknown = sorted(set(wanted) - set(known))
+    if unknown:
+        raise ValueError(f"no effects {unknown}; effects: {', '.join(known)}")
+    report = find_gap(
+        world,
+        parts.fitted,
+        sealed=parts.sealed,
+        base=gap_work.unknowns_at(world, options.fit),
+        candidates=[known[name] for name in wanted],
+        settings=GapSettings(search=SearchSettings(max_effects=options.max_effects), seed=options.seed),
+        progress=None if options.json else lambda share, step: print(f"  {100 * share:3.0f} % {step}", file=sys.stderr),
+    )
+    told = report.to_dict()
+    told["sealed_data"] = parts.said
+    if options.out is not None and told["world"] is not None:
+        options.out.write_text(json.dumps(told["world"], indent=2) + "\n")
+    if options.pictures is not None:
+        options.pictures.mkdir(parents=True, exist_ok=True)
+        for name, content in gap_work.pictures_of(report).items():
+            (options.pictures / name).write_bytes(content)
+    if options.json:
+        print(json.dumps(told, indent=2))
+        return OK
+    print(verdict_text(told))
+    print(_sealed(told))
+    return OK
+
+
+def _sealed(told: dict[str, Any]) -> str:
+    if told["sealed"] is None:
+        return told["sealed_data"] if told["verdict"] != "nothing_missing" else "no effect added"
+    gap = told["sealed"]
+    closed = "" if gap["closed"] is None else f", {100 * gap['closed']:.0f}% closed"
+    return (
+        f"{told['sealed_data']}: gap {gap['gap_before']:.4g} {gap['unit']} before, {gap['gap_after']:.4g} after"
+        f"{closed}; noise {gap['noise_floor']:.4g} {gap['unit']}"
+    )

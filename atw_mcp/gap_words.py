@@ -1,0 +1,88 @@
+"""The outcome of a search for the gap, and the worth of an added effect, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+SHOWN = 4  # most names of a credible set in a sentence
+
+
+def verdict_text(told: dict[str, Any]) -> str:
+    """A verdict (`GapReport.to_dict`) in a few sentences."""
+    kind = told["verdict"]
+    if kind == "nothing_missing":
+        text = "nothing missing: the world explains the data to the noise"
+        if told["near_misses"]:
+            near = ", ".join(" + ".join(item["effects"]) for item in told["near_misses"][:SHOWN])
+            text += f" (effects that would lower the misfit a little, not beyond chance: {near})"
+        return text
+    named = " + ".join(effect_text(effect) for effect in told["effects"])
+    if kind == "identified":
+        text = f"identified: {named}"
+        if told["runner_up"] is not None:
+            other = told["runner_up"]
+            text += f"; next best {' + '.join(other['effects'])}, EBIC {_number(other['ebic_behind'])} behind"
+            text += "" if other["passes"] else ", does not explain the data"
+        return text
+    if kind == "ambiguous":
+        names = [" + ".join(item) for item in told["credible_set"]]
+        listed = "; ".join(names[:SHOWN]) + ("" if len(names) <= SHOWN else f"; and {len(names) - SHOWN} more")
+        return f"ambiguous: any of {listed}; best {named}. {experiment_text(told['experiment'])}"
+    text = "unexplained: no effect of the catalogue leaves only noise"
+    if named:
+        text += f" (nearest: {named})"
+    force = told["residual_force"]
+    return text + (f". {force['summary']}" if force else "")
+
+
+def effect_text(effect: dict[str, Any]) -> str:
+    """An effect with its fitted numbers: "quadratic_drag (drag 0.0301 kg/m, 95% 0.0297 to 0.0305)"."""
+    numbers = []
+    for name, value in effect["unknowns"].items():
+        unit = "" if value["unit"] in ("1", "") else f" {value['unit']}"
+        text = f"{name} {_number(value['value'])}{unit}"
+        if value["interval95"] is not None:
+            low, high = value["interval95"]
+            text += f", 95% {_number(low)} to {_number(high)}"
+        numbers.append(text)
+    head = f"{effect['name']} {effect['label']}".strip()
+    same = f"; cannot be told from {', '.join(effect['same_as'])}" if effect["same_as"] else ""
+    return f"{head} ({'; '.join(numbers)}{same})"
+
+
+def experiment_text(experiment: dict[str, Any] | None) -> str:
+    """The experiment that would decide, in a sentence."""
+    if experiment is None:
+        return "No experiment with these objects was found that would tell them apart"
+    place = ", ".join(_number(v) for v in experiment["position"])
+    speed = ", ".join(_number(v) for v in experiment["velocity"])
+    spin = ", ".join(_number(v) for v in experiment["angular_velocity"])
+    least = min(item["sigmas"] for item in experiment["separations"])
+    head = "To decide" if experiment["decides"] else "The best experiment found, which may not decide"
+    expected = "; ".join(f"{_number(value)} if {name}" for name, value in experiment["forecasts"].items())
+    return (
+        f"{head}: start {experiment['object']} at ({place}) m with velocity ({speed}) m/s and spin ({spin}) rad/s, "
+        f"film {_number(experiment['duration'])} s and watch {experiment['watch']}: {expected}. The forecasts are "
+        f"at least {_number(least)} standard deviations apart"
+    )
+
+
+def worth_text(data: dict[str, Any]) -> str:
+    """What an added effect is worth, on fitted and sealed data, in a sentence."""
+    text = f"gap on the data fitted {_gap_text(data['fitted_data'])}"
+    if data["sealed"] is None:
+        return text + "; nothing was sealed to check it on"
+    return text + f"; on sealed data {_gap_text(data['sealed'])}"
+
+
+def _gap_text(gap: dict[str, Any]) -> str:
+    closed = "" if gap["closed"] is None else f" ({100 * gap['closed']:.0f}% closed)"
+    unit = gap["unit"]
+    return (
+        f"{_number(gap['gap_before'])} {unit} before, {_number(gap['gap_after'])} {unit} after{closed}, noise "
+        f"{_number(gap['noise_floor'])} {unit}"
+    )
+
+
+def _number(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"

@@ -1,0 +1,253 @@
+"""The gap: where a fitted world and measured motion disagree, which effect is missing, what adding it is worth."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field
+
+from atw_mcp import gap_work
+from atw_mcp.app import App
+from atw_mcp.jobs import LongWork, Progress
+from atw_mcp.recording_records import CaseRecording, case_recording
+from atw_mcp.results import Answer, explained
+from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
+from evidence_store import Case, UnknownRecord
+from polyworld.discrepancy.catalogue import catalogue
+from polyworld.world import World
+
+GROUP = ToolGroup("gap")
+
+WorldId = Annotated[str | None, Field(description="world id; default: the committed world, else the latest draft")]
+Fitted = Annotated[
+    list[Annotated[str, Field(max_length=200)]] | None,
+    Field(
+        max_length=64,
+        description="parameter paths fitted anew together with every effect, e.g. objects.ball.restitution; default: "
+        "those that FitWorld fitted in this world; []: none, the world's numbers are known. Initial states always are",
+    ),
+]
+
+
+@GROUP.tool("FindDiscrepancy", title="Find where world and data disagree", read_only=True, pictures=True)
+def find_discrepancy(
+    app: App,
+    case: CaseId,
+    world: WorldId = None,
+    base: Fitted = None,
+    power: Annotated[
+        bool, Field(description="also tell of every catalogued effect how strong it had to be to be seen in these data")
+    ] = False,
+    patience_seconds: Patience = 40.0,
+) -> Answer | LongWork:
+    """Ask whether a world explains what was measured, to the noise. Initial states and the base parameters are fitted
+    anew, the noise (level, correlation, outliers) is estimated from the data; then residuals in units of the noise are
+    told by object, run, time, phase of motion, place, speed and axis, with pictures. Where the answer is that the data
+    are explained, nothing is missing. The last quarter of the data (or the runs sealed at import) is not looked at.
+    Next: ProposeEffects where they are not explained."""
+    found = app.case(case)
+    start = app.world(found, world)
+    with explained():
+        recording = case_recording(app, found, start)
+        unknowns = gap_work.base_unknowns(app, start, base)
+
+    def work(progress: Progress) -> Answer:
+        with explained():
+            examined = gap_work.examine(start, recording.parts.fitted, unknowns, power, progress)
+        after = f"ProposeEffects(case={found.id!r}, world={start.id!r})"
+        return Answer(
+            summary=f"{start.id}: {examined.summary}",
+            data={**examined.data, **_told(recording), "next": after if not examined.explained else "nothing to add"},
+            case=found.id,
+            world=start.id,
+            observation=recording.id,
+            objects=start.moving_names,
+            pictures=examined.pictures,
+        )
+
+    return _long(app, "examine", found, start, recording, {"base": base, "power": power}, work, patience_seconds)
+
+
+@GROUP.tool("ProposeEffects", title="Name the missing effect", read_only=True)
+def propose_effects(
+    app: App,
+    case: CaseId,
+    world: WorldId = None,
+    base: Fitted = None,
+    effects: Annotated[
+        list[Annotated[str, Field(max_length=64)]] | None,
+        Field(max_length=64, description="names of the effects to consider; default: the whole catalogue"),
+    ] = None,
+    max_effects: Annotated[int, Field(ge=1, le=3, description="most effects that may be missing at once")] = 2,
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="of the null control")] = 0,
+    patience_seconds: Patience = 40.0,
+) -> Answer | LongWork:
+    """Search the catalogue for what a world lacks: every contender is added, fitted together with initial states and
+    base parameters on simulated trajectories, and judged by whether what is left is noise. The verdict is one of:
+    identified (one effect), ambiguous (several would do; the experiment that would decide is told), unexplained (none
+    will do; the residual force is described by an expression), nothing_missing. A null control repeats the procedure
+    on data made from the world itself. Sealed data are not touched. Next: AddEffect with this result's evidence id."""
+    found = app.case(case)
+    start = app.world(found, world)
+    known = catalogue()
+    unknown = sorted(set(effects or ()) - set(known))
+    if unknown:
+        raise ToolError(f"no effects {unknown}; effects: {', '.join(known)}")
+    with explained():
+        recording = case_recording(app, found, start)
+        unknowns = gap_work.base_unknowns(app, start, base)
+    chosen = [known[name] for name in dict.fromkeys(effects)] if effects else None
+
+    def work(progress: Progress) -> Answer:
+        with explained():
+            told = gap_work.propose(start, recording.parts.fitted, unknowns, chosen, max_effects, seed, progress)
+        add = f"AddEffect(case={found.id!r}, proposal=this result's evidence id)"
+        step = add if told.data["proposals"] else "nothing to add"
+        return Answer(
+            summary=f"{start.id}: {told.summary}",
+            data={**told.data, **_told(recording), "next": step},
+            shown={**told.shown, **_told(recording), "next": step},
+            case=found.id,
+            world=start.id,
+            observation=recording.id,
+            objects=start.moving_names,
+        )
+
+    inputs = {"base": base, "effects": effects, "max_effects": max_effects, "seed": seed}
+    return _long(app, "propose", found, start, recording, inputs, work, patience_seconds)
+
+
+@GROUP.tool("AddEffect", title="Add an effect and show what it is worth", read_only=False, pictures=True)
+def add_effect(
+    app: App,
+    case: CaseId,
+    proposal: Annotated[
+        str | None, Field(max_length=64, description="evidence id of ProposeEffects, whose fitted world is taken")
+    ] = None,
+    hypothesis: Annotated[int, Field(ge=0, le=63, description="which of its proposals; 0 is the best")] = 0,
+    effect: Annotated[
+        EffectArgument | None,
+        Field(
+            description="instead of a proposal: a law of the catalogue, or one of your own as an expression; its "
+            "parameters are fitted from the values given"
+        ),
+    ] = None,
+    world: Annotated[
+        str | None, Field(description="world that `effect` is added to; default: the latest draft")
+    ] = None,
+    base: Fitted = None,
+    patience_seconds: Patience = 40.0,
+) -> Answer | LongWork:
+    """Make a child world with an effect in it, usable by every tool; the effect can be switched off by an edit. Its
+    worth is shown before and after on the data that were fitted, and then on the sealed data, which no step has seen:
+    the gap in metres, the noise floor, the share closed. A gap that shrinks does not prove the name: the verdict of
+    ProposeEffects does. Next: InspectRollout, CommitWorld."""
+    found = app.case_to_model(case, "AddEffect")
+    if (proposal is None) == (effect is None):
+        raise ToolError("AddEffect takes a proposal (evidence id of ProposeEffects) or an effect, one of the two")
+    if proposal is not None:
+        parent, made = _proposed(app, found, proposal, hypothesis)
+        with explained():
+            recording = case_recording(app, found, parent)
+
+        def judge(progress: Progress) -> Answer:
+            with explained():
+                worth = gap_work.worth(made, recording.parts, progress)
+            return _added(app, found, parent, worth, recording, {"proposal": proposal, "hypothesis": hypothesis})
+
+        inputs: dict[str, Any] = {"proposal": proposal, "hypothesis": hypothesis}
+        return _long(app, "add", found, parent, recording, inputs, judge, patience_seconds)
+    assert effect is not None
+    parent = app.world(found, world)
+    with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
+        law = effect.to_effect()
+        recording = case_recording(app, found, parent)
+        unknowns = gap_work.base_unknowns(app, parent, base)
+
+    def fit(progress: Progress) -> Answer:
+        with explained():
+            given = gap_work.with_effect(parent, law, recording.parts.fitted, unknowns, progress)
+            worth = gap_work.worth(given, recording.parts, progress)
+        return _added(app, found, parent, worth, recording, {"effect": law.model_dump(mode="json")})
+
+    inputs = {"effect": law.model_dump(mode="json"), "base": base}
+    return _long(app, "add", found, parent, recording, inputs, fit, patience_seconds)
+
+
+def _added(
+    app: App,
+    case: Case,
+    parent: World,
+    worth: gap_work.Worth,
+    recording: CaseRecording,
+    detail: dict[str, Any],
+) -> Answer:
+    modelled = app.store.cases.modelled_observation(case.id, parent.id)
+    app.keep_world(case, worth.world, how="effect_added", parent=parent, detail=detail, observation=modelled)
+    child = worth.world
+    return Answer(
+        summary=f"added {worth.title}: world {child.id}; {worth.summary}",
+        data={
+            "world": child.id,
+            "from_world": parent.id,
+            **worth.data,
+            **_told(recording),
+            "next": f"InspectRollout(case={case.id!r}, world={child.id!r}), then CommitWorld",
+        },
+        case=case.id,
+        world=child.id,
+        observation=recording.id,
+        objects=child.moving_names,
+        pictures=worth.pictures,
+    )
+
+
+def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, gap_work.Proposal]:
+    try:
+        record = app.store.read_evidence(evidence)
+    except UnknownRecord as error:
+        raise ToolError(f"{error}. Next: ProposeEffects(case={case.id!r})") from error
+    if record.tool != "ProposeEffects" or record.case != case.id:
+        raise ToolError(
+            f"{evidence} is a result of {record.tool} in case {record.case!r}. Next: ProposeEffects(case={case.id!r})"
+        )
+    if record.status != "completed":
+        raise ToolError(f"{evidence} is {record.status}. Next: ReadEvidence(evidence={evidence!r})")
+    proposals = record.payload["data"]["proposals"]
+    if index >= len(proposals):
+        titles = [p["title"] for p in proposals]
+        raise ToolError(f"{evidence} has {len(proposals)} proposals {titles}; hypothesis must be below that")
+    assert record.world is not None
+    return app.world(case, record.world), gap_work.Proposal.of(proposals[index], record.payload["data"])
+
+
+def _told(recording: CaseRecording) -> dict[str, Any]:
+    return {"recording": recording.id, "sealed_data": recording.parts.said}
+
+
+def _long(
+    app: App,
+    what: str,
+    case: Case,
+    world: World,
+    recording: CaseRecording,
+    inputs: dict[str, Any],
+    work: Any,
+    patience: float,
+) -> LongWork:
+    whole = {"what": what, "world": world.id, "recording": recording.id, **inputs}
+    return LongWork(
+        key=app.store.observations.key("gap", whole) + case.id,
+        work=work,
+        draft=Answer(
+            summary=f"{what} of {world.id} on {recording.id}",
+            data={},
+            case=case.id,
+            world=world.id,
+            observation=recording.id,
+            objects=world.moving_names,
+        ),
+        patience=patience,
+    )

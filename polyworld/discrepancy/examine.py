@@ -1,0 +1,42 @@
+"""A world's own best fit to a recording, and the noise as that fit leaves it: what every search starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.noise import measured_noise, refined_noise
+from polyworld.discrepancy.trial import Bench, Trial
+
+REFINEMENTS = 2  # of the noise after a fit, each followed by a fit
+CHANGED = 0.02  # relative change of chi2 below which no further fit is needed
+
+
+def fitted_base(
+    plan: Design, base: Sequence[Unknown], candidates: int = 1, cancelled: Callable[[], bool] | None = None
+) -> Trial:
+    """Fit initial states and base unknowns over growing horizons, refining the noise by what is left.
+
+    candidates: how many effects a search will choose from. cancelled: asked between batches; where it says so
+    `InterruptedError` is raised.
+    """
+    bench = Bench(plan, measured_noise(plan), candidates, cancelled)
+    nothing = Hypothesis(plan.world, tuple(base))
+    starts = np.array([u.start for u in base])
+    return with_refined_noise(bench.fit(nothing, starts, profile.start_states(plan), horizons=profile.HORIZONS))
+
+
+def with_refined_noise(trial: Trial) -> Trial:
+    """The trial refitted under the noise that its own residuals tell."""
+    for _ in range(REFINEMENTS):
+        before = trial
+        noise = refined_noise(trial.bench.design, trial.bench.noise, trial.bench.raw_residuals(trial))
+        trial = trial.bench.with_noise(noise).refit(trial)
+        if abs(trial.chi2 - before.chi2) < CHANGED * before.chi2:
+            break
+    return trial
