@@ -40,7 +40,8 @@ class Track:
 class Conditions:
     """What a recording of a world covers.
 
-    lower, upper (3,): box that holds all places seen [m]. axes: indices of the world axes along which bodies may move
+    lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
+    mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move
     and were measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where no orientation
     was measured and the world gives no spin. duration: of the longest run [s]. acceleration: ordinary one [m/s^2]:
     gravity, or what friction on a supporting plane gives. mass, radius: medians over rigid bodies. supported: bodies
@@ -50,6 +51,7 @@ class Conditions:
 
     lower: Array
     upper: Array
+    spread: float
     axes: tuple[int, ...]
     speed: float
     fastest: float
@@ -135,11 +137,14 @@ def _conditions(world: World, recording: Recording) -> Conditions:
     masses = [object_mass(o) for o in world.objects]
     # Of a plane oblique to the axes: the two that its normal is least along.
     free = sorted(np.argsort(np.abs(normal), kind="stable")[:2].tolist()) if world.planar else [0, 1, 2]
+    axes = [a for a in free if seen[:, a].any()]
+    variance = np.array([np.var(everything[seen[:, a], a]) if seen[:, a].any() else 0.0 for a in range(3)])
     near, long = _contacts(world, recording)
     return Conditions(
         lower=lower,
         upper=upper,
-        axes=tuple(a for a in free if seen[:, a].any()),
+        spread=max(float(np.sqrt(np.mean(variance[axes]))) if axes else 0.0, 1e-3, max(radii, default=0.0)),
+        axes=tuple(axes),
         speed=speed,
         fastest=float(max(speeds.max(initial=0.0), speed)),
         spin=_spin(world, recording),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
 
 from polyworld.discrepancy.conditions import Conditions, Track, conditions, reach, touching, tracks
 from polyworld.recording import Recording
@@ -59,7 +60,7 @@ def box_grid(found: Conditions, counts: Sequence[int], margin: float = 0.0) -> A
 
 
 def visited_places(world: World, recording: Recording, count: int, *, touching_only: bool = False) -> Array:
-    """Up to `count` places (k, 3) on the paths that lie as far from each other as possible (Gonzalez 1985).
+    """Up to `count` places (k, 3) that stand for all on the paths: the centres of clusters (Lloyd 1982).
 
     touching_only: where bodies touch a static or lie on a supporting plane. Components never seen are taken from the
     middle of the region.
@@ -72,16 +73,12 @@ def visited_places(world: World, recording: Recording, count: int, *, touching_o
             rows = touching(world, track)
         kept.append(np.where(np.isfinite(track.places[rows]), track.places[rows], found.middle))
     points = np.concatenate(kept) if kept else np.zeros((0, 3))
-    if not len(points):
-        return points
-    points = points[:: max(1, len(points) // 2000)]
-    # The first is the one nearest the middle: places at the edge are met by few paths.
-    chosen = [int(np.argmin(np.linalg.norm(points - np.median(points, axis=0), axis=1)))]
-    apart = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(points)) and apart.max() > 1e-9:
-        chosen.append(int(np.argmax(apart)))
-        apart = np.minimum(apart, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return points[chosen]
+    points = points[:: max(1, len(points) // 1000)]
+    if len(np.unique(points, axis=0)) <= count:
+        return np.unique(points, axis=0)
+    centres, _ = kmeans2(points, count, iter=10, minit="++", seed=0)
+    chosen: Array = centres[np.all(np.isfinite(centres), axis=1)]
+    return chosen
 
 
 def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:

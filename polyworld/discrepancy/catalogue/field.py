@@ -16,24 +16,26 @@ from polyworld.world import Effect, World
 
 Array = NDArray[np.float64]
 
-FAR = 10.0  # sizes of the region visited within which a place is sought
+FAR = 2.0  # sizes of the region visited by which a place may lie off its middle: from afar, all forces look uniform
 LENGTHS = (0.3, 0.5, 0.75)  # quantiles of the distance to the anchor that a tether's length begins with
 EXPONENTS = (-2.0, -1.0)
+FALLING = -0.2  # largest exponent: forces that do not fall with the distance are springs, or uniform
 FAN_PLACES = 16
-FAN_WIDTHS = (0.12, 0.3)  # of the size of the region
+FAN_WIDTHS = (0.35, 0.9)  # of the spread of places
+WIDEST = 2.0  # spreads: what is wider is no local jet
 SLOWEST, FASTEST = 0.3, 5.0  # forcing: cycles per run, and Hz
 MOST_FREQUENCIES = 16
 PHASES = (0.0, np.pi / 2)
 
 
-def _place(added: Effect, prefix: str, found: Conditions) -> list[Unknown]:
+def _place(added: Effect, prefix: str, found: Conditions, far: float = FAR) -> list[Unknown]:
     return [
         of_effect(
             added,
             f"{prefix}_{'xyz'[a]}",
-            0.3 * found.size,
-            lower=float(found.middle[a]) - FAR * found.size,
-            upper=float(found.middle[a]) + FAR * found.size,
+            0.3 * found.spread,
+            lower=float(found.middle[a]) - far * found.size,
+            upper=float(found.middle[a]) + far * found.size,
         )
         for a in found.axes
     ]
@@ -58,7 +60,7 @@ def _spring(world: World, recording: Recording) -> tuple[Variant, ...]:
     if not world.objects or not found.axes:
         return ()
     added = effect(world, "spring", _at_rest("anchor", found))
-    stiffness = of_effect(added, "stiffness", 2.0 * found.force / found.size)
+    stiffness = of_effect(added, "stiffness", found.force / found.spread)
     unknowns = (stiffness, *_place(added, "anchor", found))
     # The pull of a spring without rest length is linear in stiffness and anchor: few places suffice.
     grid = [*box_grid(found, [2] * len(found.axes)), found.middle, *box_grid(found, [2] * len(found.axes), margin=1.0)]
@@ -83,8 +85,8 @@ def _tether(world: World, recording: Recording) -> tuple[Variant, ...]:
     if not world.objects or not found.axes:
         return ()
     added = effect(world, "tether", _at_rest("anchor", found))
-    stiffness = of_effect(added, "stiffness", 4.0 * found.force / found.size)
-    length = of_effect(added, "rest_length", 0.2 * found.size, upper=2.0 * FAR * found.size)
+    stiffness = of_effect(added, "stiffness", 2.0 * found.force / found.spread)
+    length = of_effect(added, "rest_length", 0.3 * found.spread, upper=2.0 * FAR * found.size)
     unknowns = (stiffness, length, *_place(added, "anchor", found))
     starts = []
     for place in box_grid(found, _counts(found, 3), margin=-0.25):
@@ -99,11 +101,11 @@ def _central(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     if not world.objects or not found.axes:
         return ()
-    apart = 0.5 * found.size
-    softening = 0.01 * found.size
+    apart = 2.0 * found.spread
+    softening = 0.02 * found.spread
     added = effect(world, "central_force", _at_rest("centre", found) | {"softening": softening})
     strength = of_effect(added, "strength", found.force * max(apart, apart**2))
-    exponent = of_effect(added, "exponent", 0.5)
+    exponent = of_effect(added, "exponent", 0.5, upper=FALLING)
     unknowns = (strength, exponent, *_place(added, "centre", found))
     starts = []
     for place in box_grid(found, _counts(found, 4), margin=0.1):
@@ -122,12 +124,12 @@ def _fan(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     if not world.objects or not found.axes:
         return ()
-    added = effect(world, "fan", _at_rest("centre", found) | {"width": FAN_WIDTHS[0] * found.size})
+    added = effect(world, "fan", _at_rest("centre", found) | {"width": FAN_WIDTHS[0] * found.spread})
     forces = [of_effect(added, f"force_{'xyz'[a]}", 2.0 * found.force) for a in found.axes]
-    width = of_effect(added, "width", 0.1 * found.size, lower=0.01 * found.size, upper=FAR * found.size)
-    unknowns = (*forces, *_place(added, "centre", found), width)
+    width = of_effect(added, "width", 0.3 * found.spread, lower=0.05 * found.spread, upper=WIDEST * found.spread)
+    unknowns = (*forces, *_place(added, "centre", found, 0.75), width)
     starts = tuple(
-        neutral(unknowns, width=share * found.size, **_there("centre", place, found))
+        neutral(unknowns, width=share * found.spread, **_there("centre", place, found))
         for place in visited_places(world, recording, FAN_PLACES)
         for share in FAN_WIDTHS
     )
@@ -155,7 +157,7 @@ def _periodic(world: World, recording: Recording) -> tuple[Variant, ...]:
     sizes = [of_effect(added, f"amplitude_{'xyz'[a]}", 2.0 * SHARE * found.acceleration) for a in found.axes]
     frequencies = _frequencies(found, recording)
     frequency = of_effect(
-        added, "frequency", 0.25 / found.duration, lower=0.1 / found.duration, upper=2.0 * max(frequencies)
+        added, "frequency", 0.25 / found.duration, lower=SLOWEST / found.duration, upper=2.0 * max(frequencies)
     )
     phase = of_effect(added, "phase", 0.5)
     unknowns = (*sizes, frequency, phase)
