@@ -251,7 +251,7 @@ def _of_spin(scales: Scales) -> Iterator[Term]:
 
 def _decay(scales: Scales) -> Shape:
     t = scales.duration
-    return Shape("tau", "s", 0.02 * t, 20.0 * t, 0.2 * t, (0.1 * t, 0.3 * t, t))
+    return Shape("tau", "s", 0.02 * t, 20.0 * t, 0.2 * t, (0.1 * t, 0.2 * t, 0.4 * t, t))
 
 
 def _around(middle: float, reach: float) -> tuple[float, ...]:

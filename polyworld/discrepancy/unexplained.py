@@ -196,17 +196,24 @@ class _Search:
         return best
 
     def _less(self, known: FittedLaw, index: int) -> FittedLaw:
+        """The law without one of its terms, fitted on from where it stands: an earlier fit may have been trapped."""
         terms = tuple(t for i, t in enumerate(known.law.terms) if i != index)
-        key = tuple(sorted(t.name for t in terms))
-        if key not in self.history:
-            values = known.fit.values[len(self.problem.base) :]
-            numbers, at = [], 0
-            for i, term in enumerate(known.law.terms):
-                width = len(term.strengths) + len(term.shapes)
-                if i != index:
-                    numbers += values[at : at + width].tolist()
-                at += width
-            self.history[key] = fit_law(self.problem, Law(terms), known.fit, numbers)
+        values = known.fit.values[len(self.problem.base) :]
+        numbers: list[float] = []
+        at = 0
+        for i, term in enumerate(known.law.terms):
+            width = len(term.strengths) + len(term.shapes)
+            if i != index:
+                numbers += values[at : at + width].tolist()
+            at += width
+        return self._keep(fit_law(self.problem, Law(terms), known.fit, numbers))
+
+    def _keep(self, fitted: FittedLaw) -> FittedLaw:
+        """The better of a fit and of what is known of the same terms."""
+        key = tuple(sorted(t.name for t in fitted.law.terms))
+        other = self.history.get(key)
+        if other is None or fitted.ebic < other.ebic:
+            self.history[key] = fitted
         return self.history[key]
 
     def _tell(self, share: float, what: str) -> None:
