@@ -80,8 +80,8 @@ def correlation(spreads: list[Spread]) -> tuple[float, float]:
         seen = np.isfinite(s.variances)
         strides = np.array(STRIDES, dtype=float)[seen]
         seconds = s.interval / interval
-        for i, phi in enumerate(CORRELATIONS):
-            cost[i] += _misfit(s.variances[seen], expected(np.array(phi**seconds), strides), strides, s.count)
+        noise = expected(CORRELATIONS[:, None] ** seconds, strides)
+        cost += _misfit(s.variances[seen], noise, strides, s.count)
     best = int(np.argmin(cost))
     phi = float(CORRELATIONS[best])
     return phi, min((1.0 + 2.0 * phi) / np.sqrt(count), 0.5)
@@ -94,17 +94,17 @@ def level(spread_: Spread, phi: float) -> float:
     return float(np.sqrt(spread_.variances[0] / expected(np.array(phi), np.array(1.0))))
 
 
-def _misfit(variances: Array, noise: Array, strides: Array, count: int) -> float:
-    """Squared relative misfit of level * noise + motion * stride^6 to the variances, both factors at least 0."""
+def _misfit(variances: Array, noise: Array, strides: Array, count: int) -> Array:
+    """Squared relative misfit (P,) of level * noise (P, K) + motion * stride^6 to the variances (K,), both factors at
+    least 0."""
     weight = np.sqrt(count / (3.0 * strides))  # differences at a stride overlap
-    columns = np.stack([noise, strides**6], axis=1) / variances[:, None] * weight[:, None]
-    a, b = columns.T
-    target = weight
-    aa, ab, bb, ay, by = a @ a, a @ b, b @ b, a @ target, b @ target
-    motion = (by * aa - ay * ab) / max(aa * bb - ab**2, 1e-12 * aa * bb)
-    motion = max(motion, 0.0)
-    scale = max((ay - motion * ab) / aa, 0.0)
-    return float(((target - scale * a - motion * b) ** 2).sum())
+    a = noise / variances * weight
+    b = strides**6 / variances * weight
+    aa, ab, bb, ay, by = (a * a).sum(axis=1), a @ b, b @ b, a @ weight, b @ weight
+    motion = np.maximum((by * aa - ay * ab) / np.maximum(aa * bb - ab**2, 1e-12 * aa * bb), 0.0)
+    scale = np.maximum((ay - motion * ab) / aa, 0.0)
+    misfit: Array = ((weight - scale[:, None] * a - motion[:, None] * b) ** 2).sum(axis=1)
+    return misfit
 
 
 def _divided(t: Array) -> Array:

@@ -58,7 +58,6 @@ def gain(frequency: Array, used: float | Array, true: float | Array) -> Array:
 def fitted(series: Sequence[Modes], prior: float, prior_error: float, low: int) -> Correction:
     """The correlation that the modes from `low` on suggest together with a prior (normal, in the correlation)."""
     cost = ((GRID - prior) / max(prior_error, 1e-3)) ** 2
-    information = np.zeros(len(GRID))
     scales = np.ones(len(GRID))
     if not series:
         return Correction(prior, prior_error, 1.0)
@@ -79,7 +78,7 @@ def fitted(series: Sequence[Modes], prior: float, prior_error: float, low: int) 
     shape = np.concatenate([p[1] for p in parts], axis=1)
     slope = np.concatenate([p[2] for p in parts], axis=1)
     ratio = power / shape
-    for _ in range(8):  # the scale, with the cap
+    for _ in range(4):  # the scale, with the cap
         scales = np.minimum(ratio / scales[:, None], CAP).mean(axis=1) * scales / TRUNCATED
     cost += np.log(shape * scales[:, None]).sum(axis=1) + (np.minimum(ratio / scales[:, None], CAP) / TRUNCATED).sum(
         axis=1
