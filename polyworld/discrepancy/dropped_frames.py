@@ -84,7 +84,11 @@ def dropped_frame_leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothe
         for onset in dropped_frame_starts(bench, trial, run, keep, longest=bound["shift"]):
             told = {"shift": onset.shift, "shift_time": onset.time}
             values = np.concatenate([trial.values, [told[u.name] for u in part.unknowns]])
-            found.append(Lead(hypothesis, values, trial.chi2 - onset.gain))
+            before = np.concatenate([trial.values, [(told | {"shift": 0.0})[u.name] for u in part.unknowns]])
+            (slope,) = _slopes(bench, trial, run, np.searchsorted(run.times, [onset.time]))
+            states = list(trial.fit.states)
+            states[run.index] = states[run.index] + trial.ground.answers[run.index] @ (slope * onset.shift)
+            found.append(Lead(hypothesis, values, trial.chi2 - onset.gain, before, tuple(states)))
     return sorted(found, key=lambda lead: lead.chi2)[:keep]
 
 
