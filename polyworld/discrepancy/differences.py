@@ -84,7 +84,7 @@ def correlation(spreads: list[Spread]) -> tuple[float, float]:
         cost += _misfit(s.variances[seen], noise, strides, s.count)
     best = int(np.argmin(cost))
     phi = float(CORRELATIONS[best])
-    return phi, min((1.0 + 2.0 * phi) / np.sqrt(count), 0.5)
+    return phi, min((1.0 + 4.0 * phi) / float(np.sqrt(count)), 0.5)
 
 
 def level(spread_: Spread, phi: float) -> float:

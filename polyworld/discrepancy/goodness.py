@@ -25,6 +25,7 @@ MODES = 12
 LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
 LEVEL = 0.01  # share of false alarms
 LEFT = 0.15  # part of a direction that the fit must have left, for it to count
+LOOSE = 3.0  # by how much more than its error a correlation may be off: it was drawn from much the same residuals
 EDGE = 0.02  # least relative error of a noise level
 
 
@@ -229,7 +230,7 @@ class _Scale:
             for m, i in zip(series, index, strict=True)
         ]
         self.known = known
-        self.found = spectrum.fitted(series, known.phi, max(known.error, 1e-3), 0)
+        self.found = spectrum.fitted(series, known.phi, max(LOOSE * known.error, 1e-3), 0)
         self.design = design
         self.members = [s for s in design.series if s.kind == kind]
         length = sum(int(noise.kept[s.run][s.where].sum()) for s in self.members)
