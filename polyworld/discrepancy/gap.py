@@ -22,6 +22,7 @@ from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simul
 from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.stepping import coarsened, with_substep
 from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.unexplained import ResidualForce, describe_unexplained
 from polyworld.discrepancy.verdict import Verdict, decide
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -78,6 +79,12 @@ def find_gap(
     intervals = intervals95(bench, best if best is not None else ground)
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
     child = _told_world(best, world) if best is not None else None
+    force: ResidualForce | None = None
+    if verdict.kind == "unexplained":
+        force = describe_unexplained(plan, bench.noise, tuple(base), ground.fit, cancelled=cancelled)
+        if force.explains and force.world is not None:
+            child = with_substep(force.world, world.time.substep)
+        story.tell(0.82, "residual force", {"found": force.expression, "explains": force.explains})
     gap: SealedGap | None = None
     if sealed is not None:
         before = _told_world(ground, world)
@@ -102,7 +109,7 @@ def find_gap(
         sealed=gap,
         null=null,
         experiment=experiment,
-        residual_force=None,
+        residual_force=force.to_json() if force is not None else None,
         near_misses=search.near_misses,
         history=tuple(story.steps),
     )

@@ -59,7 +59,7 @@ class ResidualForce:
 
     explains: whether with it the fit passes the goodness of fit; where not, the law is only the closest found.
     expression: an acceleration [m/s^2], empty where no term helps; written: with its numbers in it. numbers: by name.
-    directions: one a term. speed_exponent: of the first term that has one. dependence: what each factor buys.
+    directions: one a term. speed_exponents: of the terms that have one. dependence: what each factor buys.
     chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
     worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
     fit: of the base unknowns followed by the law's numbers. tried: laws fitted.
@@ -70,7 +70,7 @@ class ResidualForce:
     written: str
     numbers: dict[str, Number]
     directions: tuple[str, ...]
-    speed_exponent: Number | None
+    speed_exponents: tuple[Number, ...]
     dependence: tuple[Dependence, ...]
     chi2_before: float
     chi2_after: float
@@ -96,8 +96,8 @@ class ResidualForce:
             "expression": self.expression,
             "written": self.written,
             "numbers": {n: _number_json(x) for n, x in self.numbers.items()},
-            "direction": "; ".join(self.directions),
-            "speed_exponent": None if self.speed_exponent is None else _number_json(self.speed_exponent),
+            "direction": list(self.directions),
+            "speed_exponent": [_number_json(x) for x in self.speed_exponents],
             "dependence": {d.factor: d.to_json() for d in self.dependence},
             "chi2_before": self.chi2_before,
             "chi2_after": self.chi2_after,
@@ -261,9 +261,9 @@ def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Depen
         name: Number(values[name], unit, _interval(values[name], float(d), low, high))
         for (name, unit, low, high, _), d in zip(best.law.numbers, deviations, strict=True)
     }
-    exponents = [
+    exponents = tuple(
         numbers[best.law.name(i, "p")] for i, t in enumerate(best.law.terms) if any(s.name == "p" for s in t.shapes)
-    ]
+    )
     others = sorted((f for f in search.history.values() if f is not best), key=lambda f: f.ebic)
     unknowns = (*problem.base, *best.law.unknowns())
     world = None
@@ -278,7 +278,7 @@ def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Depen
         written=best.law.literal({n: float(f"{v:.4g}") for n, v in values.items()}),
         numbers=numbers,
         directions=tuple(t.direction for t in best.law.terms),
-        speed_exponent=exponents[0] if exponents else None,
+        speed_exponents=exponents,
         dependence=tests,
         chi2_before=search.base.fit.chi2,
         chi2_after=best.fit.chi2,

@@ -66,8 +66,7 @@ def test_drag_with_another_power_is_told_with_its_exponent(power, strength):
     found = described(lambda _t, _x, v: -strength * np.linalg.norm(v) ** (power - 1) * v)
     assert found.explains
     assert found.directions == ("along the velocity",)
-    assert found.speed_exponent is not None
-    low, high = found.speed_exponent.interval95
+    low, high = found.speed_exponents[0].interval95
     assert low - 0.02 < power < high + 0.02
     assert high - low < 0.3
     assert {d.factor for d in found.dependence if d.in_law} == {"speed"}
@@ -78,8 +77,7 @@ def test_drag_of_each_component_is_told_from_drag_along_the_velocity():
     found = described(lambda _t, _x, v: -0.3 * np.abs(v) * v)
     assert found.explains
     assert found.directions == ("against each component by itself",)
-    assert found.speed_exponent is not None
-    assert found.speed_exponent.value == pytest.approx(2.0, abs=0.1)
+    assert found.speed_exponents[0].value == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_force_that_grows_with_the_place_is_told_with_its_components():
