@@ -115,6 +115,7 @@ _POSE = {
     "rotation": _STATE["rotation"],
 }
 STATIC_POSE: dict[str, ParameterSpec] = {f"{k}.{a}": s for k, s in _POSE.items() for a in "xyz"}
+ORIGIN = ParameterSpec("s", -1e6, 1e6, (-10.0, 10.0), "time of the start, for laws that depend on time")
 SECONDS_PER_FRAME = ParameterSpec("s", 1e-6, 1e4, (0.01, 0.1), "physical time between frames")
 _VECTOR = {
     "centre": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "point that scale, tilt and distortion leave"),

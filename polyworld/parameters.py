@@ -24,6 +24,7 @@ from polyworld.parameter_tables import (
     MOTOR_PARAMETERS,
     OBJECT_PARAMETERS,
     OBSERVER_PARAMETERS,
+    ORIGIN,
     PULLEY_PARAMETERS,
     SECONDS_PER_FRAME,
     STATE_PARAMETERS,
@@ -72,6 +73,7 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
                 parameter.unit, parameter.lower, parameter.upper, parameter.search, parameter.description
             )
     paths["time.seconds_per_frame"] = SECONDS_PER_FRAME
+    paths["time.origin"] = ORIGIN
     if world.observer is not None:
         paths |= {f"observer.{field}": spec for field, spec in OBSERVER_PARAMETERS.items()}
     return paths
@@ -86,7 +88,10 @@ def specification(world: World, path: str) -> ParameterSpec:
     near = [p for p in paths if p.startswith((path + ".", head + "."))]
     if not near and path.count("."):  # what the named part has
         near = [p for p in paths if p.startswith(".".join(path.split(".")[:2]) + ".")]
-    heads = sorted({".".join(p.split(".")[:2]) + ".*" for p in paths if p.count(".") >= 2} | {"time.seconds_per_frame"})
+    heads = sorted(
+        {".".join(p.split(".")[:2]) + ".*" for p in paths if p.count(".") >= 2}
+        | {"time.seconds_per_frame", "time.origin"}
+    )
     close = difflib.get_close_matches(path, paths, n=1, cutoff=0.8)
     if path == f"{head}.density" and f"{head}.mass" in paths:  # a density sets a body's mass once, when it is built
         close = [f"{head}.mass"]
@@ -134,7 +139,7 @@ def read_parameter(world: World, path: str) -> float | None:
         return effect.parameters.get(parts[2], law_of(effect).parameters[parts[2]].default)
     if world.observer is not None and parts[0] == "observer":
         return world.observer.values[path]
-    return world.time.seconds_per_frame
+    return world.time.origin if parts[1] == "origin" else world.time.seconds_per_frame
 
 
 def with_parameters(world: World, values: Mapping[str, float]) -> World:
@@ -180,6 +185,8 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
             data["observer"][parts[1]] = _replace(vector, "xyz".index(parts[2]), float(value))
         elif parts[0] == "observer":
             data["observer"][parts[1]] = float(value)
+        elif path == "time.origin":
+            data["time"]["origin"] = float(value)
         else:
             ratio = float(value) / world.time.seconds_per_frame
             data["time"]["seconds_per_frame"] = float(value)

@@ -19,7 +19,8 @@ class Run:
 
     names (n,): objects of the world, or markers of a deformable one as `NAME#k`: marker k is the material point that
     the deformable object NAME has, at the run's start, nearest to where the marker is first seen. times (T,) [s]:
-    increasing, as the observer's clock tells them; the world's time 0 is `times[0]` less `lead`. positions (T, n, 3)
+    increasing, as the observer's clock tells them; the world starts at
+    `times[0]` less `lead`, the `origin`, and laws that depend on time (a forcing) go by this clock. positions (T, n, 3)
     [m], NaN for each component that was not measured. orientations (T, n, 4) w, x, y, z, NaN where unknown. sigma:
     standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in
     `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
@@ -54,6 +55,11 @@ class Run:
         return replace(
             self, times=self.times[keep], positions=self.positions[keep], orientations=self.orientations[keep]
         )
+
+    @property
+    def origin(self) -> float:
+        """The clock's reading [s] at the run's start, for laws that depend on time."""
+        return float(self.times[0]) - self.lead
 
     @classmethod
     def of_tracks(cls, name: str, tracks: ObservedTracks) -> Self:

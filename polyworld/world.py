@@ -114,6 +114,9 @@ class TimeBase(Description):
     seconds_per_frame: Positive = Field(default=0.04, description="physical time between frames [s]")
     frame_count: int = Field(default=0, ge=0, description="number of observed frames; 0 where there are none")
     substep: float = Field(default=0.002, gt=0.0, le=0.05, description="longest integration step [s]")
+    origin: float = Field(
+        default=0.0, ge=-1e6, le=1e6, description="what laws that depend on time take for the time of the start [s]"
+    )
 
 
 Deformable = Annotated[Rope | Cloth | Soft | Fluid, Field(discriminator="representation")]
@@ -169,7 +172,8 @@ class World(Description):
     def canonical_json(self) -> str:
         """The world as JSON with sorted keys and no spaces: equal worlds give equal bytes."""
         content = self.model_dump(mode="json")
-        for part, names in ((content, _OPTIONAL), *((e, _OF_EXPRESSIONS) for e in content["effects"])):
+        effects = ((e, _OF_EXPRESSIONS) for e in content["effects"])
+        for part, names in ((content, _OPTIONAL), (content["time"], ("origin",)), *effects):
             for name in names:
                 if not part[name]:
                     del part[name]

@@ -23,6 +23,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 CLOCK = "time.seconds_per_frame"
+ORIGIN = "time.origin"
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ class _Group:
         shared = np.concatenate([s.shared for s in settings])
         values = {path: shared[:, i] for i, u in enumerate(unknowns) for path in u.paths}
         self._state_values(values, settings, count)
+        self._origins(values, settings)
         observer = {path: v for path, v in values.items() if path.startswith("observer.")}
         overrides = {path: v for path, v in values.items() if path not in observer and path in self._paths}
         instants = self.times
@@ -198,6 +200,13 @@ class _Group:
                 raise ValueError(f"marker {name!r} of run {design.run.name!r} is never seen in all three components")
             self._markers[key] = material_points(mesh, design.run.positions[rows[0], column][None])
         return self._markers[key]
+
+    def _origins(self, values: dict[str, Array], settings: Sequence[Settings]) -> None:
+        """When each run starts, by its own clock, for laws that depend on time."""
+        origins = [np.full(len(s.shared), self._runs[s.run].run.origin) for s in settings]
+        base = self.world.time.origin
+        if any(np.any(o) for o in origins):
+            values[ORIGIN] = values.get(ORIGIN, base) + np.concatenate(origins)
 
     def _state_values(self, values: dict[str, Array], settings: Sequence[Settings], count: int) -> None:
         at = 0

@@ -33,7 +33,8 @@ class RigidArrays:
     position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_position (R, s, 3),
     static_orientation (R, s, 4); static_friction,
     static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object;
-    gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own.
+    gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own;
+    time_origin (R, 1) [s].
     joint_friction, joint_damping, joint_stiffness, and motor_target_speed, motor_limit, motor_delay of the joints'
     motors (R, joints): 0 where a joint has none.
     effect_kind (e,), effect_acts (e, n), effect_programs (rows, 4) of `polyworld.expressions.effect`: not varied.
@@ -58,6 +59,7 @@ class RigidArrays:
     gravity: Array
     effect_parameters: Array
     time_scale: Array
+    time_origin: Array
     joint_friction: Array
     joint_damping: Array
     joint_stiffness: Array
@@ -103,6 +105,7 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         gravity=_row(list(world.environment.gravity)),
         effect_parameters=_effect_parameters(world),
         time_scale=np.ones((1, 1)),
+        time_origin=_row([world.time.origin]),
         joint_friction=_row([getattr(j, "friction", 0.0) for j in world.joints]),
         joint_damping=_row([getattr(j, "damping", 0.0) for j in world.joints]),
         joint_stiffness=_row([getattr(j, "stiffness", 0.0) for j in world.joints]),
@@ -165,6 +168,8 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
             if parts[1] in effect_columns:  # a disabled effect has no column: its parameters act on nothing
                 slot = list(law_of(effects[parts[1]]).parameters).index(parts[2])
                 _widen(arrays, "effect_parameters", rows)[:, effect_columns[parts[1]], slot] = values
+        elif path == "time.origin":
+            arrays.time_origin = values[:, None]
         else:
             arrays.time_scale = (values / world.time.seconds_per_frame)[:, None]
     for name, vectors in turns.items():

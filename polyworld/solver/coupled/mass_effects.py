@@ -22,6 +22,7 @@ def add_effects(
     dt: wp.array[wp.float64],
     inner: wp.array[wp.int32],
     time: wp.array[wp.float64],
+    origin: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
     owner: wp.array[wp.int32],
     mass: wp.array2d[wp.float64],
@@ -40,7 +41,8 @@ def add_effects(
     b.mass = mass[w % mass.shape[0], i]
     b.x = x[w, i]
     b.v = v[w, i]
-    b.t = time[w] + (wp.float64(inner[0]) + wp.float64(0.5)) * dt[w]  # at the middle of the inner step
+    middle = (wp.float64(inner[0]) + wp.float64(0.5)) * dt[w]  # of the inner step
+    b.t = origin[w % origin.shape[0]] + time[w] + middle
     b.gravity = gravity[w % gravity.shape[0]]
     wrench = effect_forces(kinds, acts, parameters, programs, w, owner[i], b)
     f[w, i] = f[w, i] + wp.spatial_top(wrench)
@@ -58,15 +60,20 @@ class MassEffects:
         self._kinds: Any = None
         self._parameters: Any = None
         self._programs: Any = None
+        self._origin: Any = None
 
     def write(self, arrays: RigidArrays) -> bool:
         """Take parameter values; True where the arrays were made anew."""
         if not self.any:
             return False
         values = arrays.effect_parameters
-        if self._parameters is not None and self._parameters.shape == values.shape:
+        origin = arrays.time_origin[:, 0]
+        same = self._parameters is not None and self._origin.shape == origin.shape
+        if same and self._parameters.shape == values.shape:
             self._parameters.numpy()[:] = values
+            self._origin.numpy()[:] = origin
             return False
+        self._origin = wp.array(origin, dtype=wp.float64, device="cpu")
         self._kinds = wp.array(arrays.effect_kind, dtype=wp.int32, device="cpu")
         self._programs = wp.array(arrays.effect_programs, dtype=wp.float64, device="cpu")
         self._parameters = wp.array(values, dtype=wp.float64, device="cpu")
@@ -82,6 +89,7 @@ class MassEffects:
                     clock.dt,
                     clock.inner,
                     clock.time,
+                    self._origin,
                     clock.gravity,
                     nodes.owner,
                     nodes.mass,

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.planar.contact_effects import as_effects_have_it, friction_at, lose_sliding
+from polyworld.solver.planar.contact_effects import as_effects_have_it, lose_sliding
 from polyworld.solver.planar.joints import begin_hold, hold_hinge, join_rate
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Samples, Scene
@@ -143,9 +143,6 @@ def make_row(
     row.mass_tangent = ONE / k_tangent
     row.mass_roll = ONE / k_roll
     row.friction = own_or_mean(bodies.friction[w, a], bodies.friction[w, b])
-    if scene.contact_laws > 0:
-        place = wp.vec3d(point[0], point[1], bodies.height[w, a])
-        row.friction = friction_at(scene, bodies, w, a, b, row.friction, place)
     row.restitution = own_or_mean(bodies.restitution[w, a], bodies.restitution[w, b])
     row.rolling = rolling
     return row

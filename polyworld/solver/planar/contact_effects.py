@@ -21,14 +21,31 @@ def friction_at(
     return contact_friction(scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, a, b, mu, place)
 
 
-@wp.func
-def rub_on_plane(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
-    """Set what the supporting plane can hold, where the body will be at the middle of a step of length h."""
+# Functions of their own, not inlined: worlds without such effects then run as fast as if there were none.
+@wp.func(inline=False)
+def rub_on_plane(scene: Scene, bodies: Bodies, w: wp.int32, segment: wp.int32, h: wp.float64) -> None:
+    """Set what the supporting plane can hold, where each body will be at the middle of a step of length h."""
     load = -bodies.gravity[w][2]
-    if scene.supports == 1 and load > ZERO:
-        x = bodies.pose[w, i] + bodies.rate[w, i] * (HALF * h)
-        mu = friction_at(scene, bodies, w, i, -1, bodies.support[w, i], wp.vec3d(x[0], x[1], scene.level))
-        bodies.hold[w, i] = load * mu
+    if scene.supports == 0 or load <= ZERO:
+        return
+    for i in range(scene.bodies):
+        if scene.joins[i] <= segment:
+            x = bodies.pose[w, i] + bodies.rate[w, i] * (HALF * h)
+            mu = friction_at(scene, bodies, w, i, -1, bodies.support[w, i], wp.vec3d(x[0], x[1], scene.level))
+            bodies.hold[w, i] = load * mu
+
+
+@wp.func(inline=False)
+def rub_rows(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32) -> None:
+    """Give the rows of this step the friction that effects have where they touch."""
+    for k in range(rows):
+        a = contacts.rows[w, half, k].a
+        b = contacts.rows[w, half, k].b
+        arm = contacts.rows[w, half, k].arm_a
+        pose = bodies.pose[w, a]
+        place = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies.height[w, a])
+        mu = contacts.rows[w, half, k].friction
+        contacts.rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, place)
 
 
 @wp.func(inline=False)
@@ -46,7 +63,7 @@ def as_effects_have_it(scene: Scene, bodies: Bodies, w: wp.int32, row: Row, v: w
     return row
 
 
-@wp.func
+@wp.func(inline=False)
 def lose_sliding(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32) -> None:
     """Take each pair's share of its centres' relative tangential velocity, once a pair."""
     last = wp.int32(-1)

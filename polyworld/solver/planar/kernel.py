@@ -12,7 +12,7 @@ from polyworld.solver.planar.contact import (
     resolve_impacts,
     separation_speed,
 )
-from polyworld.solver.planar.contact_effects import rub_on_plane
+from polyworld.solver.planar.contact_effects import rub_on_plane, rub_rows
 from polyworld.solver.planar.impact_time import longest_path, next_impact
 from polyworld.solver.planar.joints import begin_hinges, join_rates, mend
 from polyworld.solver.planar.log import touch
@@ -44,7 +44,7 @@ def effects_at(
     motion.x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
     motion.v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
     motion.omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
-    motion.t = t
+    motion.t = bodies.time_origin[w] + t
     motion.gravity = to_world * gravity
     if bodies.touching[w, i] % 2 == 1 or (scene.supports == 1 and gravity[2] < ZERO):
         motion.contact = ONE
@@ -165,13 +165,13 @@ def rollout(
                 time = start + wp.float64(number + 1) * step - left
                 # What pushes each body, and how fast the fastest is.
                 fastest = ZERO
+                if scene.contact_laws > 0:
+                    rub_on_plane(scene, bodies, w, segment, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
                         v = bodies.rate[w, i]
                         push = find_push(scene, bodies, w, i, time, h)
                         bodies.push[w, i] = push
-                        if scene.contact_laws > 0:
-                            rub_on_plane(scene, bodies, w, i, h)
                         bodies.next_rate[w, i] = v
                         bodies.coupled[w, i] = joints.hinged[i]
                         speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
@@ -190,6 +190,8 @@ def rollout(
                 row_count = rows
                 ratio = h / old_h
                 old_h = h
+                if scene.contact_laws > 0:
+                    rub_rows(scene, bodies, contacts, w, half, rows)
                 if rows > 0:
                     resolve_impacts(scene, bodies, contacts, joints, w, half, rows, step)
                     for k in range(rows):

@@ -67,6 +67,7 @@ class Bodies:
     height: wp.array2d[wp.float64]  # coordinate along the plane's normal [m]
     gravity: wp.array[wp.vec3d]  # (W,) in the plane, and along its normal
     time_scale: wp.array[wp.float64]  # (W,)
+    time_origin: wp.array[wp.float64]  # (W,) [s]
     effect_parameters: wp.array3d[wp.float64]  # (W, e, 8)
     corners: wp.array2d[wp.vec2d]  # (W, 2 k) scratch: outlines of the pair under test
 

@@ -125,6 +125,7 @@ class PlanarSimulator:
         bodies.restitution = _zeros((w, n + s), wp.float64)
         bodies.gravity = _zeros((w,), wp.vec3d)
         bodies.time_scale = _zeros((w,), wp.float64)
+        bodies.time_origin = _zeros((w,), wp.float64)
         bodies.effect_parameters = _zeros((w, self._scene.effects, MAX_PARAMETERS), wp.float64)
         bodies.corners = _zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
         contacts = Contacts()
@@ -188,6 +189,7 @@ class PlanarSimulator:
         _view(b.restitution)[:, n:] = arrays.static_restitution
         _view(b.gravity)[:] = arrays.gravity @ axes.T
         _view(b.time_scale)[:] = arrays.time_scale[:, 0]
+        _view(b.time_origin)[:] = arrays.time_origin[:, 0]
         _view(b.effect_parameters)[:] = arrays.effect_parameters
         _view(b.decay_step)[:] = -1.0
         _view(b.reaction)[:] = 0.0

@@ -42,6 +42,7 @@ PARAMETER_TYPES = {
     "static_restitution": wp.float64,
     "gravity": wp.vec3d,
     "time_scale": wp.float64,
+    "time_origin": wp.float64,
     "effect_parameters": wp.float64,
     "effect_kind": wp.int32,
     "effect_acts": wp.int32,
@@ -115,7 +116,7 @@ def write_parameters(world: World, parameters: layout.Parameters | None, arrays:
         values = poses[name] if name in poses else getattr(arrays, name)
         if name == "orientation":
             values = np.roll(values, -1, axis=-1)
-        if name == "time_scale":
+        if name in ("time_scale", "time_origin"):
             values = values[:, 0]
         kept = None if parameters is None else getattr(p, name)
         if kept is not None and kept.numpy().shape == values.shape:

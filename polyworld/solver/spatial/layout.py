@@ -216,6 +216,7 @@ class Parameters:
     static_restitution: wp.array2d[wp.float64]
     gravity: wp.array[wp.vec3d]
     time_scale: wp.array[wp.float64]
+    time_origin: wp.array[wp.float64]
     effect_parameters: wp.array3d[wp.float64]
     contact_laws: int  # how many effects change what happens at contacts
     effect_kind: wp.array[wp.int32]

@@ -135,7 +135,8 @@ def effects_on(
     motion.x = b.x
     motion.v = b.v
     motion.omega = b.w
-    motion.t = time
+    origin = parameters.time_origin[w % parameters.time_origin.shape[0]]
+    motion.t = origin + time
     motion.contact = touches(state, k, half, i, slowest)
     motion.gravity = gravity
     kinds = parameters.effect_kind
@@ -152,7 +153,7 @@ def effects_on(
             motion.v = b.v + a * until
             motion.x = b.x + (b.v + motion.v) * (wp.float64(0.5) * until)
             motion.omega = b.w + (turning_of(b, torque) + state.reaction_turning[k, i]) * until
-            motion.t = time + until
+            motion.t = origin + time + until
         total = effect_forces(kinds, acts, values, programs, w, i, motion)
     return total
 
