@@ -35,11 +35,11 @@ def _spin_coupling(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     if found.spin <= 0.0 or not (found.bounces or found.meetings):
         return ()  # what a grip does depends on spins, and nobody knows them
-    added = effect(world, "spin_coupling")
     # At -1 the law hands over to Coulomb's: values next to it are another world, so fits stay off it.
+    added = effect(world, "spin_coupling", {"restitution": GRIPS[0]})
     unknown = of_effect(added, "restitution", 0.2, lower=-0.99)
     starts = tuple({"restitution": value} for value in GRIPS)
-    return (Variant(with_effects(world, added), (unknown,), starts, strength="restitution"),)
+    return (Variant(with_effects(world, added), (unknown,), starts),)
 
 
 def _friction_patch(world: World, recording: Recording) -> tuple[Variant, ...]:

@@ -153,9 +153,9 @@ def _periodic(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     if not found.axes or found.duration <= 0.0:
         return ()
-    added = effect(world, "periodic_forcing")
-    sizes = [of_effect(added, f"amplitude_{'xyz'[a]}", 2.0 * SHARE * found.acceleration) for a in found.axes]
     frequencies = _frequencies(found, recording)
+    added = effect(world, "periodic_forcing", {"frequency": frequencies[0]})
+    sizes = [of_effect(added, f"amplitude_{'xyz'[a]}", 2.0 * SHARE * found.acceleration) for a in found.axes]
     frequency = of_effect(
         added, "frequency", 0.25 / found.duration, lower=SLOWEST / found.duration, upper=2.0 * max(frequencies)
     )
