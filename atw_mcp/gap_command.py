@@ -62,6 +62,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     from atw_mcp import gap_work
+    from atw_mcp.gap_unknowns import unknowns_at
     from atw_mcp.gap_words import verdict_text
     from polyworld.discrepancy import GapSettings, find_gap
     from polyworld.discrepancy.catalogue import catalogue
@@ -87,7 +88,7 @@ def _run(options: argparse.Namespace) -> int:
         world,
         parts.fitted,
         sealed=parts.sealed,
-        base=gap_work.unknowns_at(world, options.fit),
+        base=unknowns_at(world, options.fit),
         candidates=[known[name] for name in wanted],
         settings=GapSettings(search=SearchSettings(max_effects=options.max_effects), seed=options.seed),
         progress=None if options.json else lambda share, step: print(f"  {100 * share:3.0f} % {step}", file=sys.stderr),

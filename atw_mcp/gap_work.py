@@ -1,16 +1,16 @@
-"""What the gap tools compute: numbers left free, the base's own fit, proposals, and what an added effect is worth."""
+"""What the gap tools compute: the base's own fit, proposals, and what an added effect is worth."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 
-from atw_mcp.app import App
 from atw_mcp.gap_pictures import map_picture, path_picture, residual_picture
+from atw_mcp.gap_unknowns import unknown_of
 from atw_mcp.gap_words import verdict_text, worth_text
 from atw_mcp.jobs import Cancelled, Progress
 from polyworld.discrepancy import GapReport, GapSettings, find_gap
@@ -20,55 +20,30 @@ from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base, with_refined_noise
 from polyworld.discrepancy.holdback import HeldBack
 from polyworld.discrepancy.hypothesis import Hypothesis, Part
+from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.localise import localise
 from polyworld.discrepancy.power import power_check
 from polyworld.discrepancy.report import effects_of, finite
 from polyworld.discrepancy.seal import sealed_gap
-from polyworld.discrepancy.search import SearchSettings
+from polyworld.discrepancy.stepping import with_substep
 from polyworld.discrepancy.trial import Trial
-from polyworld.parameter_tables import STATE_PARAMETERS
-from polyworld.parameters import parameter_paths, read_parameter, specification
+from polyworld.parameters import parameter_paths
 from polyworld.recording import Recording
 from polyworld.world import Effect, World
 
-STATES = {path.rpartition(".")[0] for path in STATE_PARAMETERS} | {"shift"}
-ERRORS = 5.0  # standard errors that make an ordinary change of a fitted number
-SHARE = 0.05  # of its range, where no standard error is known
-
-
-def base_unknowns(app: App, world: World, paths: Sequence[str] | None) -> tuple[Unknown, ...]:
-    """The numbers fitted anew in every hypothesis: those given by path, else those that FitWorld fitted in this world.
-
-    Initial states are always free and not among them. Raises KeyError or ValueError for a path that cannot be fitted.
-    """
-    if paths is not None:
-        return unknowns_at(world, paths)
-    fitted = _last_fit(app, world)
-    found = []
-    for value in fitted or ():
-        known = tuple(p for p in value["paths"] if not _is_state(p) and _readable(world, p))
-        if known:
-            error = value["standard_error"]
-            found.append(_unknown(world, known, value["name"], value["lower"], value["upper"], error))
-    return tuple(found)
-
-
-def unknowns_at(world: World, paths: Sequence[str]) -> tuple[Unknown, ...]:
-    """One unknown for each parameter path, in the range that a fit searches."""
-    return tuple(_unknown(world, (path,), path) for path in dict.fromkeys(paths))
-
 
 @dataclass(frozen=True)
-class Examined:
-    """Whether a world explains a recording, and where it does not."""
+class Outcome:
+    """What a piece of work found: a summary for the agent, all of it as plain data, pictures as PNG files by name, and
+    the world that it made, if it made one."""
 
-    explained: bool
     summary: str
     data: dict[str, Any]
-    pictures: dict[str, bytes]
+    pictures: dict[str, bytes] = field(default_factory=dict)
+    world: World | None = None
 
 
-def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power: bool, progress: Progress) -> Examined:
+def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power: bool, progress: Progress) -> Outcome:
     """Fit what a world leaves open and look at what is left; power: also what each effect had to be to be seen."""
     progress.report(0.0, 1.0, "fitting initial states and base parameters")
     with _interruptible():
@@ -88,18 +63,8 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
         if power:
             progress.report(0.7, 1.0, "which effects could have been seen")
             told["power"] = [row.to_json() for row in power_check(trial)]
-        shown = _pictures(_compared(trial))
-    verdict = trial.goodness.summary()
-    return Examined(trial.passes, f"{verdict} {where.summary()}", finite(told), shown)
-
-
-@dataclass(frozen=True)
-class Proposed:
-    """The outcome of a search: all of it, what an agent is shown, and a summary."""
-
-    summary: str
-    data: dict[str, Any]
-    shown: dict[str, Any]
+        pictures = _pictures(_compared(trial))
+    return Outcome(f"{trial.goodness.summary()} {where.summary()}", finite(told), pictures)
 
 
 def propose(
@@ -107,12 +72,10 @@ def propose(
     recording: Recording,
     base: tuple[Unknown, ...],
     candidates: Sequence[Candidate] | None,
-    max_effects: int,
-    seed: int,
+    settings: GapSettings,
     progress: Progress,
-) -> Proposed:
+) -> Outcome:
     """Search for what is missing; the sealed data are not given to it."""
-    settings = GapSettings(search=SearchSettings(max_effects=max_effects), seed=seed)
     with _interruptible():
         report = find_gap(
             world,
@@ -124,24 +87,27 @@ def propose(
             cancelled=progress.cancelled,
         )
     told = report.to_dict()
-    chosen = report.verdict.credible or ((report.verdict.best,) if report.verdict.best is not None else ())
-    told["base_world"] = report.base.hypothesis.fitted_world(report.base.values).model_dump(mode="json")
+    best = report.verdict.best
+    chosen = report.verdict.credible or ((best,) if best is not None else ())
+    told["base_world"] = _fitted_world(report.base, world)
     told["proposals"] = [
-        finite(
-            {
-                "title": trial.hypothesis.title,
-                "effects": effects_of(trial, report.intervals if trial is report.verdict.best else np.zeros((0, 2))),
-                "passes": trial.passes,
-                "ebic": trial.ebic,
-                "world": trial.hypothesis.fitted_world(trial.values).model_dump(mode="json"),
-            }
-        )
+        {
+            "title": trial.hypothesis.title,
+            "effects": effects_of(trial, report.intervals if trial is best else np.zeros((0, 2))),
+            "passes": trial.passes,
+            "ebic_behind": trial.ebic - chosen[0].ebic,
+            "world": _fitted_world(trial, world),
+        }
         for trial in chosen
     ]
-    shown = {key: value for key, value in told.items() if key not in ("history", "world", "base_world", "proposals")}
-    shown["proposals"] = [{key: value for key, value in item.items() if key != "world"} for item in told["proposals"]]
-    shown["steps"] = len(told["history"])
-    return Proposed(verdict_text(told), told, shown)
+    return Outcome(verdict_text(told), finite(told))
+
+
+def _fitted_world(trial: Trial, world: World) -> dict[str, Any]:
+    """The fitted world as JSON, stepped as the one given: a search may have stepped it more coarsely."""
+    fitted = with_substep(trial.hypothesis.fitted_world(trial.values), world.time.substep)
+    document: dict[str, Any] = fitted.model_dump(mode="json")
+    return document
 
 
 def pictures_of(report: GapReport) -> dict[str, bytes]:
@@ -158,6 +124,7 @@ class Proposal:
     before: World
     after: World
     effects: list[dict[str, Any]]
+    explains: bool
 
     @classmethod
     def of(cls, proposal: dict[str, Any], result: dict[str, Any]) -> Self:
@@ -167,6 +134,7 @@ class Proposal:
             World.model_validate(result["base_world"]),
             World.model_validate(proposal["world"]),
             proposal["effects"],
+            proposal["passes"],
         )
 
 
@@ -176,7 +144,7 @@ def with_effect(
     """Add one effect to a world and fit its parameters, from the values given, together with the base."""
     child = World.model_validate({**world.model_dump(), "effects": [*world.model_dump()["effects"], effect]})
     unknowns = tuple(
-        _unknown(child, (path,), path.rsplit(".", 1)[1])
+        unknown_of(child, (path,), path.rsplit(".", 1)[1])
         for path in parameter_paths(child)
         if path.startswith(f"effects.{effect.name}.")
     )
@@ -190,26 +158,17 @@ def with_effect(
         hypothesis = Hypothesis(child, base, (Part(own, variant),))
         start = np.concatenate([ground.values, [u.start for u in unknowns]])
         fitted = with_refined_noise(ground.bench.fit(hypothesis, start, ground.fit.states))
+        intervals = intervals95(fitted.bench, fitted)
     return Proposal(
         effect.name,
         ground.hypothesis.fitted_world(ground.values),
         hypothesis.fitted_world(fitted.values),
-        effects_of(fitted, np.zeros((0, 2))),
+        effects_of(fitted, intervals),
+        fitted.passes,
     )
 
 
-@dataclass(frozen=True)
-class Worth:
-    """What an added effect is worth, on the data fitted and on the sealed ones."""
-
-    title: str
-    world: World
-    summary: str
-    data: dict[str, Any]
-    pictures: dict[str, bytes]
-
-
-def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Worth:
+def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
     """Hold a world with effects against the one without, initial states fitted anew: on fitted, then on sealed data."""
     with _interruptible():
         progress.report(0.6, 1.0, "before and after on the data fitted")
@@ -224,12 +183,14 @@ def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Worth:
     data = finite(
         {
             "effects": proposal.effects,
+            "explains": proposal.explains,
             "fitted_data": fitted.to_dict(),
             "sealed": None if gap is None else gap.to_dict(),
             "pictures_of": "sealed data" if gap is not None else "data fitted",
         }
     )
-    return Worth(proposal.title, proposal.after, worth_text(data), data, _pictures(drawn[0], drawn[1]))
+    says = "the data fitted are explained" if proposal.explains else "the data fitted are still not explained"
+    return Outcome(f"{proposal.title}: {says}; {worth_text(data)}", data, _pictures(drawn[0], drawn[1]), proposal.after)
 
 
 @contextmanager
@@ -251,53 +212,3 @@ def _pictures(before: tuple[Compared, ...], after: tuple[Compared, ...] | None =
         "paths.png": path_picture(before, after),
         "map.png": map_picture(before, after),
     }
-
-
-def _last_fit(app: App, world: World) -> list[dict[str, Any]] | None:
-    """Values of the fit that a world, or the nearest of its ancestors, came from; None where nothing was fitted."""
-    identifier, seen = world.id, set[str]()
-    while identifier not in seen:
-        seen.add(identifier)
-        ancestry = app.store.worlds.parents(identifier)
-        if not ancestry:
-            return None
-        descent = ancestry[-1]
-        if descent.how == "fitted" and "fit" in descent.detail:
-            values: list[dict[str, Any]] = app.store.fits.get(descent.detail["fit"]).document["values"]
-            return values
-        identifier = descent.parent
-    return None
-
-
-def _unknown(
-    world: World,
-    paths: tuple[str, ...],
-    name: str,
-    lower: float | None = None,
-    upper: float | None = None,
-    error: float | None = None,
-) -> Unknown:
-    spec = specification(world, paths[0])
-    value = read_parameter(world, paths[0])
-    if value is None:
-        raise ValueError(f"{paths[0]} is left to the touching object: give it a value before it is fitted")
-    if _is_state(paths[0]):
-        raise ValueError(f"{paths[0]} is an initial state: those are always fitted, each run's own")
-    low = spec.search[0] if lower is None else lower
-    high = spec.search[1] if upper is None else upper
-    low, high = max(min(low, value), spec.lower), min(max(high, value), spec.upper)
-    wide = SHARE * max(high - low, 1e-12)
-    typical = min(max(ERRORS * error, 1e-3 * wide), wide) if error else wide
-    return Unknown(name, paths, spec.unit, value, low, high, typical)
-
-
-def _is_state(path: str) -> bool:
-    parts = path.split(".")
-    return parts[0] == "objects" and len(parts) == 4 and ".".join(parts[2:3]) in STATES
-
-
-def _readable(world: World, path: str) -> bool:
-    try:
-        return read_parameter(world, path) is not None
-    except KeyError:
-        return False

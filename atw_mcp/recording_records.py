@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,20 +31,39 @@ class CaseRecording:
     parts: HeldBack
 
 
-def keep_recording(app: App, case: Case, path: Path, sealed: Sequence[str] | None) -> tuple[str, HeldBack]:
-    """A CSV of runs becomes the case's latest recording; `sealed` names its sealed runs (default: by `hold_back`)."""
-    recording = read_recording(path)
+@dataclass(frozen=True)
+class Imported:
+    """A recording as it was taken in. remarks: what the reader had to say about the file."""
+
+    id: str
+    recording: Recording
+    parts: HeldBack
+    remarks: tuple[str, ...]
+
+
+def keep_recording(app: App, case: Case, path: Path, sealed: Sequence[str] | None) -> Imported:
+    """A CSV of runs becomes the case's latest recording.
+
+    sealed: names of the runs that are sealed; default: as `hold_back` chooses. A file without a column `object` shows
+    the only moving object of the case's latest world. Raises ValueError or KeyError for files that cannot be read.
+    """
+    drafts = [world for world, _ in app.store.cases.worlds(case.id)]
+    names = app.world(case, drafts[-1]).moving_names if drafts else ()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        recording = read_recording(path, names)
     parts = hold_back(recording, sealed)
-    inputs = {"file": path_hash(path), "sealed": None if sealed is None else list(sealed)}
-    document = {
-        "source": {"file": path.name, "sha256": inputs["file"]},
-        "sealed": inputs["sealed"],
-        **_plain(recording),
+    listed = None if sealed is None else list(sealed)
+    inputs = {
+        "file": path_hash(path),
+        "sealed": listed,
+        "objects": sorted({name for run in recording.runs for name in run.names}),
     }
+    document = {"source": {"file": path.name, "sha256": inputs["file"]}, "sealed": listed, **_plain(recording)}
     with app.store.transaction():
         content = app.store.observations.put(KIND, inputs, document)
         app.store.cases.add_observation(case.id, KIND, content.id)
-    return content.id, parts
+    return Imported(content.id, recording, parts, tuple(str(item.message) for item in caught))
 
 
 def case_recording(app: App, case: Case, world: World) -> CaseRecording:

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp import gap_work
 from atw_mcp.app import App
+from atw_mcp.gap_shown import next_step, shown_discrepancy, shown_proposals
+from atw_mcp.gap_unknowns import base_unknowns
+from atw_mcp.gap_work import Outcome
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.recording_records import CaseRecording, case_recording
-from atw_mcp.results import Answer, explained
+from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
-from evidence_store import Case, UnknownRecord
+from evidence_store import Case, Content, UnknownRecord
+from polyworld.discrepancy import GapSettings
+from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.search import SearchSettings
 from polyworld.world import World
 
 GROUP = ToolGroup("gap")
+KIND = "gap"  # of stored outcomes
+DOING = {"examine": "examining", "propose": "looking for what is missing in", "add": "adding an effect to"}
 
 WorldId = Annotated[str | None, Field(description="world id; default: the committed world, else the latest draft")]
 Fitted = Annotated[
@@ -51,23 +62,29 @@ def find_discrepancy(
     start = app.world(found, world)
     with explained():
         recording = case_recording(app, found, start)
-        unknowns = gap_work.base_unknowns(app, start, base)
+        unknowns = base_unknowns(app, start, base)
 
-    def work(progress: Progress) -> Answer:
-        with explained():
-            examined = gap_work.examine(start, recording.parts.fitted, unknowns, power, progress)
-        after = f"ProposeEffects(case={found.id!r}, world={start.id!r})"
+    def answer(outcome: Outcome) -> Answer:
+        steps = f"ProposeEffects(case={found.id!r}, world={start.id!r})"
+        told = {**_told(recording), "next": "nothing to add" if outcome.data["explained"] else steps}
         return Answer(
-            summary=f"{start.id}: {examined.summary}",
-            data={**examined.data, **_told(recording), "next": after if not examined.explained else "nothing to add"},
+            summary=f"{start.id}: {outcome.summary}",
+            data={**outcome.data, **told},
+            shown={**shown_discrepancy(outcome.data), **told},
             case=found.id,
             world=start.id,
             observation=recording.id,
             objects=start.moving_names,
-            pictures=examined.pictures,
+            pictures=outcome.pictures,
         )
 
-    return _long(app, "examine", found, start, recording, {"base": base, "power": power}, work, patience_seconds)
+    return _found_or_computed(
+        app,
+        _Question("examine", found, start, recording, {"base": _plain(unknowns), "power": power}),
+        lambda progress: gap_work.examine(start, recording.parts.fitted, unknowns, power, progress),
+        answer,
+        patience_seconds,
+    )
 
 
 @GROUP.tool("ProposeEffects", title="Name the missing effect", read_only=True)
@@ -97,26 +114,36 @@ def propose_effects(
         raise ToolError(f"no effects {unknown}; effects: {', '.join(known)}")
     with explained():
         recording = case_recording(app, found, start)
-        unknowns = gap_work.base_unknowns(app, start, base)
-    chosen = [known[name] for name in dict.fromkeys(effects)] if effects else None
+        unknowns = base_unknowns(app, start, base)
+    chosen = [item for name, item in known.items() if name in effects] if effects else None
 
-    def work(progress: Progress) -> Answer:
-        with explained():
-            told = gap_work.propose(start, recording.parts.fitted, unknowns, chosen, max_effects, seed, progress)
-        add = f"AddEffect(case={found.id!r}, proposal=this result's evidence id)"
-        step = add if told.data["proposals"] else "nothing to add"
+    settings = GapSettings(search=SearchSettings(max_effects=max_effects), seed=seed)
+
+    def answer(outcome: Outcome) -> Answer:
+        told = {**_told(recording), "next": next_step(found.id, outcome.data)}
         return Answer(
-            summary=f"{start.id}: {told.summary}",
-            data={**told.data, **_told(recording), "next": step},
-            shown={**told.shown, **_told(recording), "next": step},
+            summary=f"{start.id}: {outcome.summary}",
+            data={**outcome.data, **told},
+            shown={**shown_proposals(outcome.data), **told},
             case=found.id,
             world=start.id,
             observation=recording.id,
             objects=start.moving_names,
         )
 
-    inputs = {"base": base, "effects": effects, "max_effects": max_effects, "seed": seed}
-    return _long(app, "propose", found, start, recording, inputs, work, patience_seconds)
+    inputs = {
+        "base": _plain(unknowns),
+        "effects": sorted(set(effects)) if effects else None,
+        "max_effects": max_effects,
+        "seed": seed,
+    }
+    return _found_or_computed(
+        app,
+        _Question("propose", found, start, recording, inputs),
+        lambda progress: gap_work.propose(start, recording.parts.fitted, unknowns, chosen, settings, progress),
+        answer,
+        patience_seconds,
+    )
 
 
 @GROUP.tool("AddEffect", title="Add an effect and show what it is worth", read_only=False, pictures=True)
@@ -152,55 +179,57 @@ def add_effect(
         with explained():
             recording = case_recording(app, found, parent)
 
-        def judge(progress: Progress) -> Answer:
-            with explained():
-                worth = gap_work.worth(made, recording.parts, progress)
-            return _added(app, found, parent, worth, recording, {"proposal": proposal, "hypothesis": hypothesis})
-
-        inputs: dict[str, Any] = {"proposal": proposal, "hypothesis": hypothesis}
-        return _long(app, "add", found, parent, recording, inputs, judge, patience_seconds)
+        detail: dict[str, Any] = {"proposal": proposal, "hypothesis": hypothesis}
+        return _found_or_computed(
+            app,
+            _Question("add", found, parent, recording, {"title": made.title, "after": made.after.id}),
+            lambda progress: gap_work.worth(made, recording.parts, progress),
+            lambda outcome: _added(app, found, parent, outcome, recording, detail),
+            patience_seconds,
+        )
     assert effect is not None
     parent = app.world(found, world)
     with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
         law = effect.to_effect()
         recording = case_recording(app, found, parent)
-        unknowns = gap_work.base_unknowns(app, parent, base)
+        unknowns = base_unknowns(app, parent, base)
 
-    def fit(progress: Progress) -> Answer:
-        with explained():
-            given = gap_work.with_effect(parent, law, recording.parts.fitted, unknowns, progress)
-            worth = gap_work.worth(given, recording.parts, progress)
-        return _added(app, found, parent, worth, recording, {"effect": law.model_dump(mode="json")})
+    def fit(progress: Progress) -> Outcome:
+        given = gap_work.with_effect(parent, law, recording.parts.fitted, unknowns, progress)
+        return gap_work.worth(given, recording.parts, progress)
 
-    inputs = {"effect": law.model_dump(mode="json"), "base": base}
-    return _long(app, "add", found, parent, recording, inputs, fit, patience_seconds)
+    described = {"effect": law.model_dump(mode="json")}
+    return _found_or_computed(
+        app,
+        _Question("add", found, parent, recording, {**described, "base": _plain(unknowns)}),
+        fit,
+        lambda outcome: _added(app, found, parent, outcome, recording, described),
+        patience_seconds,
+    )
 
 
 def _added(
-    app: App,
-    case: Case,
-    parent: World,
-    worth: gap_work.Worth,
-    recording: CaseRecording,
-    detail: dict[str, Any],
+    app: App, case: Case, parent: World, outcome: Outcome, recording: CaseRecording, detail: dict[str, Any]
 ) -> Answer:
+    child = outcome.world
+    assert child is not None
     modelled = app.store.cases.modelled_observation(case.id, parent.id)
-    app.keep_world(case, worth.world, how="effect_added", parent=parent, detail=detail, observation=modelled)
-    child = worth.world
+    app.keep_world(case, child, how="effect_added", parent=parent, detail=detail, observation=modelled)
     return Answer(
-        summary=f"added {worth.title}: world {child.id}; {worth.summary}",
+        summary=f"world {child.id} with {outcome.summary}",
         data={
             "world": child.id,
             "from_world": parent.id,
-            **worth.data,
+            **outcome.data,
             **_told(recording),
-            "next": f"InspectRollout(case={case.id!r}, world={child.id!r}), then CommitWorld",
+            "next": f"InspectRollout(case={case.id!r}, world={child.id!r}), then CommitWorld; a rollout without it: "
+            "edits=[{action: 'toggle_effect', effect: NAME, enabled: false}]",
         },
         case=case.id,
         world=child.id,
         observation=recording.id,
         objects=child.moving_names,
-        pictures=worth.pictures,
+        pictures=outcome.pictures,
     )
 
 
@@ -227,27 +256,70 @@ def _told(recording: CaseRecording) -> dict[str, Any]:
     return {"recording": recording.id, "sealed_data": recording.parts.said}
 
 
-def _long(
+def _plain(unknowns: tuple[Unknown, ...]) -> list[dict[str, Any]]:
+    return [plain(vars(unknown)) for unknown in unknowns]
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What is asked, of which world and data: equal questions have equal answers."""
+
+    what: str
+    case: Case
+    world: World
+    recording: CaseRecording
+    inputs: dict[str, Any]
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        """Everything that determines the answer."""
+        return {"what": self.what, "world": self.world.id, "recording": self.recording.id, **self.inputs}
+
+
+def _found_or_computed(
     app: App,
-    what: str,
-    case: Case,
-    world: World,
-    recording: CaseRecording,
-    inputs: dict[str, Any],
-    work: Any,
+    question: _Question,
+    compute: Callable[[Progress], Outcome],
+    answer: Callable[[Outcome], Answer],
     patience: float,
-) -> LongWork:
-    whole = {"what": what, "world": world.id, "recording": recording.id, **inputs}
+) -> Answer | LongWork:
+    """The stored outcome of an equal question, else the work that finds it."""
+    kept = app.store.fits.find(KIND, question.whole)
+    if kept is not None:
+        return answer(_outcome(kept))
+
+    def work(progress: Progress) -> Answer:
+        with explained():
+            outcome = compute(progress)
+        document = {
+            "summary": outcome.summary,
+            "data": plain(outcome.data),
+            "world": None if outcome.world is None else outcome.world.model_dump(mode="json"),
+        }
+        pictures = {name: np.frombuffer(content, np.uint8) for name, content in outcome.pictures.items()}
+        app.store.fits.put(KIND, question.whole, document, pictures)
+        return answer(outcome)
+
     return LongWork(
-        key=app.store.observations.key("gap", whole) + case.id,
+        key=app.store.fits.key(KIND, question.whole) + question.case.id,
         work=work,
         draft=Answer(
-            summary=f"{what} of {world.id} on {recording.id}",
+            summary=f"{DOING[question.what]} {question.world.id} on {question.recording.id}",
             data={},
-            case=case.id,
-            world=world.id,
-            observation=recording.id,
-            objects=world.moving_names,
+            case=question.case.id,
+            world=question.world.id,
+            observation=question.recording.id,
+            objects=question.world.moving_names,
         ),
         patience=patience,
+    )
+
+
+def _outcome(kept: Content) -> Outcome:
+    made = kept.document["world"]
+    return Outcome(
+        kept.document["summary"],
+        kept.document["data"],
+        {name: content.tobytes() for name, content in kept.arrays.items()},
+        None if made is None else World.model_validate(made),
     )

@@ -19,6 +19,7 @@ from atw_mcp.perception.calibration import (
     calibrate_from_points,
     calibrate_given,
 )
+from atw_mcp.recording_records import Imported, keep_recording
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.shape_records import series_rows
 from atw_mcp.toolbox import ToolGroup
@@ -38,10 +39,12 @@ def import_observation(
     app: App,
     case: CaseId,
     kind: Annotated[
-        Literal["tracks", "points", "series", "masks", "camera", "depth", "mesh"],
+        Literal["tracks", "recording", "points", "series", "masks", "camera", "depth", "mesh"],
         Field(
             description="tracks: positions in the world (CSV with columns frame or t, object, x, y and optionally z, "
-            "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). points: of deformable objects (CSV with "
+            "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). recording: measured motion in one or "
+            "several runs, which the gap tools use (CSV with columns run, object, t, x, y, z and optionally qw..qz; "
+            "cells not measured are empty). points: of deformable objects (CSV with "
             "frame or t, object, point, x, y and optionally z, confidence, sigma). series: numbers over time (CSV with "
             "frame or t, object, quantity, value, sigma; quantity: amount with a column container, height, front_x..z, "
             "tension). masks: of the video (folder of PNGs, "
@@ -66,13 +69,25 @@ def import_observation(
     value_sigma: Annotated[
         float | None, Field(gt=0, le=1e6, description="accuracy of series that state none, in their own unit")
     ] = None,
+    sealed_runs: Annotated[
+        list[Annotated[str, Field(max_length=200)]] | None,
+        Field(
+            max_length=1000,
+            description="runs of a recording that no fit and no search may see, on which AddEffect shows what an "
+            "effect is worth; default: the last quarter of the runs, or of a single run's time; []: none",
+        ),
+    ] = None,
 ) -> Answer:
     """Bring in what another program observed, in place of ObserveObjects or CalibrateCamera. Lengths are metres, z is
-    up. The latest import counts; points and series join the tracks there are. Next: BuildWorld (after tracks),
-    CalibrateCamera (after masks)."""
+    up. The latest import counts; points and series join the tracks there are. Next: BuildWorld (after tracks or a
+    recording), CalibrateCamera (after masks)."""
     found = app.case_to_model(case, "ImportObservation")
     with explained():
         place = importing.existing_path(path)
+        if sealed_runs is not None and kind != "recording":
+            raise ValueError(f"sealed_runs are runs of a recording; kind is {kind!r}")
+        if kind == "recording":
+            return _recording_answer(found, keep_recording(app, found, place, sealed_runs))
         if kind == "tracks":
             record = importing.keep_tracks(app, found, place, seconds_per_frame, position_sigma)
             return _tracks_answer(found, record)
@@ -105,6 +120,41 @@ def import_observation(
         },
         case=found.id,
         observation=content.id,
+    )
+
+
+def _recording_answer(case: Case, imported: Imported) -> Answer:
+    recording, sealed = imported.recording, imported.parts.sealed
+    names = tuple(dict.fromkeys(name for run in recording.runs for name in run.names))
+    rows = [
+        {
+            "run": run.name,
+            "objects": list(run.names),
+            "instants": len(run.times),
+            "from": run.times[0],
+            "to": run.times[-1],
+            "orientations": bool(np.isfinite(run.orientations).any()),
+            "sealed": sealed is not None and run.name in {r.name for r in sealed.runs},
+        }
+        for run in recording.runs
+    ]
+    objects = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    remarks = "".join(f". {remark}" for remark in imported.remarks)
+    return Answer(
+        summary=f"recording {imported.id}: {len(rows)} runs of {objects}; {imported.parts.said}{remarks}",
+        data={
+            "recording": imported.id,
+            "runs": rows,
+            "objects": list(names),
+            "sealed_data": imported.parts.said,
+            "remarks": list(imported.remarks),
+            "next": f"BuildWorld(case={case.id!r}, objects=[{{name, shape, position, mass, ...}}, ...]) or world=JSON, "
+            f"with these names of objects; then FindDiscrepancy(case={case.id!r})",
+        },
+        case=case.id,
+        observation=imported.id,
+        objects=names,
+        interval=(min(float(r.times[0]) for r in recording.runs), max(float(r.times[-1]) for r in recording.runs)),
     )
 
 
