@@ -184,6 +184,7 @@ def _searched(
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
+    search.twins(effects)
     verdict = decide(search.ranked(effects), settings.search.credible)
     bench = verdict.best.bench if verdict.best is not None else search.bench
     if bench is not ground.bench:

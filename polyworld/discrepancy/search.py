@@ -21,11 +21,14 @@ from polyworld.discrepancy.trial import Bench, Start, Trial
 
 Array = NDArray[np.float64]
 
-FIRST_ITERATIONS = 3  # of every contender, after which the hopeless are left
+FAR = 10.0  # chi2 per measurement beyond which a fit is no place to start from
+FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
+ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
+ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Search:
     tell: Callable[[str, dict[str, Any]], None]
     early: tuple[Array, ...]
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
         """The best trial of every hypothesis (with so many effects), lowest EBIC first."""
@@ -97,6 +101,8 @@ class Search:
                     "promised": [{"effect": x.hypothesis.title, "chi2": x.chi2} for x in own[:12]],
                 },
             )
+            for lead in reversed(own):  # the best last, so that it stays
+                self.promised[identity(lead.hypothesis)] = (parent.chi2, lead)
             found += [(parent, lead) for lead in own]
         found.sort(key=lambda pair: self._promise(pair[1]))
         firsts = _first_of_each(found, self.settings.contenders)
@@ -133,15 +139,21 @@ class Search:
 
     def _fit_leads(self, chosen: Sequence[tuple[Trial, Lead]], level: float) -> None:
         """First iterations of every lead, then to convergence where it may still win."""
-        rough = []
-        for parent, lead in chosen:
-            start = self.bench.nearest(lead.hypothesis, self._options(parent, lead))
-            fit = self.bench.fit(lead.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
-            rough.append(self.take(fit))
-        self.finish(rough, level)
+        self.finish([self.take(self._first_fit(parent, lead)) for parent, lead in chosen], level)
+
+    def _first_fit(self, parent: Trial, lead: Lead) -> Trial:
+        """Where the parent is far from the data, over growing horizons from early states: its own states are bent to
+        its law, and the slopes there foretell little. Else from the best of several starts nearby."""
+        if parent.chi2 > FAR * self.bench.observations:
+            return self.bench.fit(
+                lead.hypothesis, lead.values, self.early, horizons=profile.HORIZONS, iterations=FIRST_ITERATIONS
+            )
+        start = self.bench.nearest(lead.hypothesis, self._options(parent, lead))
+        return self.bench.fit(lead.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
 
     def _options(self, parent: Trial, lead: Lead) -> list[Start]:
-        """Starts of a lead: the effect off and on, with the parent's states, those that go with it, and early ones."""
+        """Starts of a lead: the effect on with early states; off, with the parent's; and on the way to what the score
+        test foretells."""
         options = [Start(lead.values, self.early)]
         if lead.before is not None:
             options.append(Start(lead.before, parent.fit.states))
@@ -204,6 +216,23 @@ class Search:
             if again.chi2 < trial.chi2 - 1.0:
                 self._told("restart", again)
             self.take(again)
+
+    def twins(self, effects: int) -> None:
+        """Fit with care what promised the same as the best hypothesis: it may be the same motion by another name."""
+        best = self.best(effects)
+        told = None if best is None else self.promised.get(identity(best.hypothesis))
+        if best is None or told is None:
+            return
+        level, own = told
+        states = profile.start_states(self.bench.design)
+        for key, (before, lead) in list(self.promised.items()):
+            known = self.trials.get(key)
+            if before != level or abs(lead.chi2 - own.chi2) > ALIKE * (level - own.chi2):
+                continue
+            if known is None or known.chi2 > best.chi2 + ALIKE_FIT:
+                trial = self.bench.fit(lead.hypothesis, lead.values, states, horizons=profile.HORIZONS)
+                self._told("twin", trial)
+                self.take(trial)
 
     def swap(self, effects: int) -> None:
         """Replace each effect of the best hypothesis by every other that promises more."""
