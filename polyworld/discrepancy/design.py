@@ -86,12 +86,18 @@ class RunDesign:
 
     def before(self, horizon: float) -> NDArray[np.bool_]:
         """Which entries (m,) of the residual vector lie in the first part `horizon` (0 to 1] of the run's time."""
-        times = self.times
-        end = times[0] + horizon * (times[-1] - times[0])
+        there = self.instants_before(horizon)
         keep = np.zeros(self.length, dtype=bool)
         for s in self.series:
-            keep[s.where] = times[s.rows] <= end * (1.0 + 1e-12)
+            keep[s.where] = there[s.rows]
         return keep
+
+    def instants_before(self, horizon: float) -> NDArray[np.bool_]:
+        """Which instants (T,) lie in that part of the run's time."""
+        times = self.times
+        end = times[0] + horizon * (times[-1] - times[0])
+        there: NDArray[np.bool_] = times <= end * (1.0 + 1e-12)
+        return there
 
 
 @dataclass(frozen=True)

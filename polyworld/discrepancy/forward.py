@@ -50,8 +50,11 @@ class Forward:
     rollouts: int = 0
     _groups: dict[int, _Group] = field(default_factory=dict, repr=False)
 
-    def residuals(self, settings: Sequence[Settings]) -> list[Array]:
-        """Residuals (k, m) of each of the settings, in their order."""
+    def residuals(self, settings: Sequence[Settings], horizon: float = 1.0) -> list[Array]:
+        """Residuals (k, m) of each of the settings, in their order.
+
+        horizon: part of each run's time that is of interest, as in `RunDesign.before`; residuals beyond it may be 0.
+        """
         if self.cancelled is not None and self.cancelled():
             raise InterruptedError("cancelled")
         by_group: dict[int, list[int]] = {}
@@ -61,7 +64,7 @@ class Forward:
         for key, members in by_group.items():
             group = self._groups[key]
             chosen = [settings[i] for i in members]
-            batch, observer = group.run(self.unknowns, chosen)
+            batch, observer = group.run(self.unknowns, chosen, horizon)
             self.rollouts += sum(len(s.shared) for s in chosen)
             at = 0
             for i, item in zip(members, chosen, strict=True):
@@ -108,7 +111,7 @@ class _Group:
         return design.absent == self.absent and np.array_equal(design.times, self.times)
 
     def run(
-        self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings]
+        self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], horizon: float
     ) -> tuple[BatchTrajectory, dict[str, Array]]:
         """Roll out all settings as one batch; also the observer's parameters of each world."""
         count = sum(len(s.shared) for s in settings)
@@ -119,17 +122,19 @@ class _Group:
         observer = {path: v for path, v in values.items() if path.startswith("observer.")}
         overrides = {path: v for path, v in values.items() if path not in observer and path in self._paths}
         instants = self.times
+        samples: int | None = int(np.count_nonzero(self._runs[self.key].instants_before(horizon)))
         if self.observer is not None:
             base = read_parameter(self.world, CLOCK)
             ratio = clock_ratio(self.observer, observer)
             overrides[CLOCK] = overrides.get(CLOCK, np.full(count, base)) * ratio
             instants = sampling_times(self.times, observer, self.observer, self._runs[self.key].run.name)
+            samples = None  # the stamps are not the instants
         key = (count, instants.tobytes())
         if key not in self._simulators:
             if len(self._simulators) >= 4:  # sizes come and go; the newest are those that come again
                 self._simulators.pop(next(iter(self._simulators)))
             self._simulators[key] = simulator(self.world, instants, n_worlds=count)
-        return self._simulators[key].run(overrides or None), observer
+        return self._simulators[key].run(overrides or None, samples=samples), observer
 
     def compare(self, design: RunDesign, batch: BatchTrajectory, observer: dict[str, Array], worlds: slice) -> Array:
         """Residuals (k, m) of some worlds of a batch against one run."""
@@ -150,17 +155,18 @@ class _Group:
                 design.run.name,
             )
         k = positions.shape[0]
-        residual = np.full((k, design.length), np.nan)
+        residual = np.zeros((k, design.length))
         turns: dict[str, Array] = {}
         for s in design.series:
             column = names.index(s.name)
+            rows = s.rows[s.rows < positions.shape[1]]
+            where = slice(s.where.start, s.where.start + len(rows))
             if s.kind == "position":
-                seen = design.run.positions[s.rows, column, s.axis]
-                residual[:, s.where] = positions[:, s.rows, column, s.axis] - seen
+                residual[:, where] = positions[:, rows, column, s.axis] - design.run.positions[rows, column, s.axis]
                 continue
             if s.name not in turns:
-                turns[s.name] = self._turned(design, orientations[:, s.rows, column], s.rows, column)
-            residual[:, s.where] = turns[s.name][..., s.axis]
+                turns[s.name] = self._turned(design, orientations[:, rows, column], rows, column)
+            residual[:, where] = turns[s.name][..., s.axis]
         residual[batch.diverged[worlds]] = np.nan
         return residual
 

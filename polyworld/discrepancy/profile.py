@@ -84,12 +84,11 @@ def fit(
     converged = False
     steps = _first_steps(forward)
     for horizon in horizons:
-        keep = tuple(r.before(horizon) for r in forward.design.runs)
         loose = tolerance if horizon >= 1.0 else 10.0
         aim = target if horizon >= 1.0 else None
-        at, steps, used, converged = _descend(forward, noise, at, keep, steps, iterations, loose, aim)
+        at, steps, used, converged = _descend(forward, noise, at, horizon, steps, iterations, loose, aim)
         total += used
-    linear = _linearise(forward, noise, at, tuple(np.ones(r.length, bool) for r in forward.design.runs), steps)
+    linear = _linearise(forward, noise, at, 1.0, steps)
     covariance, _ = _covariances(forward, linear)
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
 
@@ -107,10 +106,9 @@ def linearise(
     For the score test: states are the fit's own, and the shared unknowns those of an effect that does nothing yet.
     """
     point = _Point(np.asarray(values, dtype=float), tuple(states))
-    keep = tuple(np.ones(r.length, bool) for r in forward.design.runs)
     shared, own = _first_steps(forward)
     if fitted is None:
-        return _linearise(forward, noise, point, keep, (shared, own))
+        return _linearise(forward, noise, point, 1.0, (shared, own))
     return _linearise_shared(forward, noise, point, fitted.linear.b, shared)
 
 
@@ -121,7 +119,6 @@ class _Point:
 
 
 _Steps = tuple[Array, tuple[Array, ...]]
-_Masks = tuple[NDArray[np.bool_], ...]
 
 
 def _first_steps(forward: Forward) -> _Steps:
@@ -133,7 +130,7 @@ def _descend(
     forward: Forward,
     noise: Noise,
     at: _Point,
-    keep: _Masks,
+    horizon: float,
     steps: _Steps,
     iterations: int,
     tolerance: float,
@@ -142,21 +139,21 @@ def _descend(
     damping = 1e-4
     chi2 = np.inf
     for iteration in range(iterations):
-        linear = _linearise(forward, noise, at, keep, steps)
+        linear = _linearise(forward, noise, at, horizon, steps)
         chi2 = linear.chi2
         if not np.isfinite(chi2):
             return at, steps, iteration, False
         steps = _steps(forward, linear)
         dampings = damping * TRIALS
         trials = [_step(forward, linear, at, d) for d in dampings]
-        costs = _costs(forward, noise, trials, keep)
+        costs = _costs(forward, noise, trials, horizon)
         best = int(np.argmin(costs))
         if not costs[best] < chi2:
             damping *= 1e4
             if damping > 1e10:
                 return at, steps, iteration + 1, True
             trials = [_step(forward, linear, at, d) for d in damping * TRIALS]
-            costs = _costs(forward, noise, trials, keep)
+            costs = _costs(forward, noise, trials, horizon)
             best = int(np.argmin(costs))
             if not costs[best] < chi2:
                 return at, steps, iteration + 1, True
@@ -171,7 +168,7 @@ def _descend(
     return at, steps, iterations, False
 
 
-def _linearise(forward: Forward, noise: Noise, at: _Point, keep: _Masks, steps: _Steps) -> Linearised:
+def _linearise(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps) -> Linearised:
     shared, own = steps
     lower, upper = _bounds(forward)
     s = len(shared)
@@ -186,8 +183,8 @@ def _linearise(forward: Forward, noise: Noise, at: _Point, keep: _Masks, steps: 
         states[1 + s + np.arange(n), np.arange(n)] += own[r.index]
         settings.append(Settings(r.index, np.clip(values, lower, upper), states))
     rs, aa, bb = [], [], []
-    for r, raw in zip(forward.design.runs, forward.residuals(settings), strict=True):
-        white = noise.whiten(r.index, raw) * keep[r.index]
+    for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
+        white = noise.whiten(r.index, raw) * r.before(horizon)
         base = white[0]
         slopes = (white[1:] - base).T / np.concatenate([signed, own[r.index]])
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
@@ -222,14 +219,14 @@ def _bounds(forward: Forward) -> tuple[Array, Array]:
     return np.array([u.lower for u in forward.unknowns]), np.array([u.upper for u in forward.unknowns])
 
 
-def _costs(forward: Forward, noise: Noise, trials: Sequence[_Point], keep: _Masks) -> Array:
+def _costs(forward: Forward, noise: Noise, trials: Sequence[_Point], horizon: float) -> Array:
     settings = [
         Settings(r.index, np.array([t.values for t in trials]), np.array([t.states[r.index] for t in trials]))
         for r in forward.design.runs
     ]
     total = np.zeros(len(trials))
-    for r, raw in zip(forward.design.runs, forward.residuals(settings), strict=True):
-        white = noise.whiten(r.index, raw) * keep[r.index]
+    for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
+        white = noise.whiten(r.index, raw) * r.before(horizon)
         total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
     return total
 
