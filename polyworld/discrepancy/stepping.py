@@ -35,7 +35,7 @@ def coarsened(world: World, recording: Recording) -> World:
     noise = measured_noise(plan)
     states = profile.start_states(plan)
     settings = [Settings(r.index, np.zeros((1, 0)), states[r.index][None]) for r in plan.runs]
-    steps = [min(interval, LONGEST) * 1.001 / 2**k for k in range(HALVINGS + 1)]
+    steps = [min(1.001 * interval, LONGEST) / 2**k for k in range(HALVINGS + 1)]
     steps = [*(s for s in steps if s > own), own]
     finer = Forward(plan, with_substep(world, steps[-1]), ()).residuals(settings)
     best = own
