@@ -38,6 +38,7 @@ from polyworld.world import World
 
 CONTENDERS = 6  # terms that are fitted, of those the score test ranks
 MAX_TERMS = 3
+NOISIER = 2.0  # more than this times the variance that third differences tell is no noise, whatever its course
 REFINEMENTS = 2  # of the noise, after a better law is found
 BETTER = 2.0  # least fall of the criterion for one more term
 NEAR = 10.0  # laws within this of the best criterion are told as alternatives
@@ -131,8 +132,9 @@ class _Search:
         return best
 
     def passes(self, known: FittedLaw) -> bool:
-        """Whether what a law leaves is noise."""
-        return goodness(self.problem.design, self.problem.noise, known.fit).passes
+        """Whether what a law leaves is noise, in its course and in its size."""
+        noise = self.problem.noise
+        return known.fit.chi2 < NOISIER * noise.count and goodness(self.problem.design, noise, known.fit).passes
 
     def _renoised(self, best: FittedLaw) -> FittedLaw:
         """The best law under the noise that its residuals tell, and all others judged under that noise too."""

@@ -119,8 +119,12 @@ def test_the_child_world_moves_as_the_data_do():
 
 
 def test_a_law_that_no_sum_of_terms_writes_is_not_said_to_explain():
-    """Walls of force along winding lines: nothing smooth in place, speed or time."""
-    found = described(lambda _t, x, v: 3.0 * np.sign(np.sin(9.0 * x[0] + 7.0 * x[1])) * np.array([-v[1], v[0]]))
+    """Hills and hollows of potential, several of which every run crosses."""
+
+    def hills(_t: float, x: Array, _v: Array) -> Array:
+        return 2.0 * np.array([np.sin(3.0 * x[0]) * np.cos(3.0 * x[1]), np.cos(3.0 * x[0]) * np.sin(3.0 * x[1])])
+
+    found = described(hills)
     assert not found.explains
     assert "does not explain" in found.summary()
     assert found.chi2_after > 1.5 * found.data
