@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 MOST_STARTS = 6
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
+SKEW = 0.15  # error of a wall's direction that noise may make [rad]
 SAME_WALL = 0.3  # angle [rad] within which kinks belong to one wall
 HEAVIEST = 20.0  # times the mass of what struck it
 
@@ -109,7 +110,11 @@ def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tupl
         if kink.before @ normal > 0.0:
             continue  # it was pushed on, not turned back
         touched = float(kink.place @ normal) - reach(world, world.object(kink.name))
-        if float((everywhere @ normal - radius).min()) < touched - BEYOND * float(np.median(radius)):
+        along = np.linalg.norm(
+            (everywhere - kink.place)[:, flat] - np.outer((everywhere - kink.place) @ normal, normal[flat]), axis=1
+        )
+        slack = BEYOND * float(np.median(radius)) + SKEW * along
+        if np.any(everywhere @ normal - radius < touched - slack):
             continue
         if any(n @ normal > np.cos(SAME_WALL) and abs(o - touched) < np.median(radius) for n, o in found):
             continue
