@@ -76,7 +76,7 @@ class Law:
         for i, term in enumerate(self.terms):
             names = [*term.strengths, *(s.name for s in term.shapes)]
             parts.append(term.written({n: values.get(self.name(i, n), self.name(i, n)) for n in names}))
-        return " + ".join(parts).replace("+ -", "- ")
+        return _tidy(" + ".join("-" + p[2:] if p.startswith("- ") else p for p in parts))
 
     def literal(self, values: Mapping[str, float]) -> str:
         """The expression with numbers in the place of names."""
@@ -132,6 +132,12 @@ class Score:
     term: Term
     gain: float
     values: tuple[float, ...]
+
+
+def _tidy(text: str) -> str:
+    """Signs that follow each other drawn together."""
+    text = text.replace("+ -", "- ").replace("- -", "+ ").replace("(--", "(")
+    return text[2:].lstrip() if text.startswith(("--", "+ ")) else text
 
 
 def criterion(problem: Problem, law: Law, chi2: float) -> float:

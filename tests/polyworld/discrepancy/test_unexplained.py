@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
+from polyworld.discrepancy.residual_law import Law
 from polyworld.discrepancy.residual_scales import scales_of
 from polyworld.discrepancy.residual_terms import Scales, library
 from polyworld.discrepancy.unexplained import ResidualForce, describe_unexplained
@@ -95,6 +96,7 @@ def test_a_force_that_dies_away_is_told_with_its_time():
     found = described(lambda t, _x, _v: 1.5 * np.exp(-t / 0.35) * np.array([0.6, 0.8]))
     assert found.explains
     assert found.expression.startswith("exp(-t/tau)")
+    assert len(compile_expression(Expression((found.written,)))) > 1
     low, high = found.numbers["tau"].interval95
     assert low - 0.01 < 0.35 < high + 0.01
 
@@ -142,6 +144,13 @@ def test_equal_inputs_give_equal_answers():
         return -0.3 * np.abs(v) * v
 
     assert described(law, 7).to_json() == described(law, 7).to_json()
+
+
+def test_signs_of_a_law_with_its_numbers_are_drawn_together():
+    drag = next(t for t in library(Scales(2.0, 1.0, (0.0, 0.0, 0.0), 1.0, 0.01, 0.0, "xy")) if t.name == "drag")
+    law = Law((drag, drag))
+    values = {"k1": -0.5, "p1": 1.0, "k2": -0.25, "p2": 2.0}
+    assert law.literal(values) == ("0.5[m/s^2]*(speed/2[m/s])^1*unit(v) + 0.25[m/s^2]*(speed/2[m/s])^2*unit(v)")
 
 
 @pytest.mark.parametrize("axes", ["xyz", "xy", "z"])
