@@ -19,16 +19,21 @@ from tests.benchmarks.hidden_strength import LARGEST, SMALLEST, Strong, make_str
 NOISES = (0.001, 0.01, 0.03)
 ATTEMPTS = 40
 
-# Effects that no pair of launches tells apart: naming any of them is right.
+# Effects that no pair of launches tells apart: naming any of them is right. On a level plane the clock, and gravity,
+# show through friction alone; and a force that needs contact acts always.
 SAME = (frozenset({"gravity_error", "buoyancy", "observer_scale", "observer_clock"}),)
+SAME_ON_PLANE = (
+    frozenset({"friction_error", "gravity_error", "observer_clock"}),
+    frozenset({"linear_drag", "viscous_friction"}),
+)
 
 
 @dataclass(frozen=True)
 class Case:
     """section and index tell the case; draw: index of the physics, the same for all noise levels.
 
-    effects: names, empty for none. noise: standard deviation as a share of the path scale (positions) and of a radian
-    (turns). design, runs, rate: see `hidden_design`.
+    effects: names, empty for none. bodies: how many the scene has. noise: standard deviation as a share of the path
+    scale (positions) and of a radian (turns). design, runs, rate: see `hidden_design`.
     """
 
     section: str
@@ -40,6 +45,7 @@ class Case:
     design: str = "bouncing"
     runs: int = 8
     rate: float = 120.0
+    bodies: int = 1
 
     @property
     def name(self) -> str:
@@ -51,9 +57,9 @@ class Case:
         return asdict(self)
 
 
-def same_class(name: str) -> frozenset[str]:
-    """All effects that no experiment with one ball tells from this one."""
-    return next((s for s in SAME if name in s), frozenset({name}))
+def same_class(name: str, section: str) -> frozenset[str]:
+    """All effects that no experiment of a section tells from this one."""
+    return next((s for s in (SAME_ON_PLANE if section == "bodies" else SAME) if name in s), frozenset({name}))
 
 
 def one_effect(seeds: int) -> Iterator[Case]:
@@ -77,7 +83,7 @@ def nothing(seeds: int) -> Iterator[Case]:
 def two_effects(seeds: int) -> Iterator[Case]:
     """Pairs of effects of different classes that act in the bouncing design, at 0.1 and 1% noise."""
     names = [n for n, (_, designs) in EFFECTS.items() if designs == ("bouncing",)]
-    pairs = [p for p in itertools.combinations(names, 2) if p[1] not in same_class(p[0])]
+    pairs = [p for p in itertools.combinations(names, 2) if p[1] not in same_class(p[0], "two_effects")]
     order = np.random.default_rng(0).permutation(len(pairs))
     index = itertools.count()
     for draw in range(seeds):
@@ -102,9 +108,22 @@ def poor_designs(seeds: int) -> Iterator[Case]:
         for k, (design, runs, rate) in enumerate(
             (("bouncing", 1, 120.0), ("drops", 8, 120.0), ("bouncing", 8, 24.0), ("one_speed", 8, 120.0))
         ):
-            # Stride 7 and 22 names have no common factor: every effect meets every design in turn.
+            # Strides of 7 and 3 through the names: every effect meets every design in turn.
             name = names[(7 * draw + 3 * k) % len(names)]
             yield Case("poor_designs", next(index), 4 * draw + k, (name,), 0.01, "white", design, runs, rate)
+
+
+def bodies(seeds: int) -> Iterator[Case]:
+    """Two to six discs that collide: one effect, or in one case of eleven none, at all noise levels."""
+    names = ("tilt", "linear_drag", "quadratic_drag", "coriolis", "friction_error", "restitution_error", "mass_error")
+    names = (*names, "friction_patch", "spring", "observer_scale", "")
+    index = itertools.count()
+    for draw in range(seeds):
+        for k, name in enumerate(names):
+            effects = (name,) if name else ()
+            for noise in NOISES:
+                count = 2 + (draw + k) % 5
+                yield Case("bodies", next(index), draw, effects, noise, design="discs", runs=4, rate=60.0, bodies=count)
 
 
 SECTIONS: dict[str, Callable[[int], Iterator[Case]]] = {
@@ -113,9 +132,10 @@ SECTIONS: dict[str, Callable[[int], Iterator[Case]]] = {
     "two_effects": two_effects,
     "outside": outside,
     "poor_designs": poor_designs,
+    "bodies": bodies,
 }
 # Repetitions in a full run: 28 effects x 10 seeds x 3 noises; 300 white and 100 of each other kind; and so on.
-FULL = {"one_effect": 10, "nothing": 100, "two_effects": 100, "outside": 10, "poor_designs": 25}
+FULL = {"one_effect": 10, "nothing": 100, "two_effects": 100, "outside": 10, "poor_designs": 25, "bodies": 10}
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from tests.benchmarks.hidden_ball import Launch, UnusableCase
 from tests.benchmarks.hidden_ball import Path as Motion
 from tests.benchmarks.hidden_cases import Case, Hidden, draw_hidden
 from tests.benchmarks.hidden_design import GRAVITY, RESTITUTION
+from tests.benchmarks.hidden_disc_cases import draw_discs
 from tests.benchmarks.hidden_files import read_json, write_json, write_runs
 from tests.benchmarks.hidden_observer import Fault, noisy
 from tests.benchmarks.hidden_outside import OUTSIDE
@@ -86,17 +87,24 @@ def _observed(
 
 def generate(case: Case, seed: int, public: Path, private: Path) -> None:
     """Write one case."""
-    hidden = draw_hidden(case, seed)
     rng = np.random.default_rng([seed, 1, *(ord(c) for c in case.name)])
-    count, fitted = len(hidden.design.launches), hidden.design.fitted
-    data = observed_runs(hidden, rng, range(fitted))
-    sealed = observed_runs(hidden, rng, range(fitted, count))
+    if case.section == "bodies":
+        discs = draw_discs(case, seed)
+        names, world, truth = discs.names, discs.world_json(), discs.truth_json(seed)
+        data = discs.runs(rng, range(case.runs))
+        sealed = discs.runs(rng, range(case.runs, len(discs.scene.starts)))
+    else:
+        hidden = draw_hidden(case, seed)
+        names, world = ["ball"], world_json(hidden)
+        truth = truth_json(hidden, seed, case.noise * hidden.design.path_scale)
+        data = observed_runs(hidden, rng, range(hidden.design.fitted))
+        sealed = observed_runs(hidden, rng, range(hidden.design.fitted, len(hidden.design.launches)))
     public.mkdir(parents=True, exist_ok=True)
     private.mkdir(parents=True, exist_ok=True)
-    write_runs(public / "sealed.csv", ["ball"], sealed)
-    write_runs(public / "data.csv", ["ball"], data)
-    write_json(private / "truth.json", truth_json(hidden, seed, case.noise * hidden.design.path_scale))
-    write_json(public / "world.json", world_json(hidden))
+    write_runs(public / "sealed.csv", names, sealed)
+    write_runs(public / "data.csv", names, data)
+    write_json(private / "truth.json", truth)
+    write_json(public / "world.json", world)  # the last: its presence tells the runner that the case is whole
 
 
 def run_experiment(case: Case, seed: int, public: Path, asked: dict[str, Any]) -> None:

@@ -460,7 +460,7 @@ EFFECTS: dict[str, tuple[Draw, tuple[str, ...]]] = {
         (restitution_speed, ("bouncing",)),
         (bounce_friction, ("bouncing",)),
         (spin_coupling, ("bouncing",)),
-        (friction_error, ("bouncing", "floor")),
+        (friction_error, ("bouncing", "sliding")),
         (hidden_wall, ("outward",)),
         (observer_scale, ("bouncing",)),
         (observer_clock, ("bouncing",)),

@@ -172,12 +172,31 @@ def _poor(outcomes: list[Outcome]) -> list[Row]:
     return rows
 
 
+def _bodies(outcomes: list[Outcome]) -> list[Row]:
+    hidden = [o for o in outcomes if o["truth"]]
+    rows = [
+        share_row(f"bodies, right name, {SHARE[n]} noise", [o["right"] for o in _at(hidden, n)], least=bar)
+        for n, bar in RIGHT_BARS.items()
+    ]
+    rows.append(share_row("bodies, decisive wrong name", [o["decisive_wrong"] for o in hidden], most=0.01))
+    rows.append(share_row("bodies, credible set covers", [o["covers"] for o in hidden], least=0.99))
+    alarms = [o["verdict"] != "nothing_missing" for o in outcomes if not o["truth"]]
+    rows.append(share_row("bodies, nothing hidden: false alarms", alarms, most=0.01))
+    rows += _sealed(hidden)
+    held = [h for o in hidden for h in o["inside"].values()]
+    rows.append(share_row("bodies, 95% intervals hold the truth", held, least=0.90, most=0.98))
+    seconds = [o["cpu_seconds"] for o in outcomes if np.isfinite(o["cpu_seconds"])]
+    rows.append(value_row("bodies, seconds of work, 9 in 10", seconds, 60.0, at_most=True, form="{:.1f}"))
+    return rows
+
+
 _SECTIONS: dict[str, Callable[[list[Outcome]], list[Row]]] = {
     "one_effect": _one_effect,
     "nothing": _nothing,
     "two_effects": _two_effects,
     "outside": _outside,
     "poor_designs": _poor,
+    "bodies": _bodies,
 }
 
 
@@ -185,7 +204,7 @@ def failed(o: Outcome) -> bool:
     """Whether a case's verdict is not what it should be."""
     if o["verdict"] == "crashed":
         return True
-    if o["section"] == "nothing":
+    if not o["truth"]:
         return bool(o["verdict"] != "nothing_missing")
     if o["section"] == "outside":
         return not o["form"]

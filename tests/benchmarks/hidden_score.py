@@ -64,25 +64,25 @@ class Outcome:
     error: str | None = None
 
 
-def classes(names: Iterable[str]) -> frozenset[frozenset[str]]:
+def classes(names: Iterable[str], section: str) -> frozenset[frozenset[str]]:
     """A hypothesis, effects that cannot be told apart taken as one."""
-    return frozenset(same_class(n) for n in names)
+    return frozenset(same_class(n, section) for n in names)
 
 
-def hypotheses(told: dict[str, Any]) -> list[frozenset[frozenset[str]]]:
+def hypotheses(told: dict[str, Any], section: str) -> list[frozenset[frozenset[str]]]:
     """The credible set in classes, without repetitions."""
     sets: Sequence[Sequence[str]] = told.get("credible_set") or []
     if not sets and told["verdict"] == "identified":
         sets = [[e["name"] for e in told["effects"]]]
-    return list(dict.fromkeys(classes(s) for s in sets))
+    return list(dict.fromkeys(classes(s, section) for s in sets))
 
 
-def judge_names(told: dict[str, Any], truths: Sequence[Sequence[str]]) -> tuple[bool, bool, bool, int]:
+def judge_names(told: dict[str, Any], truths: Sequence[Sequence[str]], section: str) -> tuple[bool, bool, bool, int]:
     """right, decisive_wrong, covers, size; `truths` holds every set of names that is right, none for a null case."""
-    true = [classes(t) for t in truths]
+    true = [classes(t, section) for t in truths]
     if told["verdict"] not in ("identified", "ambiguous"):
         return (not true and told["verdict"] == "nothing_missing"), False, False, 0
-    found = hypotheses(told)
+    found = hypotheses(told, section)
     alone = len(found) == 1
     right = alone and found[0] in true
     return right, alone and not right, any(f in true for f in found), len(found)
@@ -95,7 +95,7 @@ def score(public: Path, private: Path) -> Outcome:
     names = [e["name"] for e in truth["effects"]]
     outside = case["section"] == "outside"
     truths = truth["effects"][0]["form"]["allowed"] if outside else ([names] if names else [])
-    right, wrong, covers, size = judge_names(told, truths)
+    right, wrong, covers, size = judge_names(told, truths, case["section"])
     found = Outcome(
         case=public.name,
         section=case["section"],
@@ -122,7 +122,7 @@ def score(public: Path, private: Path) -> Outcome:
     more = public / "verdict_more.json"
     if more.exists():
         second = read_json(more)
-        found.resolved = judge_names(second, truths)[0]
+        found.resolved = judge_names(second, truths, case["section"])[0]
         found.second_verdict, found.second_credible = second["verdict"], second.get("credible_set")
     if outside:
         found.form = right or (told["verdict"] == "unexplained" and form_is_right(truth["effects"][0]["form"], told))
