@@ -97,7 +97,7 @@ def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tupl
     for track in tracks(world, recording):
         seen = np.all(np.isfinite(track.places[:, flat]), axis=1)
         points.append(np.where(np.isfinite(track.places[seen]), track.places[seen], 0.0))
-        radii.append(np.full(int(seen.sum()), reach(world, world.object(track.name)) + 3.0 * track.noise))
+        radii.append(np.full(int(seen.sum()), reach(world, world.object(track.name)) - 4.0 * track.noise))
     everywhere, radius = np.concatenate(points), np.concatenate(radii)
     found: list[tuple[Array, float]] = []
     for kink in kinks(world, recording):
@@ -109,14 +109,15 @@ def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tupl
         normal = jump / size
         if kink.before @ normal > 0.0:
             continue  # it was pushed on, not turned back
-        touched = float(kink.place @ normal) - reach(world, world.object(kink.name))
+        own = reach(world, world.object(kink.name))
+        touched = float(kink.place @ normal) - own
         along = np.linalg.norm(
             (everywhere - kink.place)[:, flat] - np.outer((everywhere - kink.place) @ normal, normal[flat]), axis=1
         )
-        slack = BEYOND * float(np.median(radius)) + SKEW * along
+        slack = BEYOND * own + SKEW * along
         if np.any(everywhere @ normal - radius < touched - slack):
             continue
-        if any(n @ normal > np.cos(SAME_WALL) and abs(o - touched) < np.median(radius) for n, o in found):
+        if any(n @ normal > np.cos(SAME_WALL) and abs(o - touched) < own for n, o in found):
             continue
         found.append((normal, touched))
         if len(found) == MOST_STARTS:
