@@ -20,6 +20,7 @@ CLIP = 3.0  # standard deviations beyond which a difference is not noise
 KEPT = 0.97334  # variance of a normal variable given that it is within CLIP
 CLIPPED = 0.25  # share of clipped differences from which on a stride tells nothing
 FEWEST = 8  # differences that a scale needs
+UNSURE = {2: 0.4, 3: 0.2}  # least standard errors of correlations from so few strides
 CORRELATIONS = np.concatenate([np.linspace(0.0, 0.9, 31), 1.0 - np.geomspace(0.09, 0.015, 12)])
 
 
@@ -84,7 +85,13 @@ def correlation(spreads: list[Spread]) -> tuple[float, float]:
         cost += _misfit(s.variances[seen], noise, strides, s.count)
     best = int(np.argmin(cost))
     phi = float(CORRELATIONS[best])
-    return phi, min((1.0 + 4.0 * phi) / float(np.sqrt(count)), 0.5)
+    usual = int(np.median([np.count_nonzero(np.isfinite(s.variances)) for s in useful]))
+    return phi, min(max((1.0 + 4.0 * phi) / float(np.sqrt(count)), UNSURE.get(usual, 0.0)), 0.5)
+
+
+def innovation(phi: float) -> float:
+    """Variance of the innovations of AR(1) noise, for one of its shortest differences."""
+    return (1.0 - phi**2) / float(expected(np.array(phi), np.array(1.0)))
 
 
 def level(spread_: Spread, phi: float) -> float:

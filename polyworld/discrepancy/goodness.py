@@ -144,7 +144,7 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
     found.sort(key=lambda s: s.p)
     p_worst = min(1.0, found[0].p * len(found))
     slow, left = (float(sum(e for e, _ in lowest)), sum(c for _, c in lowest))
-    p_lowest = _tail(slow, left, max(total_error), 0.0) if left else 1.0
+    p_lowest = _tail(slow, left, max(x.lowest_error for x in scale.values()), 0.0) if left else 1.0
     p = min(1.0, 3.0 * min(p_total, p_lowest, p_worst))
     return Goodness(p >= level, p, statistic, modes, p_total, p_lowest, p_worst, tuple(found))
 
@@ -234,8 +234,9 @@ class _Scale:
         self.design = design
         self.members = [s for s in design.series if s.kind == kind]
         length = sum(int(noise.kept[s.run][s.where].sum()) for s in self.members)
-        slope = self._slope()
-        self.error = float(np.hypot(np.sqrt(2.0 / max(length, 1)), slope * self.found.error)) + EDGE
+        level = np.sqrt(2.0 / max(length, 1))
+        self.error = float(np.hypot(level, self._slope(MODES) * self.found.error)) + EDGE
+        self.lowest_error = float(np.hypot(level, self._slope(LOWEST) * self.found.error)) + EDGE
         self._level = {id(s): 1.0 for s in self.members}
         self._own: dict[int, float] = {}
         self._levels(noise, whitened)
@@ -282,12 +283,12 @@ class _Scale:
         times = self.design.runs[s.run].times[s.rows]
         return float(np.median(np.diff(times))) / self.known.interval if len(times) > 1 else 1.0
 
-    def _slope(self) -> float:
-        """Change of the log power of the low modes with the correlation, on average."""
+    def _slope(self, count: int) -> float:
+        """Change of the log power of the first modes with the correlation, on average."""
         phi = self.found.correlation
         slopes = []
         for s in self.members:
-            w = np.pi * np.arange(min(MODES, len(s.rows))) / len(s.rows)
+            w = np.pi * np.arange(min(count, len(s.rows))) / len(s.rows)
             slopes.append(float(np.mean(2.0 * (np.cos(w) - phi) / (1.0 - 2.0 * phi * np.cos(w) + phi**2))))
         return abs(float(np.mean(slopes)))
 

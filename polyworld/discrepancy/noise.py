@@ -175,7 +175,9 @@ def _from_spectrum(design: Design, noise: Noise, residuals: Sequence[Array], kin
     whitened = [noise.whiten(r.index, residuals[r.index]) for r in design.runs]
     series = spectral_modes(design, noise, whitened, kind)
     fitted = spectrum.fitted(series, known.phi, known.error, LOW)
-    if fitted.scale > EXCESS:
+    # What innovations would be, were the shortest differences all noise.
+    supposed = differences.innovation(fitted.correlation) / differences.innovation(known.phi)
+    if fitted.scale > EXCESS * supposed:
         return known
     return Correlation(fitted.correlation, fitted.error, known.interval)
 

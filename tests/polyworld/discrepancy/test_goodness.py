@@ -30,13 +30,13 @@ def judged(
 
 @pytest.mark.parametrize("draw", [white, correlated, with_outliers])
 def test_noise_passes(draw: Draw) -> None:
-    verdicts = [judged(seed, draw, runs=4) for seed in range(12)]
+    verdicts = [judged(seed, draw, runs=3) for seed in range(8)]
     assert sum(not v.passes for v in verdicts) <= 1
-    assert np.mean([v.statistic for v in verdicts]) == pytest.approx(1.0, abs=0.15)
+    assert np.mean([v.statistic for v in verdicts]) == pytest.approx(1.0, abs=0.2)
 
 
 def test_p_values_of_white_noise_are_spread_evenly() -> None:
-    p = [judged(seed, white, runs=4).p_total for seed in range(100, 124)]
+    p = [judged(seed, white, runs=2).p_total for seed in range(100, 118)]
     assert stats.kstest(p, "uniform").pvalue > 0.01
 
 
@@ -45,7 +45,7 @@ def test_a_push_of_noncentrality_200_fails(draw: Draw) -> None:
     """0.5 a t^2 less its line has the squared length a^2 T^4 n / 720 for each run."""
     count, duration, sigma = 192, 1.6, 0.01
     push = np.sqrt(200.0 * 720.0 / (8 * count)) * sigma / duration**2
-    for seed in range(4):
+    for seed in range(2):
         verdict = judged(seed, draw, sigma, push=np.array([push, 0.0, 0.0]))
         assert not verdict.passes
         assert "does not explain" in verdict.summary()
