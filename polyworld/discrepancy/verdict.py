@@ -15,6 +15,8 @@ from polyworld.discrepancy.trial import Trial
 Kind = Literal["identified", "ambiguous", "unexplained", "nothing_missing"]
 
 SAME = 1e-3  # probability, under the simpler of two nested laws, that they differ by more than what counts as the same
+FAR_BEHIND = 30.0  # difference of EBIC beyond which forecasts of left-out data are not asked
+CLEARLY = 2.0  # standard errors by which such forecasts must be better
 
 
 @dataclass(frozen=True)
@@ -41,15 +43,17 @@ def decide(trials: Sequence[Trial], credible: float) -> Verdict:
 
     Hypotheses stand beside the best where they pass the gate and their EBIC is within `credible` of the least, or
     where the data prefer them by more than their further unknowns would by chance, whatever Occam's share of EBIC
-    says. A richer law that foretells the same as a simpler one, to what its further unknowns fit of the noise,
-    contains it and is left out.
+    says, or where they are not far behind and foretell data left out clearly better. A richer law that foretells the
+    same as a simpler one, to what its further unknowns fit of the noise, contains it and is left out.
     """
     ranked = sorted((t for t in trials if np.isfinite(t.ebic)), key=lambda t: (t.ebic, t.hypothesis.title))
     best = next((t for t in ranked if _could_pass(t, ranked) and t.passes), None)
     if best is None:
         first = ranked[0] if ranked else None
         return Verdict("unexplained", first, (), _runner_up(first, ranked) if first else None)
-    near = [t for t in ranked if t is best or t.ebic - best.ebic <= credible or _preferred(t, best)]
+    near = [
+        t for t in ranked if t is best or t.ebic - best.ebic <= credible or _preferred(t, best) or _foretells(t, best)
+    ]
     beside = [t for t in near if t.passes]
     beside = [t for t in beside if not any(_contains(t, other) for other in beside if other is not t)]
     if best not in beside:
@@ -76,6 +80,13 @@ def one_of_each_name(trials: Sequence[Trial]) -> list[Trial]:
 def _preferred(trial: Trial, best: Trial) -> bool:
     more = trial.hypothesis.extra - best.hypothesis.extra
     return more > 0 and best.chi2 - trial.chi2 > float(chi2_distribution.isf(SAME, more))
+
+
+def _foretells(trial: Trial, best: Trial) -> bool:
+    if trial.ebic - best.ebic > FAR_BEHIND:
+        return False
+    gain = held_out_gain(trial.held_out, best.held_out)
+    return gain.gain > CLEARLY * gain.error
 
 
 def _contains(richer: Trial, simpler: Trial) -> bool:
