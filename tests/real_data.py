@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,7 @@ from polyworld.representations.joint import Hinge
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Plane, Sphere
 from polyworld.world import StaticObject, TimeBase, World
-from tests.benchmarks.clevrer_data import Scene, default_world, read_scene
+from tests.benchmarks.clevrer_data import HALF_SIZE, SHAPES, Scene, default_world, read_scene
 
 FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 GRAVITY = 9.81
@@ -35,6 +37,7 @@ BALLS = {
     "whiffle_ball_1": (1.0 * OUNCE, 0.228),
 }
 CUBE_UNIT = 0.0524  # [m] half an edge
+MOVING = 0.05  # [m/s] below which annotated objects are taken for at rest
 PENDULUM_TOLD = 10.0  # [s] from which the pendulum's length is taken
 
 
@@ -96,6 +99,20 @@ def pendulum(*, until: float = 55.0, every: int = 1) -> tuple[World, Recording]:
     return world, Recording((_run("swing", ("bob",), times[keep], place[:, None]),))
 
 
+def pendulum_swings(begins: Sequence[float], seconds: float, *, every: int = 1) -> tuple[World, Recording]:
+    """Stretches of the same swing, each a run `swing_from_B` of its own that begins at B [s] and has its own state.
+
+    Large and small swings side by side, each short enough that no phase is lost.
+    """
+    world, recording = pendulum(every=every)
+    whole = recording.runs[0]
+    runs = []
+    for begin in begins:
+        keep = (whole.times >= begin - 1e-9) & (whole.times <= begin + seconds + 1e-9)
+        runs.append(replace(whole.rows(keep), name=f"swing_from_{begin:g}", times=np.arange(keep.sum()) * 0.01 * every))
+    return world, Recording(tuple(runs))
+
+
 def pendulum_length(times: Array, angle: Array) -> float:
     """Length g (T / 4 K(sin A/2))^2 [m] of the equivalent mathematical pendulum: median over swings of period T."""
     up = np.flatnonzero((angle[:-1] < 0.0) & (angle[1:] >= 0.0))
@@ -142,6 +159,22 @@ def cube_toss(tosses: Sequence[int] = tuple(range(8))) -> tuple[World, Recording
     return world, Recording(tuple(runs))
 
 
+def cube_flight(tosses: Sequence[int] = tuple(range(12))) -> tuple[World, Recording]:
+    """The same tosses before the cube first touches the table, which this world has not: 12 to 22 samples each.
+
+    A run ends two samples before the lowest corner first comes within 4 mm of the table.
+    """
+    world, recording = cube_toss(tosses)
+    corners = np.array(json.loads((FOLDER / "cube_toss" / "experiment.json").read_text())["vertices"], dtype=float)
+    runs = []
+    for run in recording.runs:
+        turned = np.array([(corners @ _third_row(q)).min() for q in run.orientations[:, 0]])
+        gap = run.positions[:, 0, 2] + CUBE_UNIT * turned - world.statics[0].position[2]
+        first = int(np.flatnonzero(gap < 0.004)[0])
+        runs.append(run.rows(np.arange(len(run.times)) < first - 1))
+    return world.model_copy(update={"statics": ()}), Recording(tuple(runs))
+
+
 def _third_row(quaternion: Array) -> Array:
     """What of body coordinates adds to the height."""
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
@@ -165,6 +198,46 @@ def clevrer(numbers: Sequence[str] = ("00000",)) -> tuple[World, Recording]:
         runs.append(Run.of_tracks(f"scene_{scene.number}", scene.tracks))
     time = TimeBase(seconds_per_frame=0.028, frame_count=len(scenes[0].tracks.frames), substep=0.007)
     return World(objects=tuple(objects.values()), time=time), Recording(tuple(runs))
+
+
+def clevrer_slides(numbers: Sequence[str], *, least: int = 16, speed: float = 0.3) -> tuple[World, Recording]:
+    """Annotated objects between their collisions: a run `SCENE_OBJECT_FRAME` for every such stretch of `least` frames
+    that begins with at least `speed` [m/s].
+
+    All cubes are called cube, all cylinders cylinder, all balls sphere: one law each. Coulomb friction, of the same
+    unknown coefficient, is all that slows cubes and cylinders down; balls roll.
+    """
+    folder = FOLDER / "clevrer"
+    runs = []
+    for number in numbers:
+        scene = read_scene(folder, number)
+        tracks = scene.tracks
+        for column, name in enumerate(tracks.names):
+            met = sorted(c.frame for c in scene.collisions if name in c.pair)
+            for begin, end in pairwise([-3, *met, int(tracks.frames[-1]) + 4]):
+                keep = (tracks.frames > begin + 2) & (tracks.frames < end - 2)
+                keep &= np.hypot(*(np.gradient(tracks.positions[:, column, :2], 0.028, axis=0).T)) > MOVING
+                if keep.sum() < least:
+                    continue
+                places = tracks.positions[keep, column].copy()
+                if np.linalg.norm(places[4, :2] - places[0, :2]) < 4 * 0.028 * speed:
+                    continue
+                times = (tracks.frames[keep] - tracks.frames[keep][0]) * 0.028
+                kind = scene.kinds[name][2]
+                runs.append(_run(f"{number}_{name}_{max(begin, 0)}", (kind,), times, places[:, None]))
+    kinds = [k for k in SHAPES if any(k in r.names for r in runs)]
+    objects = tuple(
+        RigidObject(
+            name=kind,
+            representation="rigid_planar",
+            shape=SHAPES[kind],
+            mass=1.0,
+            friction=0.0 if kind == "sphere" else 0.03,
+            position=(2.0 * k, 0.0, HALF_SIZE),
+        )
+        for k, kind in enumerate(kinds)
+    )
+    return World(objects=objects, time=TimeBase(seconds_per_frame=0.028, substep=0.007)), Recording(tuple(runs))
 
 
 def _started(item: RigidObject, scene: Scene, folder: Path) -> RigidObject:
