@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from atw_mcp.app import App
@@ -25,7 +26,8 @@ def base_unknowns(app: App, world: World, paths: Sequence[str] | None) -> tuple[
     if paths is not None:
         return unknowns_at(world, paths)
     found = []
-    for value in _last_fit(app, world) or ():
+    fit = last_fit(app, world)
+    for value in () if fit is None else fit.values:
         if value["paths"] == [FRAME]:  # measured times follow the world's frames: what may be wrong is their clock
             error = value["standard_error"]
             found.append(unknown_of(world, (CLOCK,), "clock", error=None if error is None else error / value["value"]))
@@ -43,8 +45,16 @@ def unknowns_at(world: World, paths: Sequence[str]) -> tuple[Unknown, ...]:
     return tuple(unknown_of(world, (path,), path) for path in dict.fromkeys(paths))
 
 
-def _last_fit(app: App, world: World) -> list[dict[str, Any]] | None:
-    """Values of the fit that a world, or the nearest of its ancestors, came from; None where nothing was fitted."""
+@dataclass(frozen=True)
+class LastFit:
+    """A fit that FitWorld made: every unknown with its bounds and what came out, and the first frame not used."""
+
+    values: list[dict[str, Any]]
+    unseen_from: int | None
+
+
+def last_fit(app: App, world: World) -> LastFit | None:
+    """The fit that a world, or the nearest of its ancestors, came from; None where nothing was fitted."""
     identifier, seen = world.id, set[str]()
     while identifier not in seen:
         seen.add(identifier)
@@ -53,8 +63,15 @@ def _last_fit(app: App, world: World) -> list[dict[str, Any]] | None:
             return None
         descent = ancestry[-1]
         if descent.how == "fitted" and "fit" in descent.detail:
-            values: list[dict[str, Any]] = app.store.fits.get(descent.detail["fit"]).document["values"]
-            return values
+            held, last = descent.detail.get("holdout_from"), descent.detail.get("last_frame")
+            unseen = held if held is not None else None if last is None else last + 1
+            kept = app.store.fits.get(descent.detail["fit"])
+            bounds = {item["name"]: item for item in kept.inputs["parameters"]}
+            values = [
+                {**value, "lower": bounds[value["name"]]["lower"], "upper": bounds[value["name"]]["upper"]}
+                for value in kept.document["values"]
+            ]
+            return LastFit(values, unseen)
         identifier = descent.parent
     return None
 

@@ -27,7 +27,7 @@ from polyworld.discrepancy.report import effects_of, finite
 from polyworld.discrepancy.seal import sealed_gap
 from polyworld.discrepancy.stepping import with_substep
 from polyworld.discrepancy.trial import Trial
-from polyworld.parameters import parameter_paths
+from polyworld.parameters import parameter_paths, with_parameters
 from polyworld.recording import Recording
 from polyworld.world import Effect, World
 
@@ -169,17 +169,22 @@ def with_effect(
 
 
 def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
-    """Hold a world with effects against the one without, initial states fitted anew: on fitted, then on sealed data."""
+    """Hold a world with effects against the one without, initial states fitted anew: on fitted, then on sealed data.
+
+    Where the data are a single run, the world made starts as that run did.
+    """
+    pair = (proposal.before, proposal.after)
     with _interruptible():
         progress.report(0.6, 1.0, "before and after on the data fitted")
-        fitted = sealed_gap(proposal.before, proposal.after, parts.fitted)
+        fitted = sealed_gap(*pair, parts.fitted)
+        trials = _alone(pair, parts.fitted, progress)
+        made = proposal.after if len(parts.fitted.runs) > 1 else _starting_as(trials[1])
         gap = None
-        shown = parts.fitted
         if parts.sealed is not None:
             progress.report(0.8, 1.0, "before and after on the sealed data")
-            gap = sealed_gap(proposal.before, proposal.after, parts.sealed)
-            shown = parts.sealed
-        drawn = [_compared(fitted_base(design(world, shown), ())) for world in (proposal.before, proposal.after)]
+            pair = (parts.sealed_world(pair[0]), parts.sealed_world(pair[1]))
+            gap = sealed_gap(*pair, parts.sealed)
+            trials = _alone(pair, parts.sealed, progress)
     data = finite(
         {
             "effects": proposal.effects,
@@ -190,7 +195,25 @@ def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
         }
     )
     says = "the data fitted are explained" if proposal.explains else "the data fitted are still not explained"
-    return Outcome(f"{proposal.title}: {says}; {worth_text(data)}", data, _pictures(drawn[0], drawn[1]), proposal.after)
+    pictures = _pictures(_compared(trials[0]), _compared(trials[1]))
+    return Outcome(f"{proposal.title}: {says}; {worth_text(data)}", data, pictures, made)
+
+
+def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) -> list[Trial]:
+    """Each world with its initial states fitted and nothing else."""
+    return [fitted_base(design(world, recording), (), cancelled=progress.cancelled) for world in worlds]
+
+
+def _starting_as(trial: Trial) -> World:
+    """The world with the initial state of the only run."""
+    (run,), (states,) = trial.bench.design.runs, trial.fit.states
+    numbers: dict[str, float] = {}
+    at = 0
+    for own in run.states:
+        values = states[at : at + len(own.labels)]
+        at += len(own.labels)
+        numbers |= {path: float(value[0]) for path, value in own.overrides(values[None]).items()}
+    return with_parameters(trial.hypothesis.world, numbers)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from atw_mcp.app import App
 from atw_mcp.cases import path_hash
-from atw_mcp.track_records import read_record
+from atw_mcp.gap_unknowns import last_fit
+from atw_mcp.track_records import at_rate, read_record
 from evidence_store import Case
 from polyworld.discrepancy.holdback import HeldBack, hold_back
 from polyworld.recording import Recording, Run
@@ -67,45 +68,64 @@ def keep_recording(app: App, case: Case, path: Path, sealed: Sequence[str] | Non
 
 
 def case_recording(app: App, case: Case, world: World) -> CaseRecording:
-    """The case's latest recording of runs, else its latest tracks as one run whose last quarter is sealed.
+    """The case's latest recording of runs, else the tracks that the world models, as one run.
 
-    Objects that the world has not are left out. Raises ValueError where the case has neither.
+    Of tracks that part is sealed which the world's fit held out, else the last quarter. Objects that the world has not
+    are left out. Raises ValueError where the case has neither.
     """
     known = [identifier for _, identifier in app.store.cases.observations(case.id, KIND)]
     if known:
         document = app.store.observations.get(known[0]).document
         recording = _known_objects(_recording(document), world)
         return CaseRecording(known[0], hold_back(recording, document["sealed"]))
-    record = read_record(app.store, case)
+    record = read_record(app.store, case, app.store.cases.modelled_observation(case.id, world.id))
     if record is None:
         raise ValueError(
             f"case {case.id!r} has no measured motion. Next: ImportObservation(case={case.id!r}, kind='recording', "
             "path=CSV), or ObserveObjects and BuildWorld for a video"
         )
-    recording = _known_objects(Recording((Run.of_tracks("video", record.tracks),)), world)
-    return CaseRecording(record.id, hold_back(recording))
+    step = world.time.seconds_per_frame
+    filmed = Run.of_tracks("video", at_rate(record.tracks, step))
+    # The world's time 0 is frame 0, also where the tracks begin later.
+    run = replace(_present(filmed, world), lead=float(filmed.times[0]))
+    fit = last_fit(app, world)
+    unseen = None if fit is None or fit.unseen_from is None else fit.unseen_from * step
+    parts = hold_back(_known_objects(Recording((run,)), world), begin=unseen)
+    if fit is not None and unseen is None and parts.sealed is not None:
+        seen = "FitWorld has seen it, but all that it fitted is fitted anew without it (holdout_from keeps it unseen)"
+        parts = replace(parts, said=f"{parts.said}; {seen}")
+    return CaseRecording(record.id, parts)
+
+
+def _present(run: Run, world: World) -> Run:
+    """The run without what was seen of objects before they join the world."""
+    starts = {item.name: item.start_time for item in world.objects}
+    early = run.times[:, None] < np.array([starts.get(name, 0.0) for name in run.names]) - 1e-9
+    return replace(
+        run,
+        positions=np.where(early[..., None], np.nan, run.positions),
+        orientations=np.where(early[..., None], np.nan, run.orientations),
+    )
 
 
 def _known_objects(recording: Recording, world: World) -> Recording:
+    """The runs with those objects alone that the world has, at the instants at which any of them was seen."""
     runs = []
     for run in recording.runs:
         columns = [i for i, name in enumerate(run.names) if name.split("#", 1)[0] in world.moving_names]
-        if not columns:
+        positions, orientations = run.positions[:, columns], run.orientations[:, columns]
+        seen = np.any(np.isfinite(positions), axis=(1, 2)) | np.any(np.isfinite(orientations), axis=(1, 2))
+        if not seen.any():
             continue
-        seen = np.any(np.isfinite(run.positions[:, columns]), axis=(1, 2))
-        seen |= np.any(np.all(np.isfinite(run.orientations[:, columns]), axis=2), axis=1)
-        runs.append(
-            Run(
-                run.name,
-                tuple(run.names[i] for i in columns),
-                run.times[seen],
-                run.positions[seen][:, columns],
-                run.orientations[seen][:, columns],
-                run.sigma,
-                tuple(run.symmetry[i] for i in columns),
-                run.lead,
-            )
-        )
+        kept = replace(
+            run,
+            names=tuple(run.names[i] for i in columns),
+            positions=positions,
+            orientations=orientations,
+            symmetry=tuple(run.symmetry[i] for i in columns),
+        ).rows(seen)
+        # The run begins when it did, whoever is seen first.
+        runs.append(replace(kept, lead=float(kept.times[0]) - run.origin))
     if not runs:
         named = sorted({name for run in recording.runs for name in run.names})
         raise ValueError(f"the recording shows {named}, the world has {list(world.moving_names)}: nothing in common")

@@ -161,7 +161,7 @@ def simulate(names: list[str], pictures: bool) -> tuple[dict[str, Any], list[NDA
         truth["positions"].append(np.round(data.qpos.reshape(-1, 7)[:, :3], 6).tolist())
         truth["orientations"].append(np.round(data.qpos.reshape(-1, 7)[:, 3:], 6).tolist())
         if renderer is not None and labeller is not None:
-            frames.append(_photograph(renderer, data))
+            frames.append(photograph(renderer, data))
             truth["masks"].append(_measure_masks(labeller, data, geoms))
         for step in range(steps):
             mujoco.mj_step(model, data)
@@ -181,8 +181,9 @@ def simulate(names: list[str], pictures: bool) -> tuple[dict[str, Any], list[NDA
     return truth, frames
 
 
-def _photograph(renderer: mujoco.Renderer, data: mujoco.MjData) -> NDArray[np.uint8]:
-    # Rendered at twice the size and reduced: smooth outlines, as a lens gives them.
+def photograph(renderer: mujoco.Renderer, data: mujoco.MjData) -> NDArray[np.uint8]:
+    """The picture (BGR) of a scene, its outlines smooth as a lens gives them."""
+    # Rendered at twice the size and reduced.
     renderer.update_scene(data, camera="view")
     large = cv2.cvtColor(renderer.render(), cv2.COLOR_RGB2BGR)
     return np.asarray(cv2.resize(large, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA), dtype=np.uint8)
