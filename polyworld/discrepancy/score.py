@@ -103,6 +103,8 @@ def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Groun
         gc += np.einsum("jkm,jm->jk", slopes, rest)
         cc += np.einsum("jkm,jlm->jkl", slopes, slopes)
         ac += np.einsum("ms,jkm->jsk", a, slopes)
+    least = np.array([u.lower for u in hypothesis.unknowns[:s]])
+    most = np.array([u.upper for u in hypothesis.unknowns[:s]])
     found = []
     for i in range(j):
         if not np.isfinite(square[i]):
@@ -115,7 +117,7 @@ def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Groun
         begin = starts[i].copy()
         begin[at] += step
         shared = -ground.inverse @ (ga[i] + ac[i] @ step)
-        begin[:s] += shared
+        begin[:s] = np.clip(begin[:s] + shared, least, most)  # the slope may foretell more than there can be
         states = tuple(
             own_states + still[i] + step @ moved[i] + shared @ carried
             for own_states, (still, moved, carried) in zip(trial.fit.states, answers, strict=True)
