@@ -40,14 +40,15 @@ class GapSettings:
 
     search: how widely. alarm: by how much an effect must lower EBIC to be looked into although the base passes the
     gate. null_control: whether the procedure is repeated on data made from the base world. experiment: whether the
-    experiment that would decide is sought where the verdict is ambiguous. initial: "free", or "given" where every run
-    starts as the world says. seed: of the null control.
+    experiment that would decide is sought where the verdict is ambiguous. residual_force: whether a law is sought for
+    what stays unexplained. seed: of the null control.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
     alarm: float = 10.0
     null_control: bool = True
     experiment: bool = True
+    residual_force: bool = True
     seed: int = 0
 
 
@@ -80,7 +81,7 @@ def find_gap(
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
     child = _told_world(best, world) if best is not None else None
     force: ResidualForce | None = None
-    if verdict.kind == "unexplained":
+    if settings.residual_force and verdict.kind == "unexplained":
         force = describe_unexplained(plan, bench.noise, tuple(base), ground.fit, cancelled=cancelled)
         if force.explains and force.world is not None:
             child = with_substep(force.world, world.time.substep)
@@ -184,6 +185,9 @@ def _searched(
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
+    best = search.best(effects)
+    if best is not None and effects > 1 and best.passes:
+        effects = len(search.backward(best).hypothesis.parts)
     search.twins(effects)
     verdict = decide(search.ranked(effects), settings.search.credible)
     bench = verdict.best.bench if verdict.best is not None else search.bench
@@ -195,7 +199,8 @@ def _searched(
 def _early_states(ground: Trial) -> tuple[Array, ...]:
     plan = ground.bench.design
     states = profile.start_states(plan)
-    return ground.bench.fit(ground.hypothesis, ground.values, states, horizons=profile.HORIZONS[:1]).fit.states
+    early = tuple(h for h in profile.horizons_for(plan) if h <= profile.HORIZONS[0])
+    return ground.bench.fit(ground.hypothesis, ground.values, states, horizons=early).fit.states
 
 
 def _explained(search: Search, ground: Trial, alarm: float) -> tuple[bool, tuple[dict[str, Any], ...]]:

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 FAR = 10.0  # chi2 per measurement beyond which a fit is no place to start from
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
+WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
+RESTARTED = 2  # hypotheses fitted anew where none passes the gate
+SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
@@ -35,12 +38,13 @@ ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
 class SearchSettings:
     """How widely to search.
 
-    contenders: hypotheses fitted at each step. starts: of each hypothesis that are tried where the first fails.
-    parents: hypotheses that a further effect is added to. finalists: fitted to convergence. credible: difference of
-    EBIC within which hypotheses stand side by side. max_effects: added at most.
+    contenders: hypotheses of one effect that are fitted; further: of several, at each step. starts: of each hypothesis
+    that are tried where the first fails. parents: hypotheses that a further effect is added to. finalists: fitted to
+    convergence. credible: difference of EBIC within which hypotheses stand side by side. max_effects: added at most.
     """
 
     contenders: int = 10
+    further: int = 6
     starts: int = 3
     parents: int = 3
     finalists: int = 5
@@ -85,6 +89,7 @@ class Search:
 
     def add_effect(self, parents: Sequence[Trial]) -> None:
         """Forward: fit the hypotheses that one more effect makes of the parents."""
+        parents = _unlike(parents)
         if not parents:
             return
         found: list[tuple[Trial, Lead]] = []
@@ -105,15 +110,17 @@ class Search:
                 self.promised[identity(lead.hypothesis)] = (parent.chi2, lead)
             found += [(parent, lead) for lead in own]
         found.sort(key=lambda pair: self._promise(pair[1]))
-        firsts = _first_of_each(found, self.settings.contenders)
         level = min(p.chi2 for p in parents)
+        further = len(parents[0].hypothesis.parts) > 0
+        most = self.settings.further if further else self.settings.contenders
+        firsts = _first_of_each(_worth(found, level, WORTH) if further else found, most)
         self._fit_leads(firsts, level)
         best = self.best(len(parents[0].hypothesis.parts) + 1)
         if best is None or not best.passes:
             chosen = {id(lead.hypothesis) for _, lead in firsts}
             tried = {id(lead) for _, lead in firsts}
             others = [(p, x) for p, x in found if id(x.hypothesis) in chosen and id(x) not in tried]
-            self._fit_leads(others[: self.settings.contenders], level)
+            self._fit_leads(_worth(others, level, HOPELESS)[:most], level)
             self._nested(parents)
 
     def promising(self, ground: Trial, gain: float) -> list[Trial]:
@@ -146,7 +153,11 @@ class Search:
         its law, and the slopes there foretell little. Else from the best of several starts nearby."""
         if parent.chi2 > FAR * self.bench.observations:
             return self.bench.fit(
-                lead.hypothesis, lead.values, self.early, horizons=profile.HORIZONS, iterations=FIRST_ITERATIONS
+                lead.hypothesis,
+                lead.values,
+                self.early,
+                horizons=profile.horizons_for(self.bench.design),
+                iterations=FIRST_ITERATIONS,
             )
         start = self.bench.nearest(lead.hypothesis, self._options(parent, lead))
         return self.bench.fit(lead.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
@@ -211,8 +222,10 @@ class Search:
     def restart(self, effects: int) -> None:
         """Fit the leaders anew from the data's own starts over growing horizons: out of minima behind a bounce."""
         states = profile.start_states(self.bench.design)
-        for trial in self.ranked(effects)[: self.settings.finalists]:
-            again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.HORIZONS)
+        for trial in self.ranked(effects)[:RESTARTED]:
+            again = self.bench.fit(
+                trial.hypothesis, trial.values, states, horizons=profile.horizons_for(self.bench.design)
+            )
             if again.chi2 < trial.chi2 - 1.0:
                 self._told("restart", again)
             self.take(again)
@@ -230,7 +243,9 @@ class Search:
             if before != level or abs(lead.chi2 - own.chi2) > ALIKE * (level - own.chi2):
                 continue
             if known is None or known.chi2 > best.chi2 + ALIKE_FIT:
-                trial = self.bench.fit(lead.hypothesis, lead.values, states, horizons=profile.HORIZONS)
+                trial = self.bench.fit(
+                    lead.hypothesis, lead.values, states, horizons=profile.horizons_for(self.bench.design)
+                )
                 self._told("twin", trial)
                 self.take(trial)
 
@@ -271,6 +286,26 @@ class Search:
 def identity(hypothesis: Hypothesis) -> tuple[str, ...]:
     """What makes two hypotheses the same, in whatever order their effects were added."""
     return tuple(sorted(f"{p.candidate.name}|{p.variant.label}" for p in hypothesis.parts))
+
+
+def _unlike(parents: Sequence[Trial]) -> list[Trial]:
+    """The parents less those that leave nearly the same residuals as one before them: another name for it."""
+    kept: list[Trial] = []
+    for trial in parents:
+        if not any(_apart(trial, other) < SAME_PATH * min(trial.chi2, other.chi2) for other in kept):
+            kept.append(trial)
+    return kept
+
+
+def _apart(one: Trial, other: Trial) -> float:
+    return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
+
+
+def _worth(found: Sequence[tuple[Trial, Lead]], level: float, share: float) -> list[tuple[Trial, Lead]]:
+    """The leads that promise at least a share of the best gain over `level`."""
+    gains = [level - lead.chi2 for _, lead in found]
+    best = max(gains, default=0.0)
+    return [pair for pair, gain in zip(found, gains, strict=True) if gain >= share * best]
 
 
 def _first_of_each(found: Sequence[tuple[Trial, Lead]], most: int) -> list[tuple[Trial, Lead]]:
