@@ -73,6 +73,12 @@ class RunDesign:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     @cached_property
+    def spread(self) -> Array:
+        """How far (N,) coordinates of which nothing was measured may be from zero; 0 for all others."""
+        parts = [s.spread for s in self.states]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    @cached_property
     def labels(self) -> tuple[str, ...]:
         """Names (N,) of the coordinates, for readers."""
         return tuple(f"{s.name}.{label}" for s in self.states for label in s.labels)

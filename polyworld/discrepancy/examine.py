@@ -28,7 +28,8 @@ def fitted_base(
     bench = Bench(plan, measured_noise(plan), candidates, cancelled)
     nothing = Hypothesis(plan.world, tuple(base))
     starts = np.array([u.start for u in base])
-    return with_refined_noise(bench.fit(nothing, starts, profile.start_states(plan), horizons=profile.HORIZONS))
+    states = profile.start_states(plan)
+    return with_refined_noise(bench.fit(nothing, starts, states, horizons=profile.horizons_for(plan)))
 
 
 def with_refined_noise(trial: Trial) -> Trial:

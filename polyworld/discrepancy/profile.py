@@ -24,7 +24,12 @@ FIRST_STEP = 1e-3  # of a typical change, while no standard error is known
 STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
 TRIALS = 10.0 ** np.array([-2.0, 0.0, 2.0])  # dampings tried at once, as factors of the last successful one
 HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
+FINE_HORIZONS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)  # where bodies meet: about one more collision at a time
 NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
+ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
+TURN_ITERATIONS = 4
+SWEEPS = 2  # through all spins
+LONGEST = 20.0  # typical changes: an initial state goes no further in one step
 PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
 
 
@@ -88,9 +93,17 @@ def fit(
         aim = target if horizon >= 1.0 else None
         at, steps, used, converged = _descend(forward, noise, at, horizon, steps, iterations, loose, aim)
         total += used
+        if len(horizons) > 1:
+            for _ in range(SWEEPS):
+                at = _turned_over(forward, noise, at, horizon, steps)
     linear = _linearise(forward, noise, at, 1.0, steps)
     covariance, _ = _covariances(forward, linear)
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
+
+
+def horizons_for(design: Design) -> tuple[float, ...]:
+    """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet."""
+    return FINE_HORIZONS if len(design.world.objects) > 1 else HORIZONS
 
 
 def start_states(design: Design) -> tuple[Array, ...]:
@@ -215,6 +228,41 @@ def _linearise_shared(
     return Linearised(tuple(rs), tuple(aa), known)
 
 
+def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps) -> _Point:
+    """Spins the other way for runs that fit ill, each with a few iterations of its own, kept where they fit better."""
+    runs = forward.design.runs
+    slots = [np.flatnonzero(r.spread) for r in runs]
+    count = np.array([max(int(np.count_nonzero(r.before(horizon))), 1) for r in runs])
+    cost = _run_costs(forward, noise, at, horizon)
+    for slot in range(max((len(s) for s in slots), default=0)):
+        ill = [r for r in runs if cost[r.index] > ILL * count[r.index] and slot < len(slots[r.index])]
+        if not ill:
+            continue
+        states = list(at.states)
+        for r in ill:
+            i = slots[r.index][slot]
+            states[r.index] = states[r.index].copy()
+            size = max(abs(states[r.index][i]), 0.5 * r.spread[i])
+            states[r.index][i] = -size if states[r.index][i] > 0.0 else size
+        trial, *_ = _descend(
+            forward, noise, _Point(at.values, tuple(states)), horizon, steps, TURN_ITERATIONS, 10.0, None
+        )
+        other = _run_costs(forward, noise, _Point(at.values, trial.states), horizon)
+        better = [r.index for r in ill if other[r.index] < cost[r.index] - 1.0]
+        at = _Point(at.values, tuple(trial.states[k] if k in better else s for k, s in enumerate(at.states)))
+        cost[better] = other[better]
+    return at
+
+
+def _run_costs(forward: Forward, noise: Noise, at: _Point, horizon: float) -> Array:
+    settings = [Settings(r.index, at.values[None], at.states[r.index][None]) for r in forward.design.runs]
+    costs = []
+    for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
+        white = noise.whiten(r.index, raw[0]) * r.before(horizon)
+        costs.append(float(white @ white) if np.all(np.isfinite(white)) else np.inf)
+    return np.array(costs)
+
+
 def _bounds(forward: Forward) -> tuple[Array, Array]:
     return np.array([u.lower for u in forward.unknowns]), np.array([u.upper for u in forward.unknowns])
 
@@ -248,7 +296,8 @@ def _step(forward: Forward, linear: Linearised, at: _Point, damping: float) -> _
     states = []
     for r in forward.design.runs:
         b, rest = linear.b[r.index], linear.r[r.index] + linear.a[r.index] @ step
-        states.append(at.states[r.index] - _solve(b.T @ b, b.T @ rest, r.typical, damping))
+        change = _solve(b.T @ b, b.T @ rest, r.typical, damping)
+        states.append(at.states[r.index] - np.clip(change, -LONGEST * r.typical, LONGEST * r.typical))
     return _Point(values, tuple(states))
 
 

@@ -49,7 +49,7 @@ def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
     gaps = []
     for world in (before, after):
         forward = Forward(plan, world, ())
-        fit = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
+        fit = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan), horizons=profile.horizons_for(plan))
         gaps.append(_beyond_noise(plan, forward, fit, kind, floor))
     closed = 1.0 - gaps[1] / gaps[0] if gaps[0] > 0.0 else None
     return SealedGap(gaps[0], gaps[1], floor, closed, "m" if kind == "position" else "rad")

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
+SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
 
 
@@ -32,6 +33,7 @@ class StateCoordinates:
 
     kind: free, or hinged. labels (N,). start (N,): first guess. typical (N,): ordinary changes.
     pivot, axis (3,): of the hinge; arm (3,): from the pivot to the object's centre in the world's description.
+    spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
     """
 
     name: str
@@ -42,6 +44,7 @@ class StateCoordinates:
     pivot: Array
     axis: Array
     arm: Array
+    spread: Array
 
     def overrides(self, values: Array) -> dict[str, Array]:
         """Parameter path -> values (k,) for coordinates (k, N)."""
@@ -120,8 +123,25 @@ def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordi
             labels += [f"rotation.{letter}", f"angular_velocity.{letter}"]
             start += [float(turn[axis]), float(spin[axis])]
             typical += [TURN, 10.0 * TURN]
+    spread = np.zeros(len(labels))
+    if len(rows) < 2 and planar and _spin_shows(world, item):
+        axis = int(np.argmax(normal))
+        labels.append(f"angular_velocity.{'xyz'[axis]}")
+        start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest nothing tells which way to go
+        typical.append(10.0 * TURN)
+        spread = np.append(spread, SPIN)
     zero = np.zeros(3)
-    return StateCoordinates(item.name, "free", tuple(labels), np.array(start), np.array(typical), zero, zero, zero)
+    return StateCoordinates(
+        item.name, "free", tuple(labels), np.array(start), np.array(typical), zero, zero, zero, spread
+    )
+
+
+def _spin_shows(world: World, item: RigidObject) -> bool:
+    """Whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of its
+    contacts, or through a patch that both slides and spins."""
+    plane = world.environment.motion_plane
+    meets = item.friction > 0.0 and len(world.objects) + len(world.statics) > 1
+    return meets or (plane.supports and item.torsional_radius != 0.0)
 
 
 def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoordinates:
@@ -160,6 +180,7 @@ def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoor
         pivot,
         axis,
         arm,
+        np.zeros(2),
     )
 
 
@@ -174,7 +195,7 @@ def _deformable(name: str, world: World) -> StateCoordinates:
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
-    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero, np.zeros(len(labels)))
 
 
 def _line(times: Array, values: Array, acceleration: float) -> tuple[float, float]:
