@@ -16,6 +16,7 @@ from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.profile import Fit, Linearised, fit, project_out
 from polyworld.discrepancy.residual_terms import STRENGTH, Factor, Term
+from polyworld.expressions.parse import MAX_LENGTH
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -151,8 +152,9 @@ def criterion(problem: Problem, law: Law, chi2: float) -> float:
 
 
 def room_for(law: Law, term: Term) -> bool:
-    """Whether a term can be added: an effect has but so many parameters."""
-    return len(law.numbers) + len(term.strengths) + len(term.shapes) <= MAX_PARAMETERS
+    """Whether a term can be added: an effect has but so many parameters, an expression so many characters."""
+    longer = Law((*law.terms, term))
+    return len(longer.numbers) <= MAX_PARAMETERS and len(longer.text) <= MAX_LENGTH
 
 
 def fit_law(problem: Problem, law: Law, start: Fit, numbers: Sequence[float]) -> FittedLaw:
