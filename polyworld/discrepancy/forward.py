@@ -73,6 +73,10 @@ class Forward:
                 results[i] = group.compare(self.design.runs[item.run], batch, observer, worlds)
         return results
 
+    def release(self) -> None:
+        """Let go of all simulators; they are built anew where they are needed again."""
+        self._groups.clear()
+
     def _group(self, run: int) -> _Group:
         """The group whose simulators roll a run out: runs with the same objects at the same instants share one."""
         own = self.design.runs[run]

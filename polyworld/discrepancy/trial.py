@@ -19,6 +19,8 @@ from polyworld.discrepancy.noise import Noise
 
 Array = NDArray[np.float64]
 
+READY = 12  # forward models that keep their simulators: more would fill the memory
+
 
 @dataclass(frozen=True)
 class Start:
@@ -136,9 +138,13 @@ class Bench:
     def forward(self, hypothesis: Hypothesis) -> Forward:
         """The forward model of a hypothesis; each is built once."""
         key = id(hypothesis)
-        if key not in self._forwards:
+        if key in self._forwards:
+            self._forwards[key] = self._forwards.pop(key)  # the last used come last
+        else:
             made = Forward(self.design, hypothesis.world, hypothesis.unknowns, self.cancelled)
             self._forwards[key] = (hypothesis, made)
+            for _, old in list(self._forwards.values())[:-READY]:
+                old.release()
         return self._forwards[key][1]
 
     def fit(
