@@ -75,10 +75,9 @@ def _run(options: argparse.Namespace) -> int:
     recording = read_recording(options.data, world.moving_names)
     if options.sealed is not None:
         parts = HeldBack(recording, read_recording(options.sealed, world.moving_names), f"sealed {options.sealed}")
-    elif options.seal == "none":
-        parts = HeldBack(recording, None, "nothing sealed, as asked")
     else:
-        parts = hold_back(recording, None if options.seal is None else options.seal.split(","))
+        chosen = None if options.seal is None else [] if options.seal == "none" else options.seal.split(",")
+        parts = hold_back(recording, chosen)
     known = catalogue()
     wanted = options.effects.split(",") if options.effects else list(known)
     unknown = sorted(set(wanted) - set(known))

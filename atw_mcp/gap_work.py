@@ -138,11 +138,17 @@ class Proposal:
         )
 
 
-def with_effect(
+def with_effect(world: World, effect: Effect) -> World:
+    """The world with one more effect; raises ValueError where it does not fit in."""
+    document = world.model_dump()
+    return World.model_validate({**document, "effects": [*document["effects"], effect.model_dump()]})
+
+
+def fitted_effect(
     world: World, effect: Effect, recording: Recording, base: tuple[Unknown, ...], progress: Progress
 ) -> Proposal:
     """Add one effect to a world and fit its parameters, from the values given, together with the base."""
-    child = World.model_validate({**world.model_dump(), "effects": [*world.model_dump()["effects"], effect]})
+    child = with_effect(world, effect)
     unknowns = tuple(
         unknown_of(child, (path,), path.rsplit(".", 1)[1])
         for path in parameter_paths(child)

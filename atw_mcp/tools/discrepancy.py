@@ -191,11 +191,12 @@ def add_effect(
     parent = app.world(found, world)
     with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
         law = effect.to_effect()
+        gap_work.with_effect(parent, law)  # refused here, before any work
         recording = case_recording(app, found, parent)
         unknowns = base_unknowns(app, parent, base)
 
     def fit(progress: Progress) -> Outcome:
-        given = gap_work.with_effect(parent, law, recording.parts.fitted, unknowns, progress)
+        given = gap_work.fitted_effect(parent, law, recording.parts.fitted, unknowns, progress)
         return gap_work.worth(given, recording.parts, progress)
 
     described = {"effect": law.model_dump(mode="json")}
@@ -245,6 +246,8 @@ def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, g
     if record.status != "completed":
         raise ToolError(f"{evidence} is {record.status}. Next: ReadEvidence(evidence={evidence!r})")
     proposals = record.payload["data"]["proposals"]
+    if not proposals:
+        raise ToolError(f"{evidence} found {record.payload['data']['verdict']}: it proposes no effect to add")
     if index >= len(proposals):
         titles = [p["title"] for p in proposals]
         raise ToolError(f"{evidence} has {len(proposals)} proposals {titles}; hypothesis must be below that")

@@ -43,6 +43,8 @@ def hold_back(recording: Recording, runs: Sequence[str] | None = None, begin: fl
     from which the only run is sealed instead. Raises KeyError for unknown runs, ValueError where nothing would be left
     to fit.
     """
+    if runs is not None and not runs:
+        return HeldBack(recording, None, "nothing sealed, as asked")
     if runs is not None:
         return _sealed_runs(recording, tuple(runs), "as asked")
     if len(recording.runs) >= FEWEST:
@@ -59,7 +61,7 @@ def _sealed_runs(recording: Recording, names: tuple[str, ...], why: str) -> Held
     left = tuple(r for r in recording.runs if r.name not in names)
     if not left:
         raise ValueError("all runs would be sealed: leave at least one to fit")
-    return HeldBack(Recording(left), sealed if names else None, f"sealed runs {list(names)}, {why}")
+    return HeldBack(Recording(left), sealed, f"sealed runs {list(names)}, {why}")
 
 
 def _spare(recording: Recording) -> tuple[str, ...]:

@@ -19,11 +19,21 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.make_demo_clip import EYE, FIELD_OF_VIEW, HEIGHT, MARKS, WIDTH, camera, photograph, project, view_axes
+from tests.benchmarks.make_demo_clip import (
+    EYE,
+    FIELD_OF_VIEW,
+    HEIGHT,
+    MARKS,
+    WIDTH,
+    camera,
+    photograph,
+    project,
+    view_axes,
+)
 
-FRAMES = 104
-SECONDS_PER_FRAME = 0.025
-TIMESTEP = 0.0001
+FRAMES = 156
+SECONDS_PER_FRAME = 1.0 / 60.0
+TIMESTEP = 1.0 / 9600.0
 PULL = (0.12, -0.11)  # acceleration along x and y [m/s^2], as of a table that leans by 1 degree
 RADIUS, HALF_HEIGHT, MASS = 0.05, 0.012, 0.1
 
