@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from polyworld.discrepancy import spectrum
+from polyworld.discrepancy import differences, spectrum
 from polyworld.discrepancy.design import Design, Series
-from polyworld.discrepancy.noise import Kind, Noise, resolution, spectral_modes
+from polyworld.discrepancy.noise import EXCESS, Kind, Noise, resolution, spectral_modes
 from polyworld.discrepancy.profile import Fit
 
 Array = NDArray[np.float64]
@@ -230,7 +230,11 @@ class _Scale:
             for m, i in zip(series, index, strict=True)
         ]
         self.known = known
-        self.found = spectrum.fitted(series, known.phi, max(LOOSE * known.error, 1e-3), 0)
+        found = spectrum.fitted(series, known.phi, max(LOOSE * known.error, 1e-3), 0)
+        # A model that is wrong passes for long-lived noise, but leaves more than the shortest differences have.
+        supposed = differences.innovation(found.correlation) / differences.innovation(known.phi)
+        self.louder = found.scale > EXCESS * supposed
+        self.found = spectrum.Correction(known.phi, known.error, 1.0) if self.louder else found
         self.design = design
         self.members = [s for s in design.series if s.kind == kind]
         length = sum(int(noise.kept[s.run][s.where].sum()) for s in self.members)
@@ -265,7 +269,7 @@ class _Scale:
                 high = self._gain(s, np.arange(MODES, len(s.rows)))
                 supposed += float(high.mean()) * (len(values) - MODES)
                 count += len(values) - MODES
-            level = energy / supposed if count else 1.0
+            level = energy / supposed if count and not self.louder else 1.0
             # What the engine does not resolve is not held against a fit, however smooth the data are.
             level = max(
                 level, *((resolution(self.design, s) / float(noise.sigma[s.run][s.where].min())) ** 2 for s in group)
