@@ -15,6 +15,7 @@ from polyworld.recording import Recording
 from polyworld.world import Effect, World
 
 WIDE = 300.0  # ordinary sizes that an effect may have at most
+APART = 4  # most bodies that are given a drag coefficient each
 WINDS = (1.0, 3.0)  # speeds of the air to begin with, in typical speeds of the bodies
 
 
@@ -134,7 +135,9 @@ def _quadratic_drag(world: World, recording: Recording) -> tuple[Variant, ...]:
         made.append(
             one_effect(world, "air_drag", {"drag_coefficient": coefficient}, label="one drag coefficient, by area")
         )
-    if len(world.objects) == 2:
+        if len(world.objects) <= APART:
+            made.append(_per_body(world, "air_drag", "drag_coefficient", coefficient))
+    elif len(world.objects) == 2:
         made.append(_per_body(world, "quadratic_drag", "coefficient", typical))
     return tuple(made)
 
