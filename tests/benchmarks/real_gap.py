@@ -1,0 +1,170 @@
+"""The gap on measurements that nobody here made: verdict, parameters against published values, sealed data.
+
+    python -m tests.benchmarks.real_gap [--data DIR] [--json] [NAME...]
+
+Cases: pooled drops of four balls, each ball's drops alone, stretches of a pendulum's swing, slides of CLEVRER objects
+between collisions, flights of a tossed cube. Every case is fitted on some runs and judged on others that no step saw.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.gap import GapSettings, find_gap
+from polyworld.recording import Recording
+from polyworld.world import World
+from tests import real_data
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a case is judged on. base: unknowns that every hypothesis fits."""
+
+    world: World
+    recording: Recording
+    sealed: Recording
+    base: tuple[Unknown, ...] = ()
+
+
+@dataclass(frozen=True)
+class Case:
+    """folder: of the data. published: what is known of it from elsewhere."""
+
+    folder: str
+    published: str
+    read: Callable[[], Measured]
+
+
+def drops(balls: Sequence[str] = tuple(real_data.BALLS)) -> Measured:
+    """First drops of each ball; the second ones are sealed."""
+    world, recording = real_data.ball_drop(balls)
+    first = tuple(r.name for r in recording.runs if r.name.endswith("-1"))
+    second = tuple(r.name for r in recording.runs if r.name.endswith("-2"))
+    return Measured(world, recording.select(first), recording.select(second))
+
+
+def swings() -> Measured:
+    """Large and small swings of 2 s; the sealed ones lie between them and after."""
+    world, recording = real_data.pendulum_swings((1.0, 10.0, 20.0, 32.0), 2.0)
+    _, sealed = real_data.pendulum_swings((5.0, 15.0, 26.0, 45.0), 2.0)
+    return Measured(world, recording, sealed)
+
+
+def slides() -> Measured:
+    """Every third stretch between collisions in six scenes; every third other one is sealed. Friction is fitted."""
+    numbers = ("00000", "02000", "03000", "04000", "05000", "06000")
+    world, recording = real_data.clevrer_slides(numbers)
+    names = [r.name for r in recording.runs]
+    paths = ("objects.cube.friction", "objects.cylinder.friction")
+    friction = Unknown("friction", paths, "1", 0.03, 0.0, 0.5, 0.01)
+    return Measured(world, recording.select(tuple(names[::3])), recording.select(tuple(names[1::3])), (friction,))
+
+
+def flights() -> Measured:
+    """Twelve tosses of 150 up to the first touch; six others are sealed."""
+    world, recording = real_data.cube_flight(tuple(range(0, 60, 5)))
+    _, sealed = real_data.cube_flight(tuple(range(2, 60, 10)))
+    return Measured(world, recording, sealed)
+
+
+def _of_ball(ball: str) -> Callable[[], Measured]:
+    return lambda: drops((ball,))
+
+
+CASES: Mapping[str, Case] = {
+    "balls": Case("ball_drop", "quadratic drag, C_d of 0.3 to 0.7 (spheres at these Reynolds numbers)", drops),
+    **{f"ball_{ball}": Case("ball_drop", "too little to tell: ambiguous", _of_ball(ball)) for ball in real_data.BALLS},
+    "pendulum": Case("pendulum", "viscous damping at the joint (the authors' model)", swings),
+    "clevrer": Case("clevrer", "dv/dt = -0.04 v - 0.04 |v| v beside Coulomb friction of 0.0295", slides),
+    "cube": Case(
+        "cube_toss", "free fall of 9.61 m/s^2: gravity, scale or clock, which flight alone cannot tell", flights
+    ),
+}
+
+
+def judge(case: Case) -> dict[str, Any]:
+    """The verdict on a case as plain data, with the seconds it took."""
+    measured = case.read()
+    began = time.perf_counter()
+    report = find_gap(
+        measured.world,
+        measured.recording,
+        sealed=measured.sealed,
+        base=measured.base,
+        settings=GapSettings(null_control=False),
+    )
+    told = report.to_dict()
+    kept = ("verdict", "effects", "credible_set", "runner_up", "noise", "goodness", "sealed", "base", "residual_force")
+    result = {key: told[key] for key in kept}
+    return result | {"published": case.published, "seconds": round(time.perf_counter() - began, 1)}
+
+
+def table(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """One block of lines for each case."""
+    lines = []
+    for name, told in results.items():
+        sealed = told["sealed"]
+        lines.append(f"{name}: {told['verdict']}, {told['seconds']} s")
+        lines.append(f"  published: {told['published']}")
+        for effect in told["effects"]:
+            label = f" ({effect['label']})" if effect["label"] else ""
+            lines.append(f"  {effect['name']}{label}: {_numbers(effect['unknowns'])}")
+        if told["base"]["unknowns"]:
+            lines.append(f"  base: {_numbers(told['base']['unknowns'])}")
+        lines.append(f"  credible: {'; '.join(' + '.join(names) for names in told['credible_set']) or 'none'}")
+        lines.append(f"  {told['goodness']['summary']}")
+        lines.append(f"  {told['noise']['summary']}")
+        if told["residual_force"] is not None:
+            lines.append(f"  residual force: {told['residual_force'].get('expression')}")
+        closed = "no gap" if sealed["closed"] is None else f"{100.0 * sealed['closed']:.0f}% closed"
+        lines.append(
+            f"  sealed: {sealed['gap_before']:.3g} -> {sealed['gap_after']:.3g} {sealed['unit']}, "
+            f"noise {sealed['noise_floor']:.2g}: {closed}"
+        )
+    return "\n".join(lines)
+
+
+def _numbers(unknowns: Mapping[str, Mapping[str, Any]]) -> str:
+    return ", ".join(
+        f"{name} = {u['value']:.4g} [{_end(u, 0)}, {_end(u, 1)}] {u['unit']}" for name, u in unknowns.items()
+    )
+
+
+def _end(unknown: Mapping[str, Any], side: int) -> str:
+    interval = unknown["interval95"]
+    return "?" if interval is None or interval[side] is None else f"{interval[side]:.4g}"
+
+
+def main() -> None:
+    """Judge the cases named, or all, and print what was found."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"cases, of {', '.join(CASES)}; default: all")
+    parser.add_argument("--data", type=Path, default=real_data.FOLDER, help="folder of the data sets")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    chosen = parser.parse_args()
+    wrong = sorted(set(chosen.names) - set(CASES))
+    if wrong:
+        parser.error(f"unknown cases {wrong}; choices: {list(CASES)}")
+    real_data.FOLDER = chosen.data
+    results: dict[str, dict[str, Any]] = {}
+    for name in chosen.names or CASES:
+        if not (chosen.data / CASES[name].folder).exists():
+            print(f"{name}: skipped, {chosen.data / CASES[name].folder} is absent", file=sys.stderr)
+            continue
+        results[name] = judge(CASES[name])
+        if not chosen.json:
+            print(table({name: results[name]}), flush=True)
+    if chosen.json:
+        print(json.dumps(results, indent=1))
+
+
+if __name__ == "__main__":
+    main()
