@@ -80,7 +80,7 @@ def table(outcomes: Sequence[Outcome]) -> list[Row]:
     crashed = [o["verdict"] == "crashed" for o in outcomes]
     rows.append(share_row("crashes", crashed, most=0.0))
     if "one_effect" in by or "nothing" in by:
-        single = [o for s in ("one_effect", "nothing") for o in by.get(s, []) if np.isfinite(o["seconds"])]
+        single = [o for s in ("one_effect", "nothing") for o in by.get(s, []) if o["seconds"] is not None]
         for key, name in (("seconds", "by the clock"), ("cpu_seconds", "of work")):
             title = f"seconds a verdict {name}, one body, 9 in 10"
             rows.append(value_row(title, [o[key] for o in single], SECONDS_BAR, at_most=True, form="{:.1f}"))
@@ -99,8 +99,9 @@ def _one_effect(outcomes: list[Outcome]) -> list[Row]:
     rows.append(share_row("one effect, decisive wrong name", [o["decisive_wrong"] for o in outcomes], most=0.01))
     rows.append(share_row("one effect, credible set covers", [o["covers"] for o in outcomes], least=0.99))
     sizes = [o["size"] for o in outcomes if o["size"]]
-    mean = float(np.mean(sizes)) if sizes else np.nan
-    rows.append(Row("one effect, mean size of the credible set", f"{mean:.2f} of {len(sizes)}", "<= 1.2", mean <= 1.2))
+    mean = float(np.mean(sizes)) if sizes else 0.0
+    told, met = (f"{mean:.2f} of {len(sizes)}", mean <= 1.2) if sizes else ("no case", None)
+    rows.append(Row("one effect, mean size of the credible set", told, "<= 1.2", met))
     rows += _sealed(outcomes)
     held = [h for o in outcomes for h in o["inside"].values()]
     rows.append(share_row("95% intervals hold the truth", held, least=0.90, most=0.98))
@@ -185,7 +186,7 @@ def _bodies(outcomes: list[Outcome]) -> list[Row]:
     rows += _sealed(hidden)
     held = [h for o in hidden for h in o["inside"].values()]
     rows.append(share_row("bodies, 95% intervals hold the truth", held, least=0.90, most=0.98))
-    seconds = [o["cpu_seconds"] for o in outcomes if np.isfinite(o["cpu_seconds"])]
+    seconds = [o["cpu_seconds"] for o in outcomes if o["cpu_seconds"] is not None]
     rows.append(value_row("bodies, seconds of work, 9 in 10", seconds, 60.0, at_most=True, form="{:.1f}"))
     return rows
 

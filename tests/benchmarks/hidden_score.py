@@ -47,8 +47,8 @@ class Outcome:
     decisive_wrong: bool
     covers: bool
     size: int
-    seconds: float
-    cpu_seconds: float
+    seconds: float | None
+    cpu_seconds: float | None
     effects_count: int
     proposed: bool = False
     decides: bool | None = None
@@ -111,8 +111,8 @@ def score(public: Path, private: Path) -> Outcome:
         decisive_wrong=wrong,
         covers=covers,
         size=size,
-        seconds=float(told.get("seconds", np.nan)),
-        cpu_seconds=float(told.get("cpu_seconds", np.nan)),
+        seconds=told.get("seconds"),
+        cpu_seconds=told.get("cpu_seconds"),
         effects_count=len(names),
         proposed=bool(told.get("experiment")),
         error=told.get("error"),
@@ -135,14 +135,18 @@ def score(public: Path, private: Path) -> Outcome:
     return found
 
 
-def closed_shares(told: dict[str, Any]) -> tuple[float, float]:
-    """Share of the sealed gap closed, beyond the noise and with it; a verdict without a world closes nothing."""
+def closed_shares(told: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
+    """Share of the sealed gap closed, beyond the noise and with it; a verdict without a world closes nothing.
+
+    None where the sealed runs show no gap beyond the noise.
+    """
     sealed = told.get("sealed")
     if not sealed or sealed["gap_before"] is None or sealed["gap_after"] is None:
         return 0.0, 0.0
     before, after, floor = sealed["gap_before"], sealed["gap_after"], sealed["noise_floor"]
-    net = 1.0 - after / before if before > 0.0 else 0.0
-    return net, 1.0 - float(np.hypot(after, floor) / np.hypot(before, floor))
+    if before <= 0.0:
+        return None, None
+    return 1.0 - after / before, 1.0 - float(np.hypot(after, floor) / np.hypot(before, floor))
 
 
 def form_is_right(form: dict[str, Any], told: dict[str, Any]) -> bool:
