@@ -92,7 +92,17 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("pairs", nargs="*", metavar="name=value", help="variables: $name in the script")
     run.set_defaults(command=_run)
 
-    demo = commands.add_parser("demo", help="a video in, an answered what-if question out, checked against the truth")
+    demo = commands.add_parser(
+        "demo",
+        help="a video in, an answered what-if question (or, with gap, a better world) out, checked against the truth",
+    )
+    demo.add_argument(
+        "which",
+        nargs="?",
+        choices=("collision", "gap"),
+        default="collision",
+        help="collision: what if the blue cube had not been there (the default); gap: what is the world missing?",
+    )
     demo.add_argument(
         "--output", type=Path, default=Path("atw-demo"), help="folder for the pictures (default: %(default)s)"
     )
@@ -203,7 +213,7 @@ def _demo(options: argparse.Namespace) -> int:
     from atw_mcp.demo.narrate import demo
 
     async def session(server: Session) -> None:
-        await demo(server, options.output, sys.stdout)
+        await demo(server, options.which, options.output, sys.stdout)
 
     if options.store is not None:
         return _with_server(options.store, session)

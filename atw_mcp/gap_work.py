@@ -9,7 +9,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from atw_mcp.gap_pictures import map_picture, path_picture, residual_picture
 from atw_mcp.gap_unknowns import unknown_of
 from atw_mcp.gap_words import verdict_text, worth_text
 from atw_mcp.jobs import Cancelled, Progress
@@ -236,6 +235,8 @@ def _compared(trial: Trial) -> tuple[Compared, ...]:
 
 
 def _pictures(before: tuple[Compared, ...], after: tuple[Compared, ...] | None = None) -> dict[str, bytes]:
+    from atw_mcp.gap_pictures import map_picture, path_picture, residual_picture  # matplotlib is slow to import
+
     return {
         "residuals.png": residual_picture(before, after),
         "paths.png": path_picture(before, after),

@@ -1,9 +1,11 @@
-"""`atw-mcp demo`: run the demo script over MCP, say what happens, and check every result against the ground truth."""
+"""`atw-mcp demo`: run a demo script over MCP, say what happens, and check every result against the ground truth."""
 
 from __future__ import annotations
 
 import textwrap
 import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -11,7 +13,7 @@ import cv2
 import numpy as np
 
 from atw_mcp.client import Reply, Session
-from atw_mcp.demo.truth import FOLDER, Collision, TrueRun, rms_distance, true_runs
+from atw_mcp.demo.truth import FOLDER, Collision, TrueRun, hidden_pull, rms_distance, true_runs
 from atw_mcp.overlay import contact_sheet
 from atw_mcp.script import Step, read_script, run_script
 
@@ -45,23 +47,35 @@ class Narrator:
         print("\n".join(textwrap.wrap(text, WIDTH, subsequent_indent=indent)), file=self.out, flush=True)
 
 
-async def demo(session: Session, folder: Path, out: TextIO) -> None:
-    """Run the demo; pictures are written to `folder`."""
+@dataclass(frozen=True)
+class Demo:
+    """A demo: its script, what it shows in a sentence, how it is checked against the truth, and the results whose
+    pictures are kept, with what they show."""
+
+    script: str
+    about: str
+    check: Callable[[Session, dict[str, Reply], Narrator], Awaitable[None]]
+    pictures: tuple[tuple[str, str], ...]
+
+
+async def demo(session: Session, which: str, folder: Path, out: TextIO) -> None:
+    """Run one of `DEMOS`; pictures are written to `folder`."""
     began = time.perf_counter()
+    chosen = DEMOS[which]
     narrator = Narrator(out)
     narrator.say(
-        "Asking the World: a video in, an answered what-if question out. Each call below goes to the MCP server as an "
-        "LLM agent's would; ev-... is the evidence that it leaves."
+        f"Asking the World: {chosen.about}. Each call below goes to the MCP server as an LLM agent's would; ev-... is "
+        "the evidence that it leaves."
     )
     results: dict[str, Reply] = {}
-    steps = read_script(FOLDER / "collision.atw")
+    steps = read_script(FOLDER / chosen.script)
     variables = {"folder": str(FOLDER), "name": await _new_name(session)}
     async for step, reply in run_script(steps, session, variables, narrator.begin):
         narrator.end(step, reply)
         results[step.name or step.tool] = reply
-    await _check(session, results, narrator)
+    await chosen.check(session, results, narrator)
     narrator.say("")
-    for name, what in (("overlay", "the world over the video"), ("what_if", "without the blue cube")):
+    for name, what in chosen.pictures:
         narrator.say(f"Picture of {what}: {_write_sheet(results[name], folder / f'{name}.png')}")
     narrator.say(f"Done in {time.perf_counter() - began:.1f} s.")
 
@@ -72,7 +86,7 @@ async def _new_name(session: Session) -> str:
     return next(name for number in range(1, len(taken) + 2) if (name := f"demo-{number}") not in taken)
 
 
-async def _check(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:
+async def _check_collision(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:
     filmed, what_if = true_runs()
     narrator.say("")
     narrator.say("Checked against the simulator that made the clip, which none of the above has seen:")
@@ -137,6 +151,39 @@ async def _rollout_errors(session: Session, rollout: Reply, truth: TrueRun) -> d
     return errors
 
 
+async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:
+    hidden, unfilmed = hidden_pull()
+    found = results["what"].body["data"]
+    effect = found["proposals"][0]["effects"][0] if found["proposals"] else {"name": "nothing"}
+    right = found["verdict"] == "identified" and effect["name"] == hidden.effect
+    narrator.say("")
+    narrator.say("Checked against the simulator that made the clip, which none of the above has seen:")
+    narrator.say(
+        f"   Verdict: {found['verdict']}, {effect['name']}; in truth {hidden.effect} - {'right' if right else 'WRONG'} "
+        f"({results['what'].body['evidence']})",
+        indent=" " * 6,
+    )
+    for axis, true in zip("xy", hidden.acceleration, strict=True):
+        known = next((value for key, value in effect.items() if key.endswith(f"_{axis}")), None)
+        if known is not None:
+            low, high = known["interval95"]
+            narrator.say(
+                f"      pull along {axis}: {known['value']:.4f} m/s^2, 95% {low:.4f} to {high:.4f}; in truth {true:.4f}"
+            )
+    sealed = results["add"].body["data"]["sealed"]
+    narrator.say(
+        f"   Sealed third of the video: gap {1000 * sealed['gap_before']:.2f} mm without it, "
+        f"{1000 * sealed['gap_after']:.2f} mm with it; noise {1000 * sealed['noise_floor']:.2f} mm",
+        indent=" " * 6,
+    )
+    narrator.say("   A run that was never filmed, foretold:")
+    print(f"   {'distance to the truth [mm rms]':32}{'without it':>15}{'with it':>15}", file=narrator.out)
+    pairs = [await _rollout_errors(session, results[name], unfilmed) for name in ("without", "elsewhere")]
+    for name in unfilmed.positions:
+        cells = "".join(f"{1000 * errors[name]:>15.1f}" for errors in pairs)
+        print(f"   {name:32}{cells}", file=narrator.out)
+
+
 def _told(collisions: list[Collision] | tuple[Collision, ...]) -> str:
     return "; ".join(c.told() for c in collisions) or "none"
 
@@ -151,3 +198,23 @@ def _write_sheet(reply: Reply, path: Path) -> Path:
         raise ValueError(f"the pictures could not be encoded for {path}")
     path.write_bytes(file.tobytes())
     return path.absolute()
+
+
+DEMOS = {
+    "collision": Demo(
+        "collision.atw",
+        "a video in, an answered what-if question out",
+        _check_collision,
+        (("overlay", "the world over the video"), ("what_if", "without the blue cube")),
+    ),
+    "gap": Demo(
+        "gap.atw",
+        "a video that its world does not explain in, the missing effect and a better world out",
+        _check_gap,
+        (
+            ("where", "where the fitted world is wrong"),
+            ("add", "the sealed part of the video, with and without the effect"),
+            ("overlay", "the better world over the video"),
+        ),
+    ),
+}

@@ -1,4 +1,4 @@
-"""The demo clip's ground truth, and how far observation and worlds are from it."""
+"""The demo clips' ground truth, and how far observation and worlds are from it."""
 
 from __future__ import annotations
 
@@ -49,6 +49,21 @@ def true_runs() -> tuple[TrueRun, TrueRun]:
     """The filmed run, and the same scene without the body that the question removes."""
     document = json.loads((FOLDER / "collision.json").read_text(encoding="utf-8"))
     return TrueRun.of(document), TrueRun.of(document["counterfactual"])
+
+
+@dataclass(frozen=True)
+class HiddenPull:
+    """What the clip of the gap hides: the name of the effect, and its acceleration along x and y [m/s^2]."""
+
+    effect: str
+    acceleration: tuple[float, float]
+
+
+def hidden_pull() -> tuple[HiddenPull, TrueRun]:
+    """What is hidden in the clip of the gap, and a run of the same scene from other places that is not in the clip."""
+    document = json.loads((FOLDER / "gap.json").read_text(encoding="utf-8"))
+    x, y = document["hidden"]["acceleration"]
+    return HiddenPull(document["hidden"]["effect"], (x, y)), TrueRun.of(document["unfilmed"])
 
 
 def rms_distance(frames: list[int], places: list[list[float]], true: Array) -> float:
