@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
+AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
 KEPT_CHANGED = 0.002  # the same of the share of outliers
 
 
@@ -163,11 +164,11 @@ def _searched(
     def tell(step: str, figures: dict[str, Any]) -> None:
         story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
 
-    early = ground.fit.states if ground.passes else _early_states(ground)
-    search = Search(ground.bench, candidates, settings.search, tell, early)
+    early, horizon = (ground, 1.0) if ground.passes else _early_fit(ground)
+    search = Search(ground.bench, candidates, settings.search, tell, early, horizon)
     near_misses: tuple[dict[str, Any], ...] = ()
     if ground.passes:
-        explained, near_misses = _explained(search, ground, settings.alarm)
+        ground, explained, near_misses = _explained(search, ground, settings.alarm)
         if explained:
             return _Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
     effects = 0
@@ -193,22 +194,39 @@ def _searched(
     bench = verdict.best.bench if verdict.best is not None else search.bench
     if bench is not ground.bench:
         ground = bench.refit(ground)
+    if verdict.best is not None:
+        again = _from_states_of(verdict.best, ground)
+        if again.chi2 < ground.chi2:
+            ground = again
+        if ground.passes and ground.ebic - verdict.best.ebic <= settings.alarm:
+            return _Searched(Verdict("nothing_missing", None), bench, ground, near_misses)
     return _Searched(verdict, bench, ground, near_misses)
 
 
-def _early_states(ground: Trial) -> tuple[Array, ...]:
+def _early_fit(ground: Trial) -> tuple[Trial, float]:
+    """The base fitted to the first part of every run, and which part that is."""
     plan = ground.bench.design
+    horizons = tuple(h for h in profile.horizons_for(plan) if h <= profile.HORIZONS[0])
     states = profile.start_states(plan)
-    early = tuple(h for h in profile.horizons_for(plan) if h <= profile.HORIZONS[0])
-    return ground.bench.fit(ground.hypothesis, ground.values, states, horizons=early).fit.states
+    return ground.bench.fit(ground.hypothesis, ground.values, states, horizons=horizons), horizons[-1]
 
 
-def _explained(search: Search, ground: Trial, alarm: float) -> tuple[bool, tuple[dict[str, Any], ...]]:
-    """Whether no effect betters a base that passes by more than `alarm`, and those that better it at all."""
+def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool, tuple[dict[str, Any], ...]]:
+    """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
     promising = search.promising(ground, 0.5 * alarm)
     near = [t for t in promising if t.ebic < ground.ebic]
+    for trial in near[:AGAIN]:
+        again = _from_states_of(trial, ground)
+        if again.chi2 < ground.chi2 and again.passes:
+            ground = again
+    near = [t for t in near if t.ebic < ground.ebic]
     told = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ground.ebic - t.ebic} for t in near)
-    return not near or ground.ebic - near[0].ebic <= alarm, told
+    return ground, not near or ground.ebic - near[0].ebic <= alarm, told
+
+
+def _from_states_of(trial: Trial, ground: Trial) -> Trial:
+    """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
+    return trial.bench.fit(ground.hypothesis, trial.values[: len(ground.values)], trial.fit.states)
 
 
 def _renoise(search: Search, effects: int) -> None:

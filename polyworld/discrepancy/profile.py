@@ -25,6 +25,7 @@ STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
 TRIALS = 10.0 ** np.array([-2.0, 0.0, 2.0])  # dampings tried at once, as factors of the last successful one
 HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
 FINE_HORIZONS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)  # where bodies meet: about one more collision at a time
+FINEST_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
 NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
 ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
 TURN_ITERATIONS = 4
@@ -79,9 +80,10 @@ def fit(
 ) -> Fit:
     """Fit shared unknowns and initial states from the values given.
 
-    horizons: parts of each run's time fitted one after another, the last 1. tolerance: a fit has converged when chi2
-    falls by less than this, absolutely: differences of 10 decide between hypotheses. target: chi2 below which the fit
-    is of interest; a fit far above it that comes no nearer is given up.
+    horizons: parts of each run's time fitted one after another; the result is that of the last, so end with 1 for the
+    whole. tolerance: a fit has converged when chi2 falls by less than this, absolutely: differences of 10 decide
+    between hypotheses. target: chi2 below which the fit is of interest; a fit far above it that comes no nearer is
+    given up.
     """
     at = _Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
     before = forward.rollouts
@@ -95,8 +97,8 @@ def fit(
         total += used
         if len(horizons) > 1:
             for _ in range(SWEEPS):
-                at = _turned_over(forward, noise, at, horizon, steps)
-    linear = _linearise(forward, noise, at, 1.0, steps)
+                at = _turned_over(forward, noise, at, horizon, steps, ILL)
+    linear = _linearise(forward, noise, at, horizons[-1], steps)
     covariance, _ = _covariances(forward, linear)
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
 
@@ -228,18 +230,25 @@ def _linearise_shared(
     return Linearised(tuple(rs), tuple(aa), known)
 
 
-def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps) -> _Point:
-    """Spins the other way for runs that fit ill, each with a few iterations of its own, kept where they fit better."""
+def turned_over(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...]:
+    """Initial states from which a fit may come out better: spins that were not measured, tried the other way."""
+    at = _Point(fitted.values, fitted.states)
+    return _turned_over(forward, noise, at, 1.0, _steps(forward, fitted.linear), 0.0).states
+
+
+def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps, ill: float) -> _Point:
+    """Spins the other way for runs whose chi2 per measurement is above `ill`, one body at a time, each followed by a
+    few iterations, and kept where the run then fits better. The slope of a spin tells nothing of the other sign."""
     runs = forward.design.runs
     slots = [np.flatnonzero(r.spread) for r in runs]
     count = np.array([max(int(np.count_nonzero(r.before(horizon))), 1) for r in runs])
     cost = _run_costs(forward, noise, at, horizon)
     for slot in range(max((len(s) for s in slots), default=0)):
-        ill = [r for r in runs if cost[r.index] > ILL * count[r.index] and slot < len(slots[r.index])]
-        if not ill:
+        tried = [r for r in runs if cost[r.index] > ill * count[r.index] and slot < len(slots[r.index])]
+        if not tried:
             continue
         states = list(at.states)
-        for r in ill:
+        for r in tried:
             i = slots[r.index][slot]
             states[r.index] = states[r.index].copy()
             size = max(abs(states[r.index][i]), 0.5 * r.spread[i])
@@ -248,7 +257,7 @@ def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, ste
             forward, noise, _Point(at.values, tuple(states)), horizon, steps, TURN_ITERATIONS, 10.0, None
         )
         other = _run_costs(forward, noise, _Point(at.values, trial.states), horizon)
-        better = [r.index for r in ill if other[r.index] < cost[r.index] - 1.0]
+        better = [r.index for r in tried if other[r.index] < cost[r.index] - 1.0]
         at = _Point(at.values, tuple(trial.states[k] if k in better else s for k, s in enumerate(at.states)))
         cost[better] = other[better]
     return at

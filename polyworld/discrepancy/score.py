@@ -39,8 +39,12 @@ class Lead:
     states: tuple[Array, ...] | None = None
 
 
-def leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothesis], keep: int) -> list[Lead]:
-    """The `keep` most promising starts of each hypothesis that adds one effect to a fitted one, best first."""
+def leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothesis], keep: int, horizon: float = 1.0) -> list[Lead]:
+    """The `keep` most promising starts of each hypothesis that adds one effect to a fitted one, best first.
+
+    horizon: part of each run's time that the trial was fitted to. Effects with a score test of their own are judged by
+    whole runs, and left out of shorter ones.
+    """
     ground = trial.ground
     found: list[Lead] = []
     special: dict[str, list[Hypothesis]] = {}
@@ -49,26 +53,28 @@ def leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothesis], keep: in
         if candidate.leads is not None:
             special.setdefault(candidate.name, []).append(hypothesis)
             continue
-        own = _of_one(bench, trial, hypothesis, ground)
+        own = _of_one(bench, trial, hypothesis, ground, horizon)
         found += sorted(own, key=lambda lead: lead.chi2)[:keep]
-    for group in special.values():
+    for group in special.values() if horizon >= 1.0 else ():
         by_itself = group[0].parts[-1].candidate.leads
         found += by_itself(bench, trial, group, keep) if by_itself is not None else []
     return sorted(found, key=lambda lead: lead.chi2)
 
 
-def _of_one(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground) -> list[Lead]:
+def _of_one(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground, horizon: float) -> list[Lead]:
     own = hypothesis.parts[-1].variant
     starts = np.array(hypothesis.starts(trial.values))
     per_start = len(bench.design.runs) * (1 + len(own.unknowns) - len(own.idle))
     found: list[Lead] = []
     size = max(1, MOST_WORLDS // per_start)
     for first in range(0, len(starts), size):
-        found += _of_starts(bench, trial, hypothesis, ground, starts[first : first + size])
+        found += _of_starts(bench, trial, hypothesis, ground, starts[first : first + size], horizon)
     return found
 
 
-def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground, starts: Array) -> list[Lead]:
+def _of_starts(
+    bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground, starts: Array, horizon: float
+) -> list[Lead]:
     variant = hypothesis.parts[-1].variant
     own = tuple(u for u in variant.unknowns if u.name not in variant.idle)
     j, k, s = len(starts), len(own), len(trial.values)
@@ -88,8 +94,8 @@ def _of_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Groun
     ga, gc = np.zeros((j, s)), np.zeros((j, k))
     cc, ac = np.zeros((j, k, k)), np.zeros((j, s, k))
     answers = []
-    for r, raw in zip(bench.design.runs, bench.forward(hypothesis).residuals(settings), strict=True):
-        white = bench.noise.whiten(r.index, raw)
+    for r, raw in zip(bench.design.runs, bench.forward(hypothesis).residuals(settings, horizon), strict=True):
+        white = bench.noise.whiten(r.index, raw) * r.before(horizon)
         base = np.broadcast_to(white[: len(plain)], (j, white.shape[1]))
         slopes = (white[len(plain) :].reshape(j, k, -1) - base[:, None]) / signed[:, :, None]
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)

@@ -52,18 +52,28 @@ class SearchSettings:
     max_effects: int = 2
 
 
+@dataclass(frozen=True, eq=False)
+class _Promise:
+    """A lead on top of a parent, and its share of the best gain promised."""
+
+    parent: Trial
+    lead: Lead
+    share: float
+
+
 @dataclass
 class Search:
     """All trials so far, the best of each hypothesis, and the story of how they came about.
 
-    early: initial states as the first part of every run tells them, where what is missing has not yet done much.
+    early: the base fitted to the first part, `horizon`, of every run, where what is missing has not yet done much.
     """
 
     bench: Bench
     candidates: tuple[Candidate, ...]
     settings: SearchSettings
     tell: Callable[[str, dict[str, Any]], None]
-    early: tuple[Array, ...]
+    early: Trial
+    horizon: float
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
 
@@ -92,36 +102,48 @@ class Search:
         parents = _unlike(parents)
         if not parents:
             return
+        level = min(p.chi2 for p in parents)
         found: list[tuple[Trial, Lead]] = []
         for parent in parents:
-            hypotheses = [
-                h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)
-            ]
-            own = leads(self.bench, parent, hypotheses, self.settings.starts)
-            self.tell(
-                "score test",
-                {
-                    "on": parent.hypothesis.title,
-                    "chi2": parent.chi2,
-                    "promised": [{"effect": x.hypothesis.title, "chi2": x.chi2} for x in own[:12]],
-                },
-            )
+            own = self._scored(parent, parent, 1.0)
             for lead in reversed(own):  # the best last, so that it stays
                 self.promised[identity(lead.hypothesis)] = (parent.chi2, lead)
             found += [(parent, lead) for lead in own]
-        found.sort(key=lambda pair: self._promise(pair[1]))
-        level = min(p.chi2 for p in parents)
+        promises = self._shares(found, level)
         further = len(parents[0].hypothesis.parts) > 0
+        if not further and level > FAR * self.bench.observations:
+            early = [(parents[0], lead) for lead in self._scored(self.early, parents[0], self.horizon)]
+            promises += self._shares(early, self.early.chi2)
+        promises.sort(key=lambda p: -p.share)
         most = self.settings.further if further else self.settings.contenders
-        firsts = _first_of_each(_worth(found, level, WORTH) if further else found, most)
+        firsts = _first_of_each(promises, most, WORTH if further else 0.0)
         self._fit_leads(firsts, level)
         best = self.best(len(parents[0].hypothesis.parts) + 1)
         if best is None or not best.passes:
-            chosen = {id(lead.hypothesis) for _, lead in firsts}
-            tried = {id(lead) for _, lead in firsts}
-            others = [(p, x) for p, x in found if id(x.hypothesis) in chosen and id(x) not in tried]
-            self._fit_leads(_worth(others, level, HOPELESS)[:most], level)
+            chosen = {identity(p.lead.hypothesis) for p in firsts}
+            others = [p for p in promises if identity(p.lead.hypothesis) in chosen and all(p is not f for f in firsts)]
+            self._fit_leads([p for p in others if p.share >= HOPELESS][:most], level)
             self._nested(parents)
+
+    def _scored(self, trial: Trial, parent: Trial, horizon: float) -> list[Lead]:
+        hypotheses = [h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)]
+        own = leads(self.bench, trial, hypotheses, self.settings.starts, horizon)
+        self.tell(
+            "score test",
+            {
+                "on": parent.hypothesis.title,
+                "horizon": horizon,
+                "chi2": trial.chi2,
+                "promised": [{"effect": x.hypothesis.title, "chi2": x.chi2} for x in own[:12]],
+            },
+        )
+        return own
+
+    def _shares(self, found: Sequence[tuple[Trial, Lead]], level: float) -> list[_Promise]:
+        """Leads with their share of the best gain that any of them promises, unknowns paid for."""
+        gains = [level - self._promise(lead) for _, lead in found]
+        best = max(max(gains, default=0.0), 1e-9)
+        return [_Promise(parent, lead, gain / best) for (parent, lead), gain in zip(found, gains, strict=True)]
 
     def promising(self, ground: Trial, gain: float) -> list[Trial]:
         """Fits of one effect on top of a hypothesis, where the score test foretells that EBIC falls by more than
@@ -144,9 +166,9 @@ class Search:
         ranked = self.ranked(effects)
         return ranked[0] if ranked else None
 
-    def _fit_leads(self, chosen: Sequence[tuple[Trial, Lead]], level: float) -> None:
+    def _fit_leads(self, chosen: Sequence[_Promise], level: float) -> None:
         """First iterations of every lead, then to convergence where it may still win."""
-        self.finish([self.take(self._first_fit(parent, lead)) for parent, lead in chosen], level)
+        self.finish([self.take(self._first_fit(p.parent, p.lead)) for p in chosen], level)
 
     def _first_fit(self, parent: Trial, lead: Lead) -> Trial:
         """Where the parent is far from the data, over growing horizons from early states: its own states are bent to
@@ -155,7 +177,7 @@ class Search:
             return self.bench.fit(
                 lead.hypothesis,
                 lead.values,
-                self.early,
+                self.early.fit.states,
                 horizons=profile.horizons_for(self.bench.design),
                 iterations=FIRST_ITERATIONS,
             )
@@ -165,7 +187,7 @@ class Search:
     def _options(self, parent: Trial, lead: Lead) -> list[Start]:
         """Starts of a lead: the effect on with early states; off, with the parent's; and on the way to what the score
         test foretells."""
-        options = [Start(lead.values, self.early)]
+        options = [Start(lead.values, self.early.fit.states)]
         if lead.before is not None:
             options.append(Start(lead.before, parent.fit.states))
         if lead.states is not None and lead.before is not None:
@@ -301,19 +323,10 @@ def _apart(one: Trial, other: Trial) -> float:
     return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
 
 
-def _worth(found: Sequence[tuple[Trial, Lead]], level: float, share: float) -> list[tuple[Trial, Lead]]:
-    """The leads that promise at least a share of the best gain over `level`."""
-    gains = [level - lead.chi2 for _, lead in found]
-    best = max(gains, default=0.0)
-    return [pair for pair, gain in zip(found, gains, strict=True) if gain >= share * best]
-
-
-def _first_of_each(found: Sequence[tuple[Trial, Lead]], most: int) -> list[tuple[Trial, Lead]]:
-    chosen: list[tuple[Trial, Lead]] = []
-    seen: set[tuple[str, ...]] = set()
-    for parent, lead in found:
-        key = identity(lead.hypothesis)
-        if key not in seen:
-            seen.add(key)
-            chosen.append((parent, lead))
-    return chosen[:most]
+def _first_of_each(promises: Sequence[_Promise], most: int, least: float) -> list[_Promise]:
+    """The best lead of each hypothesis, at most so many, of those that promise at least a share of the best gain."""
+    chosen: dict[tuple[str, ...], _Promise] = {}
+    for promise in promises:
+        if promise.share >= least:
+            chosen.setdefault(identity(promise.lead.hypothesis), promise)
+    return list(chosen.values())[:most]
