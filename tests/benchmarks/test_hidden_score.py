@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.benchmarks.hidden_cases import SECTIONS
-from tests.benchmarks.hidden_files import write_json
+from tests.benchmarks.hidden_generate import generate
 from tests.benchmarks.hidden_report import wilson
 from tests.benchmarks.hidden_score import closed_shares, form_is_right, judge_names, place_overlaps
-
-ROOT = Path(__file__).parents[2]
 
 
 def verdict(kind: str, *sets: list[str]) -> dict[str, object]:
@@ -87,14 +83,11 @@ def test_wilson_interval_of_no_alarm_in_three_hundred() -> None:
 
 def test_generator_writes_the_same_case_again_and_tells_the_truth_apart(tmp_path: Path) -> None:
     case = next(c for c in SECTIONS["one_effect"](1) if c.effects == ("tilt",) and c.noise == 0.01)
-    write_json(tmp_path / "cases.json", [case.to_dict()])
-    command = [sys.executable, "-m", "tests.benchmarks.hidden_generate", "--cases", str(tmp_path / "cases.json")]
     for n in "ab":
-        folders = ["--public", str(tmp_path / n), "--private", str(tmp_path / f"{n}truth")]
-        subprocess.run([*command, "--seed", "1", *folders], cwd=ROOT, check=True)
-    a, b = tmp_path / "a" / case.name, tmp_path / "b" / case.name
+        generate(case, 1, tmp_path / n, tmp_path / f"{n}truth")
+    a, b = tmp_path / "a", tmp_path / "b"
     assert sorted(p.name for p in a.iterdir()) == ["data.csv", "sealed.csv", "world.json"]
     assert all((a / p.name).read_bytes() == p.read_bytes() for p in b.iterdir())
-    truth = json.loads((tmp_path / "atruth" / case.name / "truth.json").read_text())
+    truth = json.loads((tmp_path / "atruth" / "truth.json").read_text())
     assert truth["effects"][0]["name"] == "tilt"
     assert "tilt" not in (a / "world.json").read_text()
