@@ -274,6 +274,8 @@ class _Scale:
             level = max(
                 level, *((resolution(self.design, s) / float(noise.sigma[s.run][s.where].min())) ** 2 for s in group)
             )
+            if any(self.design.runs[s.run].run.sigma is not None for s in group):
+                level = max(level, 1.0)  # an accuracy that the recording tells covers what is smooth in its errors
             for s in group:
                 self._level[id(s)] = level
                 self._own[id(s)] = float(np.sqrt(2.0 / count)) if count else 0.5
