@@ -26,6 +26,7 @@ LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the st
 LEVEL = 0.01  # share of false alarms
 LEFT = 0.15  # part of a direction that the fit must have left, for it to count
 LOOSE = 3.0  # by how much more than its error a correlation may be off: it was drawn from much the same residuals
+LOUDER = 0.5  # most relative error of the power in low modes, where no correlation explains the residuals
 EDGE = 0.02  # least relative error of a noise level
 
 
@@ -239,8 +240,9 @@ class _Scale:
         self.members = [s for s in design.series if s.kind == kind]
         length = sum(int(noise.kept[s.run][s.where].sum()) for s in self.members)
         level = np.sqrt(2.0 / max(length, 1))
-        self.error = float(np.hypot(level, self._slope(MODES) * self.found.error)) + EDGE
-        self.lowest_error = float(np.hypot(level, self._slope(LOWEST) * self.found.error)) + EDGE
+        most = LOUDER if self.louder else np.inf
+        self.error = min(float(np.hypot(level, self._slope(MODES) * self.found.error)), most) + EDGE
+        self.lowest_error = min(float(np.hypot(level, self._slope(LOWEST) * self.found.error)), most) + EDGE
         self._level = {id(s): 1.0 for s in self.members}
         self._own: dict[int, float] = {}
         self._levels(noise, whitened)
