@@ -46,11 +46,13 @@ def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
     noise = measured_noise(plan)
     kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     floor = _noise_level(plan, noise, kind)
+    forwards = [Forward(plan, world, ()) for world in (before, after)]
+    none, begin = np.zeros(0), profile.start_states(plan)
+    fits = [profile.fit(f, noise, none, begin, horizons=profile.horizons_for(plan)) for f in forwards]
     gaps = []
-    for world in (before, after):
-        forward = Forward(plan, world, ())
-        fit = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan), horizons=profile.horizons_for(plan))
-        gaps.append(_beyond_noise(plan, forward, fit, kind, floor))
+    for forward, own, other in zip(forwards, fits, reversed(fits), strict=True):
+        again = profile.fit(forward, noise, none, other.states)  # neither world is to lose by a fit that was trapped
+        gaps.append(_beyond_noise(plan, forward, min(own, again, key=lambda f: f.chi2), kind, floor))
     closed = 1.0 - gaps[1] / gaps[0] if gaps[0] > 0.0 else None
     return SealedGap(gaps[0], gaps[1], floor, closed, "m" if kind == "position" else "rad")
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.recording import Run
+from polyworld.representations.fluid import Fluid
 from polyworld.representations.joint import Hinge
 from polyworld.representations.rigid import RigidObject
 from polyworld.symmetry import rotation_vector
@@ -78,7 +79,7 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
     for name in owners:
         item = world.item(name)
         if not isinstance(item, RigidObject):
-            found.append(_deformable(name, world))
+            found.append(_deformable(name, world, run))
             continue
         hinge = next((j for j in world.joints if isinstance(j, Hinge) and j.object == name and j.other is None), None)
         column = run.names.index(name)
@@ -184,13 +185,20 @@ def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoor
     )
 
 
-def _deformable(name: str, world: World) -> StateCoordinates:
-    """Where a deformable object begins and how fast, as a whole: its shape at the start is the world's."""
+def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
+    """Where a deformable object begins and how fast, as a whole: its shape at the start is the world's.
+
+    What is held somewhere, and fluids, start as the world says: they cannot be shifted off what holds them.
+    """
     fixed = any(a.object == name for a in world.attachments) or any(p.rope == name for p in world.pulleys)
+    fixed = fixed or isinstance(world.item(name), Fluid)
     labels = [] if fixed else [f"{field}.{axis}" for axis in "xyz" for field in ("shift", "velocity")]
     if world.planar:
         normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
         labels = [label for label in labels if normal["xyz".index(label[-1])] < 1.0 - 1e-9]
+    columns = [k for k, n in enumerate(run.names) if n.split("#", 1)[0] == name]
+    seen = np.isfinite(run.positions[:, columns]).sum(axis=(0, 1)) >= 2
+    labels = [label for label in labels if seen["xyz".index(label[-1])]]
     zero = np.zeros(3)
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])

@@ -75,7 +75,8 @@ ROPE_LENGTH, ROPE_DENSITY, ROPE_STRETCH, SEGMENTS = 1.0, 0.1, 50.0, 10
 def chain(angle: float, times: Array, *, stretch: float, damping: float, tau: float, bending: float = 0.0) -> Array:
     """Nodes (T, n + 1, 3) of a rope that is held at the origin and let go, straight, at an angle from the vertical.
 
-    Lumped masses, tension EA (strain + tau strain rate), dv/dt = -c v; bending by its energy EI theta^2 / (2 l).
+    Lumped masses, tension EA (strain + tau strain rate), dv/dt = -c v; bending by its energy EI kappa^2 / (2 l) with
+    kappa = 2 tan(theta / 2) (Bergou et al. 2008, ACM Trans. Graph. 27, 63).
     """
     link = ROPE_LENGTH / SEGMENTS
     mass = np.full(SEGMENTS, ROPE_DENSITY * link)
@@ -96,7 +97,8 @@ def chain(angle: float, times: Array, *, stretch: float, damping: float, tau: fl
             turn = np.arctan2(
                 unit[:-1, 0] * unit[1:, 1] - unit[:-1, 1] * unit[1:, 0], np.sum(unit[:-1] * unit[1:], axis=1)
             )
-            moment = bending * turn / link
+            half = np.tan(turn / 2.0)
+            moment = 2.0 * bending * half * (1.0 + half**2) / link
             normal = np.column_stack([-unit[:, 1], unit[:, 0]]) / size
             force[:-2] -= moment[:, None] * normal[:-1]
             force[1:-1] += moment[:, None] * (normal[:-1] + normal[1:])
