@@ -38,7 +38,7 @@ BALLS = {
 }
 CUBE_UNIT = 0.0524  # [m] half an edge
 MOVING = 0.05  # [m/s] below which annotated objects are taken for at rest
-STRAIGHT = 3e-4  # [m] by which a straight path may seem to bend: annotations are rounded to 1e-4 m
+STRAIGHT = 1.5e-4  # [m] by which a straight path may seem to bend: annotations are rounded to 1e-4 m
 PENDULUM_TOLD = 10.0  # [s] from which the pendulum's length is taken
 
 
@@ -203,7 +203,7 @@ def clevrer(numbers: Sequence[str] = ("00000",)) -> tuple[World, Recording]:
 
 def clevrer_slides(numbers: Sequence[str], *, least: int = 16, speed: float = 0.3) -> tuple[World, Recording]:
     """Annotated objects between their collisions: a run `SCENE_OBJECT_FRAME` for every such stretch of `least` frames
-    that begins with at least `speed` [m/s] and whose path bends by no more than 0.3 mm. What bends spins, or touches
+    that begins with at least `speed` [m/s] and whose path bends by no more than 0.15 mm. What bends spins, or touches
     something still: of both this world knows nothing.
 
     All cubes are called cube, all cylinders cylinder, all balls sphere: one law each. Coulomb friction, of the same
@@ -226,7 +226,9 @@ def clevrer_slides(numbers: Sequence[str], *, least: int = 16, speed: float = 0.
                     continue
                 times = (tracks.frames[keep] - tracks.frames[keep][0]) * 0.028
                 kind = scene.kinds[name][2]
-                runs.append(_run(f"{number}_{name}_{max(begin, 0)}", (kind,), times, places[:, None]))
+                turned = tracks.orientations[keep, column] if kind == "cube" else None  # of round things it is not seen
+                turns = None if turned is None else turned[:, None]
+                runs.append(_run(f"{number}_{name}_{max(begin, 0)}", (kind,), times, places[:, None], turns))
     kinds = [k for k in SHAPES if any(k in r.names for r in runs)]
     objects = tuple(
         RigidObject(
