@@ -76,7 +76,7 @@ async def demo(session: Session, which: str, folder: Path, out: TextIO) -> None:
     await chosen.check(session, results, narrator)
     narrator.say("")
     for name, what in chosen.pictures:
-        narrator.say(f"Picture of {what}: {_write_sheet(results[name], folder / f'{name}.png')}")
+        narrator.say(f"Picture of {what}: {_write_pictures(results[name], folder, name)}")
     narrator.say(f"Done in {time.perf_counter() - began:.1f} s.")
 
 
@@ -164,7 +164,7 @@ async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narr
         indent=" " * 6,
     )
     for axis, true in zip("xy", hidden.acceleration, strict=True):
-        known = next((value for key, value in effect.items() if key.endswith(f"_{axis}")), None)
+        known = next((value for key, value in effect.items() if key == axis), None)
         if known is not None:
             low, high = known["interval95"]
             narrator.say(
@@ -188,16 +188,22 @@ def _told(collisions: list[Collision] | tuple[Collision, ...]) -> str:
     return "; ".join(c.told() for c in collisions) or "none"
 
 
-def _write_sheet(reply: Reply, path: Path) -> Path:
-    """The pictures of a reply on one sheet, as a PNG file; returns its absolute path."""
-    images = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for _, content in reply.pictures]
-    sheet = contact_sheet([np.asarray(image, dtype=np.uint8) for image in images if image is not None], columns=2)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    done, file = cv2.imencode(".png", sheet)
-    if not done:
-        raise ValueError(f"the pictures could not be encoded for {path}")
-    path.write_bytes(file.tobytes())
-    return path.absolute()
+def _write_pictures(reply: Reply, folder: Path, name: str) -> str:
+    """Write the pictures of a reply as PNG files, those of one size on one sheet; returns their absolute paths."""
+    read = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for _, content in reply.pictures]
+    images = [np.asarray(image, dtype=np.uint8) for image in read if image is not None]
+    alike = len({image.shape for image in images}) == 1
+    sheets = [contact_sheet(images, columns=2)] if alike else images
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for number, sheet in enumerate(sheets, 1):
+        path = folder / (f"{name}.png" if alike else f"{name}-{number}.png")
+        done, file = cv2.imencode(".png", sheet)
+        if not done:
+            raise ValueError(f"the pictures could not be encoded for {path}")
+        path.write_bytes(file.tobytes())
+        paths.append(str(path.absolute()))
+    return ", ".join(paths)
 
 
 DEMOS = {

@@ -216,15 +216,18 @@ def _added(
     assert child is not None
     modelled = app.store.cases.modelled_observation(case.id, parent.id)
     app.keep_world(case, child, how="effect_added", parent=parent, detail=detail, observation=modelled)
+    before = {effect.name for effect in parent.effects}
+    laws = [effect.name for effect in child.effects if effect.name not in before]
+    switch = f"; without it: edits=[{{action: 'toggle_effect', effect: {laws[0]!r}, enabled: false}}]" if laws else ""
     return Answer(
         summary=f"world {child.id} with {outcome.summary}",
         data={
             "world": child.id,
             "from_world": parent.id,
+            "laws": laws,
             **outcome.data,
             **_told(recording),
-            "next": f"InspectRollout(case={case.id!r}, world={child.id!r}), then CommitWorld; a rollout without it: "
-            "edits=[{action: 'toggle_effect', effect: NAME, enabled: false}]",
+            "next": f"InspectRollout(case={case.id!r}, world={child.id!r}), CommitWorld, Rollout{switch}",
         },
         case=case.id,
         world=child.id,

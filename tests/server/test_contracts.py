@@ -13,11 +13,12 @@ from tests.server.contract_snapshots import FOLDER, served_contracts
 CONTRACTS = served_contracts()
 NAMES = {
     "OpenCase", "ObserveObjects", "ImportObservation", "CalibrateCamera", "BuildWorld", "FitWorld", "CommitWorld",
+    "FindDiscrepancy", "ProposeEffects", "AddEffect",
     "InspectWorld", "ReadProperty", "InspectFrames", "InspectObservedMotion", "InspectRollout",
     "Rollout", "ReadEvents", "ReadTrajectory", "ReadTimeline", "QueryWorld", "CompareWorlds",
     "DescribeTool", "ReadEvidence", "UpdateBindings", "Finish",
 }  # fmt: skip
-PICTURES = {"InspectFrames", "InspectRollout", "ReadEvidence"}
+PICTURES = {"InspectFrames", "InspectRollout", "ReadEvidence", "FindDiscrepancy", "AddEffect"}
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

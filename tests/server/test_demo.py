@@ -11,11 +11,11 @@ import pytest
 from atw_mcp.cli import main
 
 
-def printed(folder: Path, *options: str) -> str:
+def printed(folder: Path, *options: str, which: str = "collision") -> str:
     """What `atw-mcp demo` prints."""
     with pytest.MonkeyPatch.context() as replaced, (folder / "out.txt").open("w") as out:
         replaced.setattr("sys.stdout", out)
-        assert main(["demo", "--output", str(folder / "pictures"), *options]) == 0
+        assert main(["demo", which, "--output", str(folder / "pictures"), *options]) == 0
     return (folder / "out.txt").read_text()
 
 
@@ -62,3 +62,23 @@ def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, P
     again = printed(folder, "--store", str(folder / "demo.db"))
     assert "case demo-2" in again
     assert findings(again) == findings(demo[0])
+
+
+def test_demo_of_the_gap_names_what_is_hidden_and_foretells_a_run_that_was_not_filmed(tmp_path: Path) -> None:
+    text = printed(tmp_path, which="gap")
+    assert "WRONG" not in text
+    assert "identified, tilt; in truth tilt - right" in " ".join(text.split())
+    for axis, true in (("x", 0.12), ("y", -0.11)):
+        value = float(re.findall(rf"pull along {axis}: (\S+) m/s", text)[0])
+        assert value == pytest.approx(true, abs=0.003)
+    before, after, noise = map(
+        float, re.findall(r"gap ([\d.]+) mm without it,\s+([\d.]+) mm with it; noise ([\d.]+)", text)[0]
+    )
+    assert before > 2.0 * noise
+    assert after < noise
+    rows = re.findall(r"^ {3}(\w+_puck) +([\d.]+) +([\d.]+)$", text, re.M)
+    assert len(rows) == 3
+    for name, without, foretold in rows:
+        assert float(foretold) < 12, name  # [mm]
+        assert float(without) > 60, name
+    assert all(cv2.imread(str(path)) is not None for path in (tmp_path / "pictures").iterdir())

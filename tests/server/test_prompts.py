@@ -14,7 +14,13 @@ from atw_mcp.prompting import all_prompts, read_prompt
 from atw_mcp.server import all_tools
 from tests.server.connections import TRANSPORTS, Mode, connection
 
-PROMPTS = {"world-representation-routing", "object-discovery", "world-probing", "evidence-based-answer"}
+PROMPTS = {
+    "world-representation-routing",
+    "object-discovery",
+    "closing-the-gap",
+    "world-probing",
+    "evidence-based-answer",
+}
 
 
 @pytest.mark.parametrize("mode", ["auto", "legacy"])
