@@ -87,7 +87,7 @@ def map_picture(before: Sequence[Compared], after: Sequence[Compared] | None = N
             vmax=top,
         )
         figure.colorbar(dots, ax=panel, label="residual / noise")
-        panel.set_title("with the effect" if number else "without the effect" if after is not None else "")
+        panel.set_title("with the effect" if number else "without the effect" if after is not None else "where")
         panel.set_xlabel(plane.across)
         panel.set_ylabel(plane.up)
     return _png(figure)
