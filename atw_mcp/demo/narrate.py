@@ -7,7 +7,7 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import cv2
 import numpy as np
@@ -154,7 +154,7 @@ async def _rollout_errors(session: Session, rollout: Reply, truth: TrueRun) -> d
 async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:
     hidden, unfilmed = hidden_pull()
     found = results["what"].body["data"]
-    effect = found["proposals"][0]["effects"][0] if found["proposals"] else {"name": "nothing"}
+    effect: dict[str, Any] = found["proposals"][0]["effects"][0] if found["proposals"] else {"name": "nothing"}
     right = found["verdict"] == "identified" and effect["name"] == hidden.effect
     narrator.say("")
     narrator.say("Checked against the simulator that made the clip, which none of the above has seen:")

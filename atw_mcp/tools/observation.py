@@ -337,7 +337,7 @@ def _case_answer(app: App, case: Case) -> Answer:
     elif case.kind == "video":
         step = f"ObserveObjects(case={case.id!r})"
     else:
-        step = f"ImportObservation(case={case.id!r}, kind='tracks', path={case.path!r})"
+        step = f"ImportObservation(case={case.id!r}, kind='tracks' (or 'recording': several runs), path={case.path!r})"
     stage = "World Modeling" if case.committed_world is None else "World Probing"
     return Answer(
         summary=f"case {case.id} ({stage}): {case.kind} {case.path}",
