@@ -1,0 +1,33 @@
+"""Markers on deformable bodies: a recording by SciPy or a closed form is what the world's forward model says it is."""
+
+import numpy as np
+import pytest
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.design import design
+from polyworld.discrepancy.forward import Forward, Settings
+from polyworld.recording import Recording, Run
+from tests.benchmarks.hidden_materials import Case, rope_case, strip_case
+
+
+def residuals(case: Case) -> np.ndarray:
+    """Simulated less told (m,) [m], without noise."""
+    turns = np.full((*case.paths.shape[:2], 4), np.nan)
+    plan = design(case.world, Recording((Run("run", case.markers, case.times, case.paths, turns),)))
+    states = profile.start_states(plan)[0]
+    return Forward(plan, case.world, ()).residuals([Settings(0, np.zeros((1, 0)), states[None])])[0][0]
+
+
+def test_markers_of_a_rope_move_as_a_chain_of_masses_on_springs() -> None:
+    assert np.abs(residuals(rope_case(np.random.default_rng(0), None))).max() < 5e-4
+
+
+def test_markers_of_a_hanging_sheet_move_as_waves_along_a_strip() -> None:
+    """Six squares along the length carry the lowest waves; of the 8 cm it sags, higher ones are half a millimetre."""
+    assert np.abs(residuals(strip_case(np.random.default_rng(0), None))).max() < 1e-3
+
+
+@pytest.mark.parametrize("truth", ["air_drag", "stretch_stiffness", "material_damping", "bending_stiffness"])
+def test_wrong_number_of_a_rope_shows_beyond_the_noise(truth: str) -> None:
+    case = rope_case(np.random.default_rng(0), truth)
+    assert float(np.sqrt(np.mean(residuals(case) ** 2))) > 1.5 * case.sigma
