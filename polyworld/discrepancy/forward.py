@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design, RunDesign, owner
+from polyworld.discrepancy.turns import counted_angles, counted_vectors
 from polyworld.meshing import mesh_of
 from polyworld.observer import clock_ratio, observe, sampling_times
 from polyworld.parameters import parameter_paths, read_parameter
@@ -179,11 +180,12 @@ class _Group:
         order = np.full(len(rows), design.run.symmetry[column], dtype=np.int64)
         if not self.world.planar:
             if np.all(order == 1):  # most often; one look-alike need not be compared with itself
-                return rotation_vector(simulated, observed)
+                return counted_vectors(rotation_vector(simulated, observed), simulated, observed)
             return smallest_rotation(simulated, observed, order)
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
         result = np.zeros((*simulated.shape[:2], 3))
-        result[..., 2] = turn_about(simulated, observed, normal, np.maximum(order, 1)) * (order > 0)
+        folds = np.maximum(order, 1)
+        result[..., 2] = counted_angles(turn_about(simulated, observed, normal, folds), np.pi / folds) * (order > 0)
         return result
 
     def _motion(self, design: RunDesign, batch: BatchTrajectory, worlds: slice) -> tuple[Array, Array]:

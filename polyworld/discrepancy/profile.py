@@ -27,6 +27,7 @@ HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early d
 FINE_HORIZONS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)  # where bodies meet: about one more collision at a time
 FINEST_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
 NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
+STUCK = 0.05  # of chi2: a fit that no step betters, though slopes foretell a greater fall, has not converged
 ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
 TURN_ITERATIONS = 4
 SWEEPS = 2  # through all spins
@@ -54,7 +55,8 @@ class Fit:
 
     values (S,): shared unknowns. states[run] (N,): initial-state coordinates. chi2: sum of squared whitened residuals
     at the minimum. covariance (S, S) of the shared unknowns, initial states profiled out; infinite variance where the
-    data say nothing. linear: residuals and derivatives there. converged: False where the iterations ran out.
+    data say nothing. linear: residuals and derivatives there. converged: False where the iterations
+    ran out, or no step brought what the slopes foretold.
     """
 
     values: Array
@@ -164,14 +166,15 @@ def _descend(
         costs = _costs(forward, noise, trials, horizon)
         best = int(np.argmin(costs))
         if not costs[best] < chi2:
+            at_rest = _foretold(linear, at, trials[0]) < max(tolerance, STUCK * chi2)
             damping *= 1e4
             if damping > 1e10:
-                return at, steps, iteration + 1, True
+                return at, steps, iteration + 1, at_rest
             trials = [_step(forward, linear, at, d) for d in damping * TRIALS]
             costs = _costs(forward, noise, trials, horizon)
             best = int(np.argmin(costs))
             if not costs[best] < chi2:
-                return at, steps, iteration + 1, True
+                return at, steps, iteration + 1, at_rest
             dampings = damping * TRIALS
         gain = chi2 - costs[best]
         at, chi2 = trials[best], float(costs[best])
@@ -181,6 +184,16 @@ def _descend(
         if target is not None and gain < NO_NEARER * (chi2 - target):
             return at, steps, iteration + 1, False
     return at, steps, iterations, False
+
+
+def _foretold(linear: Linearised, at: _Point, to: _Point) -> float:
+    """The fall of chi2 that the slopes foretell for a step."""
+    shared = to.values - at.values
+    after = (
+        r + a @ shared + b @ (new - old)
+        for r, a, b, new, old in zip(linear.r, linear.a, linear.b, to.states, at.states, strict=True)
+    )
+    return linear.chi2 - float(sum(float(x @ x) for x in after))
 
 
 def _linearise(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps) -> Linearised:

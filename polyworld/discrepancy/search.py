@@ -29,6 +29,9 @@ RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
+LEADERS = 2  # contenders that are fitted as long as they gain
+ROUNDS = 5  # of iterations that a leader is given at most
+ONWARD = 0.01  # of chi2 that a round has to gain for another one
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
 ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
@@ -202,10 +205,23 @@ class Search:
         """Fit to convergence those trials that may still win. level: chi2 of what they are to improve on."""
         distinct = {identity(t.hypothesis): self.take(t) for t in trials}
         ranked = sorted(distinct.values(), key=lambda t: t.ebic)
-        for trial in ranked[: self.settings.finalists]:
+        for rank, trial in enumerate(ranked[: self.settings.finalists]):
             least = min(t.chi2 for t in self.trials.values() if len(t.hypothesis.parts) == len(trial.hypothesis.parts))
-            if not trial.fit.converged and level - trial.chi2 > HOPELESS * (level - least):
+            if trial.fit.converged or level - trial.chi2 <= HOPELESS * (level - least):
+                continue
+            if rank < LEADERS:
+                self._told("fit", self._to_the_end(trial))
+            else:
                 self._told("fit", self.take(self.bench.refit(trial, target=least + MARGIN)))
+
+    def _to_the_end(self, trial: Trial) -> Trial:
+        """A leader fitted as long as chi2 falls: with strongly coupled unknowns the way is long, in small steps."""
+        for _ in range(ROUNDS):
+            before = trial.chi2
+            trial = self.take(self.bench.refit(trial))
+            if trial.fit.converged or before - trial.chi2 < ONWARD * trial.chi2:
+                break
+        return trial
 
     def _told(self, step: str, trial: Trial) -> None:
         self.tell(
@@ -242,12 +258,11 @@ class Search:
         self.finish(started, min(p.chi2 for p in parents))
 
     def restart(self, effects: int) -> None:
-        """Fit the leaders anew from the data's own starts over growing horizons: out of minima behind a bounce."""
+        """Fit the leaders anew from the data's own starts, a little more of each run at a time: out of minima behind a
+        bounce, and of rolling that is turns ahead."""
         states = profile.start_states(self.bench.design)
         for trial in self.ranked(effects)[:RESTARTED]:
-            again = self.bench.fit(
-                trial.hypothesis, trial.values, states, horizons=profile.horizons_for(self.bench.design)
-            )
+            again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
             if again.chi2 < trial.chi2 - 1.0:
                 self._told("restart", again)
             self.take(again)

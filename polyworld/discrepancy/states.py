@@ -23,6 +23,8 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
+CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or the other way round, that tell them apart
+STEEP = 4.0  # standard errors of its slope above which a height changes
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
@@ -105,6 +107,11 @@ def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordi
         values = run.positions[:, column, axis]
         rows = np.flatnonzero(np.isfinite(values) & (times >= begin - 1e-9))
         if len(rows) < 2 or normal[axis] > 1.0 - 1e-9:
+            continue
+        if item.velocity[axis] == 0.0 and _rests(times[rows] - begin, values[rows], float(gravity[axis])):
+            labels.append(f"position.{letter}")
+            start.append(float(np.mean(values[rows][:EARLY])))
+            typical.append(LENGTH)
             continue
         place, speed = _line(times[rows] - begin, values[rows], float(gravity[axis]))
         labels += [f"position.{letter}", f"velocity.{letter}"]
@@ -207,7 +214,36 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
 
 
 def _line(times: Array, values: Array, acceleration: float) -> tuple[float, float]:
-    """Value and slope at time 0 of the first samples (m,), with a known curvature."""
+    """Value and slope at time 0 of the first samples (m,): with the curvature of a free fall, or with none where the
+    samples say that the body is borne."""
+    if acceleration and _is_borne(times, values, acceleration):
+        acceleration = 0.0
     times, values = times[:EARLY], values[:EARLY] - 0.5 * acceleration * times[:EARLY] ** 2
     slope, place = np.polyfit(times, values, 1)
     return float(place), float(slope)
+
+
+def _rests(times: Array, values: Array, acceleration: float) -> bool:
+    """Whether a body keeps its height: borne from the start, any velocity fitted would only make up hops."""
+    if not acceleration or not _is_borne(times, values, acceleration):
+        return False
+    t, x = times[: 4 * EARLY], values[: 4 * EARLY]
+    (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
+    rest = x - np.polyval(np.polyfit(t, x, 1), t)
+    error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
+    return bool(abs(slope) <= STEEP * error)
+
+
+def _is_borne(times: Array, values: Array, acceleration: float) -> bool:
+    """Whether a straight line describes the first samples clearly better than a fall. As many are looked at as it takes
+    to tell; where they do not tell, the body falls."""
+    for count in (EARLY, 2 * EARLY, 4 * EARLY):
+        t, x = times[:count], values[:count]
+        if len(t) < 4:
+            return False
+        straight, falling = (
+            float(np.sum((y - np.polyval(np.polyfit(t, y, 1), t)) ** 2)) for y in (x, x - 0.5 * acceleration * t**2)
+        )
+        if max(straight, falling) > CLEARLY * min(straight, falling):
+            return straight < falling
+    return False

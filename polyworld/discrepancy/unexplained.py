@@ -42,6 +42,7 @@ NOISIER = 2.0  # more than this times the variance that third differences tell i
 REFINEMENTS = 2  # of the noise, after a better law is found
 BETTER = 2.0  # least fall of the criterion for one more term
 NEAR = 10.0  # laws within this of the best criterion are told as alternatives
+MOST_ROLLOUTS = 40_000  # of all laws fitted, after which no further one is tried
 Z95 = 1.959963984540054
 
 
@@ -63,7 +64,8 @@ class ResidualForce:
     directions: one a term. speed_exponents: of the terms that have one. dependence: what each factor buys.
     chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
     worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
-    fit: of the base unknowns followed by the law's numbers. tried: laws fitted.
+    fit: of the base unknowns followed by the law's numbers. tried: laws fitted. complete: False where the search ended
+    at its limit of rollouts, so that a better law may have been left untried.
     """
 
     explains: bool
@@ -81,13 +83,15 @@ class ResidualForce:
     fit: Fit
     unknowns: tuple[Unknown, ...]
     tried: int
+    complete: bool
 
     def summary(self) -> str:
         """One sentence for readers."""
+        end = "" if self.complete else "; the search ended at its limit of rollouts, before all laws were tried"
         if not self.expression:
-            return "no term describes what is unexplained"
+            return f"no term describes what is unexplained{end}"
         so = "explains the data" if self.explains else "comes closest, but does not explain the data"
-        return f"an acceleration {self.written} {so}"
+        return f"an acceleration {self.written} {so}{end}"
 
     def to_json(self) -> dict[str, Any]:
         """As reports and evidence hold it; the world is left out."""
@@ -103,6 +107,7 @@ class ResidualForce:
             "chi2_before": self.chi2_before,
             "chi2_after": self.chi2_after,
             "data": self.data,
+            "complete": self.complete,
             "alternatives": [{"expression": e, "ebic_behind": b} for e, b in self.alternatives],
         }
 
@@ -115,6 +120,18 @@ class _Search:
     progress: Callable[[float, str], None] | None
     history: dict[tuple[str, ...], FittedLaw] = field(default_factory=dict)
     first_scores: list[Score] = field(default_factory=list)
+    spent: int = 0
+    complete: bool = True
+
+    def at_its_limit(self) -> bool:
+        """Whether no further law may be tried; that one would have been is noted."""
+        if self.spent >= MOST_ROLLOUTS:
+            self.complete = False
+        return not self.complete
+
+    def _counted(self, fitted: FittedLaw) -> FittedLaw:
+        self.spent += fitted.fit.rollouts
+        return fitted
 
     def run(self) -> FittedLaw:
         """The best law found."""
@@ -126,6 +143,8 @@ class _Search:
                 break
             best = self._renoised(self._reduced(found))
             if self.passes(best):
+                return best
+            if self.at_its_limit():
                 return best
         if len(best.law.terms) > 1:
             best = self._renoised(self._swapped(best))
@@ -143,9 +162,11 @@ class _Search:
             if problem is self.problem:
                 break
             self.problem = problem
-            self.history = {key: refitted(problem, known) for key, known in self.history.items()}
+            self.history = {key: self._counted(refitted(problem, known)) for key, known in self.history.items()}
             self.base = self.history[()]
             best = min(self.history.values(), key=lambda f: f.ebic)
+            if self.spent >= MOST_ROLLOUTS:  # what has been refitted may be judged; no more than that
+                break
         return best
 
     def scores(self, known: FittedLaw) -> list[Score]:
@@ -166,15 +187,17 @@ class _Search:
         if key not in self.history:
             settled = known.fit.values[len(self.problem.base) :]
             numbers = [*settled.tolist(), *score.values]
-            self.history[key] = fit_law(self.problem, law, known.fit, numbers)
+            self.history[key] = self._counted(fit_law(self.problem, law, known.fit, numbers))
         return self.history[key]
 
     def _extended(self, known: FittedLaw, depth: int) -> FittedLaw | None:
         scores = self.scores(known)
         if not known.law.terms:
             self.first_scores = scores
-        fitted = []
+        fitted: list[FittedLaw] = []
         for i, score in enumerate(scores[:CONTENDERS]):
+            if fitted and self.at_its_limit():
+                break
             self._tell((depth + (i + 1) / (CONTENDERS + 1)) / (MAX_TERMS + 1), f"fitting {score.term.name}")
             fitted.append(self.fit_with(known, score))
         return min(fitted, key=lambda f: f.ebic, default=None)
@@ -192,6 +215,8 @@ class _Search:
         """The best law that replacing one term gives."""
         best = known
         for i in range(len(known.law.terms)):
+            if self.at_its_limit():
+                break
             found = self._extended(self._less(known, i), MAX_TERMS)
             if found is not None and found.ebic < best.ebic:
                 best = found
@@ -208,7 +233,7 @@ class _Search:
             if i != index:
                 numbers += values[at : at + width].tolist()
             at += width
-        return self._keep(fit_law(self.problem, Law(terms), known.fit, numbers))
+        return self._keep(self._counted(fit_law(self.problem, Law(terms), known.fit, numbers)))
 
     def _keep(self, fitted: FittedLaw) -> FittedLaw:
         """The better of a fit and of what is known of the same terms."""
@@ -249,7 +274,7 @@ def describe_unexplained(
     problem = search.problem
     for factor in FACTORS:  # so that what a factor buys is told against a fair rival
         rival = without_factor(factor, search.first_scores)
-        if best.law.depends_on(factor) and rival is not None:
+        if best.law.depends_on(factor) and rival is not None and not search.at_its_limit():
             search.fit_with(search.base, rival)
     tests = dependences(problem, best, search.history.values(), search.first_scores, scales)
     return _told(problem, search, best, tests)
@@ -292,6 +317,7 @@ def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Depen
         fit=best.fit,
         unknowns=unknowns,
         tried=len(search.history) - 1,
+        complete=search.complete,
     )
 
 

@@ -1,4 +1,9 @@
-"""Buoyancy and added mass of a body in a fluid, as they change its fall."""
+"""Buoyancy and added mass of a body in a fluid, as they change its fall.
+
+The law is a force, so added mass takes no part in impacts. In a fluid it would (Batchelor 6.4: impulses act on the
+fluid too): an impact with the same restitution gives the same rebound, but friction then turns a ball faster by the
+factor 1 + C r, and sticks at another speed. For a ball in air that is less than a part in a hundred.
+"""
 
 import warp as wp
 

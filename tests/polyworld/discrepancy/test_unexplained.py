@@ -171,3 +171,12 @@ def test_scales_are_those_of_the_motion():
     assert scales.duration == pytest.approx(TIMES[-1])
     assert scales.interval == pytest.approx(0.025)
     assert scales.spin == 0.0
+
+
+def test_a_search_that_ends_at_its_limit_of_rollouts_says_so(monkeypatch):
+    monkeypatch.setattr("polyworld.discrepancy.unexplained.MOST_ROLLOUTS", 1)
+    found = described(lambda _t, x, v: 0.9 * x[1] * np.array([0.8, -0.6]) - 0.3 * np.linalg.norm(v) * v)
+    assert not found.explains
+    assert not found.complete
+    assert "limit of rollouts" in found.summary()
+    assert found.tried < 10

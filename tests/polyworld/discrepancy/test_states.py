@@ -1,0 +1,39 @@
+"""First guesses of initial states, held against bodies that fall, and bodies that are borne."""
+
+import numpy as np
+import pytest
+
+from polyworld.discrepancy.states import state_coordinates
+from polyworld.recording import Run
+from polyworld.world import World
+
+TIMES = np.arange(60) / 120.0
+
+
+def guessed(height, sigma, **changes):
+    """First guesses by label of a ball seen at heights (T,) as it moves along x at 2 m/s."""
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 0.1], **changes}
+    world = World.model_validate({"objects": [ball], "statics": [{"name": "floor", "shape": {"kind": "plane"}}]})
+    places = np.stack([2.0 * TIMES, np.zeros_like(TIMES), height], axis=-1)[:, None]
+    places = places + np.random.default_rng(3).normal(0.0, sigma, places.shape)
+    run = Run("r", ("ball",), TIMES, places, np.full((len(TIMES), 1, 4), np.nan))
+    (found,) = state_coordinates(world, run)
+    return dict(zip(found.labels, found.start, strict=True))
+
+
+@pytest.mark.parametrize("sigma", [0.0005, 0.005, 0.02])
+def test_a_ball_on_the_floor_has_no_velocity_upwards_to_be_fitted(sigma):
+    found = guessed(np.full_like(TIMES, 0.1), sigma)
+    assert "velocity.z" not in found
+    assert found["position.z"] == pytest.approx(0.1, abs=3 * sigma)
+
+
+@pytest.mark.parametrize("sigma", [0.0005, 0.005])
+def test_a_falling_ball_starts_with_the_velocity_it_was_thrown_with(sigma):
+    found = guessed(1.0 + 1.0 * TIMES - 0.5 * 9.81 * TIMES**2, sigma)
+    assert found["velocity.z"] == pytest.approx(1.0, abs=60 * sigma)
+
+
+def test_a_ball_that_is_lifted_evenly_starts_with_the_velocity_of_the_lift():
+    found = guessed(0.5 + 0.3 * TIMES, 0.0005)
+    assert found["velocity.z"] == pytest.approx(0.3, abs=0.05)
