@@ -189,6 +189,7 @@ def puck_world(friction: float = 0.1) -> World:
                     "position": [0, 0, 0],
                     "mass": 0.2,
                     "friction": friction,
+                    "torsional_radius": 0.0,  # the path does not depend on a spin that nobody measured
                 }
             ],
             "time": {"substep": 0.004},
