@@ -149,7 +149,8 @@ def _spin_shows(world: World, item: RigidObject) -> bool:
     contacts, or through a patch that both slides and spins."""
     plane = world.environment.motion_plane
     meets = item.friction > 0.0 and len(world.objects) + len(world.statics) > 1
-    return meets or (plane.supports and item.torsional_radius != 0.0)
+    rubs = plane.supports and item.friction > 0.0 and plane.friction != 0.0
+    return meets or (rubs and item.torsional_radius != 0.0)
 
 
 def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoordinates:
