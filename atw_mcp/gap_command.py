@@ -65,12 +65,13 @@ def _run(options: argparse.Namespace) -> int:
     from atw_mcp.gap_unknowns import unknowns_at
     from atw_mcp.gap_words import verdict_text
     from polyworld.discrepancy import GapSettings, find_gap
-    from polyworld.discrepancy.catalogue import catalogue
+    from polyworld.discrepancy.catalogue import named
     from polyworld.discrepancy.holdback import HeldBack, hold_back
     from polyworld.discrepancy.search import SearchSettings
     from polyworld.recording_csv import read_recording
     from polyworld.world import World
 
+    wanted = named(options.effects.split(",")) if options.effects else None
     world = World.model_validate_json(options.world.read_text())
     recording = read_recording(options.data, world.moving_names)
     if options.sealed is not None:
@@ -78,17 +79,12 @@ def _run(options: argparse.Namespace) -> int:
     else:
         chosen = None if options.seal is None else [] if options.seal == "none" else options.seal.split(",")
         parts = hold_back(recording, chosen)
-    known = catalogue()
-    wanted = options.effects.split(",") if options.effects else list(known)
-    unknown = sorted(set(wanted) - set(known))
-    if unknown:
-        raise ValueError(f"no effects {unknown}; effects: {', '.join(known)}")
     report = find_gap(
         world,
         parts.fitted,
         sealed=parts.sealed,
         base=unknowns_at(world, options.fit),
-        candidates=[known[name] for name in wanted],
+        candidates=wanted,
         settings=GapSettings(search=SearchSettings(max_effects=options.max_effects), seed=options.seed),
         progress=None if options.json else lambda share, step: print(f"  {100 * share:3.0f} % {step}", file=sys.stderr),
     )

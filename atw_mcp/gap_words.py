@@ -8,7 +8,11 @@ SHOWN = 4  # most names of a credible set in a sentence
 
 
 def verdict_text(told: dict[str, Any]) -> str:
-    """A verdict (`GapReport.to_dict`) in a few sentences."""
+    """A verdict (`GapReport.to_dict`) in a few sentences, with what the recording cannot tell."""
+    return ". CAUTION: ".join((_verdict(told), *told["cautions"]))
+
+
+def _verdict(told: dict[str, Any]) -> str:
     kind = told["verdict"]
     if kind == "nothing_missing":
         text = "nothing missing: the world explains the data to the noise"

@@ -23,7 +23,7 @@ from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.discrepancy import GapSettings
 from polyworld.discrepancy.candidate import Unknown
-from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.catalogue import catalogue, named
 from polyworld.discrepancy.search import SearchSettings
 from polyworld.world import World
 
@@ -95,7 +95,7 @@ def propose_effects(
     base: Fitted = None,
     effects: Annotated[
         list[Annotated[str, Field(max_length=64)]] | None,
-        Field(max_length=64, description="names of the effects to consider; default: the whole catalogue"),
+        Field(max_length=64, description=f"effects to consider; default all: {', '.join(catalogue())}"),
     ] = None,
     max_effects: Annotated[int, Field(ge=1, le=3, description="most effects that may be missing at once")] = 2,
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="of the null control")] = 0,
@@ -108,14 +108,10 @@ def propose_effects(
     on data made from the world itself. Sealed data are not touched. Next: AddEffect with this result's evidence id."""
     found = app.case(case)
     start = app.world(found, world)
-    known = catalogue()
-    unknown = sorted(set(effects or ()) - set(known))
-    if unknown:
-        raise ToolError(f"no effects {unknown}; effects: {', '.join(known)}")
     with explained():
+        chosen = named(effects) if effects else None
         recording = case_recording(app, found, start)
         unknowns = base_unknowns(app, start, base)
-    chosen = [item for name, item in known.items() if name in effects] if effects else None
 
     settings = GapSettings(search=SearchSettings(max_effects=max_effects), seed=seed)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Candidate, Unknown
 from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.examine import fitted_base
 from polyworld.discrepancy.experiment import Contender, propose_experiment
@@ -113,6 +114,7 @@ def find_gap(
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
         near_misses=search.near_misses,
+        cautions=cautions(plan),
         history=tuple(story.steps),
     )
 

@@ -24,6 +24,7 @@ Bools = NDArray[np.bool_]
 MODES = 12
 LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
 LEVEL = 0.01  # share of false alarms
+LOUD = 9.0  # mean square, in noise variances, beyond which residuals are no noise of that level
 LEFT = 0.15  # part of a direction that the fit must have left, for it to count
 LOOSE = 3.0  # by how much more than its error a correlation may be off: it was drawn from much the same residuals
 LOUDER = 0.5  # most relative error of the power in low modes, where no correlation explains the residuals
@@ -147,7 +148,20 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
     slow, left = (float(sum(e for e, _ in lowest)), sum(c for _, c in lowest))
     p_lowest = _tail(slow, left, max(x.lowest_error for x in scale.values()), 0.0) if left else 1.0
     p = min(1.0, 3.0 * min(p_total, p_lowest, p_worst))
+    if _loudest(design, noise, fit) > LOUD:
+        p = 0.0  # whatever their course, such residuals are not the noise that the fit was made under
     return Goodness(p >= level, p, statistic, modes, p_total, p_lowest, p_worst, tuple(found))
+
+
+def _loudest(design: Design, noise: Noise, fit: Fit) -> float:
+    """Mean square of the whitened residuals of the kind, positions or rotations, in which it is largest."""
+    energy: dict[Kind, float] = {}
+    count: dict[Kind, int] = {}
+    for s in design.series:
+        kept = fit.linear.r[s.run][s.where][noise.kept[s.run][s.where]]
+        energy[s.kind] = energy.get(s.kind, 0.0) + float(kept @ kept)
+        count[s.kind] = count.get(s.kind, 0) + len(kept)
+    return max((energy[kind] / max(count[kind], 1) for kind in energy), default=0.0)
 
 
 def projected(fit: Fit) -> tuple[list[Array], list[Array], list[Array]]:

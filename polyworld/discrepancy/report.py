@@ -23,7 +23,7 @@ class GapReport:
 
     intervals (S, 2): 95%, of the best hypothesis' unknowns. world: child with the effects, fitted; None where nothing
     is missing. history: every step with its figures. near_misses: effects that would have bettered the fit of data
-    that are explained already. to_dict gives all of it as JSON-ready values.
+    that are explained already. cautions: what the recording cannot tell. to_dict gives all of it as JSON-ready values.
     """
 
     verdict: Verdict
@@ -36,6 +36,7 @@ class GapReport:
     experiment: dict[str, Any] | None
     residual_force: dict[str, Any] | None
     near_misses: tuple[dict[str, Any], ...]
+    cautions: tuple[str, ...]
     history: tuple[dict[str, Any], ...]
 
     @property
@@ -59,6 +60,7 @@ class GapReport:
             "sealed": None if self.sealed is None else self.sealed.to_dict(),
             "null_control": None if self.null is None else self.null.to_dict(),
             "near_misses": list(self.near_misses),
+            "cautions": list(self.cautions),
             "base": {
                 "unknowns": _unknowns(judged, 0, len(judged.hypothesis.base), self.intervals),
                 "passes": self.base.passes,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import pkgutil
+from collections.abc import Sequence
 from functools import cache
 
 from polyworld.discrepancy.candidate import Candidate
@@ -17,6 +19,17 @@ def catalogue() -> dict[str, Candidate]:
     return {c.name: c for c in _all()}
 
 
+def named(names: Sequence[str]) -> list[Candidate]:
+    """The candidates of these names, each once. Raises ValueError naming the nearest and all choices."""
+    known = catalogue()
+    unknown = [name for name in dict.fromkeys(names) if name not in known]
+    if unknown:
+        near = [match for name in unknown for match in difflib.get_close_matches(name, known, n=1)]
+        hint = f" (did you mean {', '.join(near)}?)" if near else ""
+        raise ValueError(f"no effects {unknown}{hint}; effects: {', '.join(known)}")
+    return [known[name] for name in dict.fromkeys(names)]
+
+
 @cache
 def _all() -> tuple[Candidate, ...]:
     found: dict[str, Candidate] = {}
@@ -28,4 +41,4 @@ def _all() -> tuple[Candidate, ...]:
     return tuple(sorted(found.values(), key=lambda c: _GROUPS.index(c.group)))
 
 
-__all__ = ["catalogue"]
+__all__ = ["catalogue", "named"]

@@ -23,7 +23,7 @@ FALLING = -0.2  # largest exponent: forces that do not fall with the distance ar
 FAN_PLACES = 16
 FAN_WIDTHS = (0.35, 0.9)  # of the spread of places
 WIDEST = 2.0  # spreads: what is wider is no local jet
-SLOWEST, FASTEST = 0.3, 5.0  # forcing: cycles per run, and Hz
+SLOWEST, FASTEST = 1.0, 5.0  # forcing: cycles per run, fewer being any slow change, and Hz
 MOST_FREQUENCIES = 16
 PHASES = (0.0, np.pi / 2)
 

@@ -1,0 +1,26 @@
+"""What a recording cannot tell, whatever the verdict on it."""
+
+from __future__ import annotations
+
+from polyworld.discrepancy.design import Design, owner
+
+FEW = 16  # instants of a series below which its noise is a guess
+
+
+def cautions(plan: Design) -> tuple[str, ...]:
+    """In words: components that no run measured, and series too short to tell noise from motion."""
+    found = []
+    measured = {(owner(s.name), s.axis) for s in plan.series if s.kind == "position"}
+    for name in sorted({name for name, _ in measured}):
+        if plan.world.planar:
+            continue
+        missing = ["xyz"[axis] for axis in range(3) if (name, axis) not in measured]
+        if missing:
+            found.append(f"{' and '.join(missing)} of {name} was never measured: there it starts as the world says")
+    shortest = min((len(s.rows) for s in plan.series), default=0)
+    if shortest < FEW:
+        found.append(
+            f"series of {shortest} instants are too short to tell noise from motion: the noise level, and with it the "
+            "verdict and the intervals, is a guess"
+        )
+    return tuple(found)
