@@ -13,9 +13,11 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Candidate, Unknown
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.cautions import cautions
+from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.examine import fitted_base
 from polyworld.discrepancy.experiment import Contender, propose_experiment
+from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.report import GapReport
@@ -33,6 +35,7 @@ Array = NDArray[np.float64]
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
+SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to several effects of it
 KEPT_CHANGED = 0.002  # the same of the share of outliers
 
 
@@ -83,8 +86,15 @@ def find_gap(
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
     child = _told_world(best, world) if best is not None else None
     force: ResidualForce | None = None
-    if settings.residual_force and verdict.kind == "unexplained":
+    several = best is not None and len(best.hypothesis.parts) > 1
+    if settings.residual_force and (verdict.kind == "unexplained" or several):
         force = describe_unexplained(plan, bench.noise, tuple(base), ground.fit, cancelled=cancelled)
+        if best is not None and verdict.kind != "unexplained":
+            if _simpler(force, best):
+                verdict = Verdict("unexplained", best, (), verdict.runner_up)
+            else:
+                force = None
+    if force is not None:
         if force.explains and force.world is not None:
             child = with_substep(force.world, world.time.substep)
         story.tell(0.82, "residual force", {"found": force.expression, "explains": force.explains})
@@ -117,6 +127,21 @@ def find_gap(
         cautions=cautions(plan),
         history=tuple(story.steps),
     )
+
+
+def _simpler(force: ResidualForce, best: Trial) -> bool:
+    """Whether one law outside the catalogue explains the data better for its unknowns than several effects together.
+
+    Effects of the catalogue added up can mimic a law that is not in it; their sum is then no name for it.
+    """
+    if not force.explains or force.world is None:
+        return False
+    bench = best.bench
+    forward = Forward(bench.design, force.world, ())
+    fit = profile.fit(forward, bench.noise, np.zeros(0), force.fit.states, iterations=4)
+    law = extended_bic(fit.chi2, len(force.numbers), bench.observations, 0, 1)
+    effects = extended_bic(best.chi2, best.hypothesis.extra, bench.observations, 0, 1)
+    return law < effects - SIMPLER
 
 
 def _told_world(trial: Trial, world: World) -> World:
