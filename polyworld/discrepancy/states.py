@@ -226,19 +226,22 @@ def _line(times: Array, values: Array, acceleration: float) -> tuple[float, floa
 
 def _rests(times: Array, values: Array, acceleration: float) -> bool:
     """Whether a body keeps its height: borne from the start, any velocity fitted would only make up hops."""
-    if not acceleration or not _is_borne(times, values, acceleration):
-        return False
     t, x = times[: 4 * EARLY], values[: 4 * EARLY]
+    # On all of them: on the first few, noise alone can look level, and a speed left out would ruin the run.
+    if not acceleration or len(t) < 4 * EARLY or not _is_borne(t, x, acceleration, (len(t),)):
+        return False
     (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
     rest = x - np.polyval(np.polyfit(t, x, 1), t)
     error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
     return bool(abs(slope) <= STEEP * error)
 
 
-def _is_borne(times: Array, values: Array, acceleration: float) -> bool:
+def _is_borne(
+    times: Array, values: Array, acceleration: float, counts: tuple[int, ...] = (EARLY, 2 * EARLY, 4 * EARLY)
+) -> bool:
     """Whether a straight line describes the first samples clearly better than a fall. As many are looked at as it takes
     to tell; where they do not tell, the body falls."""
-    for count in (EARLY, 2 * EARLY, 4 * EARLY):
+    for count in counts:
         t, x = times[:count], values[:count]
         if len(t) < 4:
             return False
