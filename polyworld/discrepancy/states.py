@@ -227,8 +227,12 @@ def _line(times: Array, values: Array, acceleration: float) -> tuple[float, floa
 def _rests(times: Array, values: Array, acceleration: float) -> bool:
     """Whether a body keeps its height: borne from the start, any velocity fitted would only make up hops."""
     t, x = times[: 4 * EARLY], values[: 4 * EARLY]
-    # On all of them: on the first few, noise alone can look level, and a speed left out would ruin the run.
-    if not acceleration or len(t) < 4 * EARLY or not _is_borne(t, x, acceleration, (len(t),)):
+    # All of them must be level: on the first few noise alone can look so, and a speed left out would ruin the run.
+    if not acceleration or len(t) < 4 * EARLY:
+        return False
+    # No stretch from the start may fall: over a bounce a line can describe all of them better than one fall does.
+    leanings = [_leaning(t[:count], x[:count], acceleration) for count in (EARLY, 2 * EARLY, 4 * EARLY)]
+    if leanings[-1] <= 0 or min(leanings) < 0:
         return False
     (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
     rest = x - np.polyval(np.polyfit(t, x, 1), t)
@@ -236,18 +240,24 @@ def _rests(times: Array, values: Array, acceleration: float) -> bool:
     return bool(abs(slope) <= STEEP * error)
 
 
-def _is_borne(
-    times: Array, values: Array, acceleration: float, counts: tuple[int, ...] = (EARLY, 2 * EARLY, 4 * EARLY)
-) -> bool:
+def _is_borne(times: Array, values: Array, acceleration: float) -> bool:
     """Whether a straight line describes the first samples clearly better than a fall. As many are looked at as it takes
     to tell; where they do not tell, the body falls."""
-    for count in counts:
-        t, x = times[:count], values[:count]
-        if len(t) < 4:
-            return False
-        straight, falling = (
-            float(np.sum((y - np.polyval(np.polyfit(t, y, 1), t)) ** 2)) for y in (x, x - 0.5 * acceleration * t**2)
-        )
-        if max(straight, falling) > CLEARLY * min(straight, falling):
-            return straight < falling
+    for count in (EARLY, 2 * EARLY, 4 * EARLY):
+        leaning = _leaning(times[:count], values[:count], acceleration)
+        if leaning:
+            return leaning > 0
     return False
+
+
+def _leaning(times: Array, values: Array, acceleration: float) -> int:
+    """1 where a straight line describes the samples (m,) clearly better than a fall, -1 the other way round, else 0."""
+    if len(times) < 4:
+        return 0
+    straight, falling = (
+        float(np.sum((y - np.polyval(np.polyfit(times, y, 1), times)) ** 2))
+        for y in (values, values - 0.5 * acceleration * times**2)
+    )
+    if max(straight, falling) <= CLEARLY * min(straight, falling):
+        return 0
+    return 1 if straight < falling else -1
