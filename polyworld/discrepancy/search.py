@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,14 @@ from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import Bench, Start, Trial
+from polyworld.discrepancy.windows import Windows, windows
 
 Array = NDArray[np.float64]
 
 FAR = 10.0  # chi2 per measurement beyond which a fit is no place to start from
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
+WINDOW_ITERATIONS = 10
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
@@ -78,6 +81,7 @@ class Search:
     early: Trial
     horizon: float
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
@@ -114,11 +118,16 @@ class Search:
             found += [(parent, lead) for lead in own]
         promises = self._shares(found, level)
         further = len(parents[0].hypothesis.parts) > 0
-        if not further and level > FAR * self.bench.observations:
+        most = self.settings.further if further else self.settings.contenders
+        far = level > FAR * self.bench.observations
+        cut = self.windows if far else None
+        if cut is not None:
+            self._through_windows(cut, parents, most, level)
+            promises = [p for p in promises if not cut.holds(p.lead.hypothesis)]
+        elif far and not further:
             early = [(parents[0], lead) for lead in self._scored(self.early, parents[0], self.horizon)]
             promises += self._shares(early, self.early.chi2)
         promises.sort(key=lambda p: -p.share)
-        most = self.settings.further if further else self.settings.contenders
         firsts = _first_of_each(promises, most, WORTH if further else 0.0)
         self._fit_leads(firsts, level)
         best = self.best(len(parents[0].hypothesis.parts) + 1)
@@ -127,6 +136,44 @@ class Search:
             others = [p for p in promises if identity(p.lead.hypothesis) in chosen and all(p is not f for f in firsts)]
             self._fit_leads([p for p in others if p.share >= HOPELESS][:most], level)
             self._nested(parents)
+
+    @cached_property
+    def windows(self) -> Windows | None:
+        """The design's runs cut into windows."""
+        return windows(self.bench)
+
+    def _through_windows(self, cut: Windows, parents: Sequence[Trial], most: int, level: float) -> None:
+        """Rank and fit one more effect on windows of the runs, then fit the whole runs from there where that gained."""
+        found: list[tuple[Trial, Lead]] = []
+        for parent in parents:
+            if not cut.holds(parent.hypothesis):
+                continue
+            key = identity(parent.hypothesis)
+            if key not in self.on_windows:
+                self.on_windows[key] = cut.ground(parent.hypothesis, parent.values)
+            ground = self.on_windows[key]
+            more = [h for c in self.candidates for h in extended(ground.hypothesis, c, self.bench.design.recording)]
+            own = leads(cut.bench, ground, [h for h in more if cut.holds(h)], self.settings.starts)
+            found += [(ground, lead) for lead in own]
+        if not found:
+            return
+        before = min(ground.chi2 for ground, _ in found)
+        promises = sorted(self._shares(found, before), key=lambda p: -p.share)
+        fits: list[Trial] = []
+        for p in _first_of_each(promises, most, 0.0):
+            trial = cut.bench.fit(p.lead.hypothesis, p.lead.values, p.parent.fit.states, iterations=WINDOW_ITERATIONS)
+            self.on_windows[identity(trial.hypothesis)] = trial
+            self._told("windows", trial)
+            fits.append(trial)
+        least = min(t.ebic for t in fits)
+        wanted = [t for t in fits if before - t.ebic >= HOPELESS * (before - least)]
+        chosen = []
+        for trial in sorted(wanted, key=lambda t: t.ebic):
+            start = cut.start(trial)
+            first = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
+            self._told("first fit", first)
+            chosen.append(self.take(first))
+        self.finish(chosen, level)
 
     def _scored(self, trial: Trial, parent: Trial, horizon: float) -> list[Lead]:
         hypotheses = [h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)]

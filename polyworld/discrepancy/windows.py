@@ -1,0 +1,115 @@
+"""Runs cut into windows, each with an initial state of its own: where a model that lacks something stays near the data.
+
+Multiple shooting (Bock 1983, in Numerical Treatment of Inverse Problems, p. 95) without conditions of continuity. Over
+a whole run a missing effect adds up, and behind a few bounces the slopes foretell nothing; over a window it does not.
+Values of shared unknowns that fit the windows, and the states of the first ones, are where fits of whole runs begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.design import Design, RunDesign, design
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.trial import Bench, Start, Trial
+from polyworld.recording import Recording, Run
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+PIECES = 4  # windows of a run
+FEWEST = 16  # samples of a window
+GROUND_ITERATIONS = 20
+
+
+class Windows:
+    """Hypotheses fitted to the windows of a design."""
+
+    def __init__(self, bench: Bench, plan: Design, first: tuple[int, ...]) -> None:
+        self.bench = Bench(plan, measured_noise(plan), bench.candidates, bench.cancelled)
+        self._runs = bench.design.runs
+        self._first = first
+        self._recording = bench.design.recording
+
+    def holds(self, hypothesis: Hypothesis) -> bool:
+        """Whether a hypothesis can be fitted to windows: a body that was added and is not seen starts where a run does,
+        and so does a clock that slips within one."""
+        return {o.name for o in hypothesis.world.objects} == {o.name for o in self.bench.design.world.objects} and (
+            hypothesis.world.observer is None or hypothesis.world.observer.shift_run is None
+        )
+
+    def ground(self, hypothesis: Hypothesis, values: Array) -> Trial:
+        """A hypothesis fitted to the windows from the data's own starts."""
+        return self.bench.fit(
+            hypothesis,
+            values,
+            profile.start_states(self.bench.design),
+            horizons=profile.horizons_for(self.bench.design),
+            iterations=GROUND_ITERATIONS,
+        )
+
+    def start(self, trial: Trial) -> Start:
+        """Where a fit to whole runs begins: the windows' shared values, and the states of the first windows."""
+        return Start(trial.values, tuple(self._whole(r, trial) for r in self._runs))
+
+    def _whole(self, run: RunDesign, trial: Trial) -> Array:
+        own = self.bench.design.runs[self._first[run.index]]
+        known = dict(zip(own.labels, trial.fit.states[own.index], strict=True))
+        return np.array([known.get(label, value) for label, value in zip(run.labels, run.start, strict=True)])
+
+
+def windows(bench: Bench) -> Windows | None:
+    """The windows of a design; None where a window's initial state cannot be told from what was measured in it."""
+    plan = bench.design
+    if not _starts_anywhere(plan.world, plan.recording):
+        return None
+    cut: list[Run] = []
+    first: list[int] = []
+    for run in plan.recording.runs:
+        first.append(len(cut))
+        pieces = _cut(run)
+        if not pieces:
+            return None
+        cut += pieces
+    made = design(plan.world, Recording(tuple(cut)))
+    return Windows(bench, made, tuple(first))
+
+
+def _starts_anywhere(world: World, recording: Recording) -> bool:
+    """Whether every body that moves is a free rigid one, there from the start, and seen in every run."""
+    items = [world.item(name) for name in world.moving_names]
+    if world.joints or not all(isinstance(i, RigidObject) and i.start_time == 0.0 for i in items):
+        return False
+    if any(set(run.names) != {i.name for i in items} or run.lead for run in recording.runs):
+        return False
+    # Where turns were not measured, spins in space go on as they were, which a window cannot know.
+    return world.planar or all(bool(np.isfinite(run.orientations).any(axis=(0, 2)).all()) for run in recording.runs)
+
+
+def _cut(run: Run) -> list[Run]:
+    """Windows of equal length; none where a component that was measured is missing in one of them."""
+    count = len(run.times)
+    edges = np.linspace(0, count, min(PIECES, max(count // FEWEST, 1)) + 1).round().astype(int)
+    pieces: list[Run] = []
+    for begin, end in pairwise(edges):
+        keep = np.zeros(count, dtype=bool)
+        keep[begin:end] = True
+        pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}"))
+    return pieces if all(_seen(run, p) for p in pieces) else []
+
+
+def _seen(run: Run, piece: Run) -> bool:
+    for whole, part in ((run.positions, piece.positions), (run.orientations, piece.orientations)):
+        needed: Sequence[int] = np.flatnonzero(np.isfinite(whole).any(axis=0)).tolist()
+        there = np.isfinite(part).sum(axis=0).ravel()
+        if any(there[i] < FEWEST // 2 for i in needed):
+            return False
+    return True
