@@ -12,7 +12,7 @@ Ints = NDArray[np.int64]
 
 
 def turn_about(simulated: Array, observed: Array, normal: Array, order: Ints) -> Array:
-    """Angle (W, m) [rad] about `normal` from observed (m, 4) to simulated (W, m, 4), folded into the symmetry.
+    """Angle (W, m) [rad] about `normal` from observed (m, 4) or (W, m, 4) to simulated (W, m, 4), folded into the symmetry.
 
     order (m,): rotations by 2 pi / order look alike; order >= 1.
     """
@@ -28,8 +28,8 @@ def turn_about(simulated: Array, observed: Array, normal: Array, order: Ints) ->
         ],
         axis=-1,
     )
-    cosine = np.einsum("wmk,mk->wm", simulated, observed)
-    sine = np.einsum("wmk,mk->wm", simulated, along)
+    cosine = np.einsum("...k,...k->...", simulated, observed)
+    sine = np.einsum("...k,...k->...", simulated, along)
     period = 2.0 * np.pi / order
     angle = 2.0 * np.arctan2(sine, cosine)
     folded: Array = angle - period * np.round(angle / period)

@@ -83,6 +83,15 @@ class RunDesign:
         """Names (N,) of the coordinates, for readers."""
         return tuple(f"{s.name}.{label}" for s in self.states for label in s.labels)
 
+    @cached_property
+    def layout(self) -> tuple[object, ...]:
+        """What runs have in common whose residual vectors are laid out alike."""
+        return (
+            self.run.names,
+            self.run.symmetry,
+            tuple((s.name, s.kind, s.axis, s.rows.tobytes(), s.where.start) for s in self.series),
+        )
+
     def world(self, world: World) -> World:
         """The world without the objects that other runs show and this one does not."""
         for name in self.absent:

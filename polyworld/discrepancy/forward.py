@@ -22,9 +22,11 @@ from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 CLOCK = "time.seconds_per_frame"
 ORIGIN = "time.origin"
+ROUNDING = 1e-9  # [s] by which instants of runs may differ that are rolled out together
 
 
 @dataclass(frozen=True)
@@ -67,11 +69,15 @@ class Forward:
             chosen = [settings[i] for i in members]
             batch, observer = group.run(self.unknowns, chosen, horizon)
             self.rollouts += sum(len(s.shared) for s in chosen)
-            at = 0
-            for i, item in zip(members, chosen, strict=True):
-                worlds = slice(at, at + len(item.shared))
-                at = worlds.stop
-                results[i] = group.compare(self.design.runs[item.run], batch, observer, worlds)
+            first = np.concatenate([[0], np.cumsum([len(s.shared) for s in chosen])])
+            alike: dict[tuple[int, object], list[int]] = {}
+            for j, item in enumerate(chosen):
+                alike.setdefault((len(item.shared), self.design.runs[item.run].layout), []).append(j)
+            for (count, _), same in alike.items():
+                worlds = np.concatenate([np.arange(first[j], first[j] + count) for j in same])
+                found = group.compare([self.design.runs[chosen[j].run] for j in same], batch, observer, worlds)
+                for j, residual in zip(same, found, strict=True):
+                    results[members[j]] = residual
         return results
 
     def release(self) -> None:
@@ -113,7 +119,8 @@ class _Group:
         shifted = None if self.observer is None else self.observer.shift_run
         if shifted in (design.run.name, self._runs[self.key].run.name):
             return False  # the instants of that run are its own
-        return design.absent == self.absent and np.array_equal(design.times, self.times)
+        same = len(design.times) == len(self.times) and bool(np.all(np.abs(design.times - self.times) < ROUNDING))
+        return design.absent == self.absent and same
 
     def run(
         self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], horizon: float
@@ -141,10 +148,13 @@ class _Group:
             self._simulators[key] = simulator(self.world, instants, n_worlds=count)
         return self._simulators[key].run(overrides or None, samples=samples), observer
 
-    def compare(self, design: RunDesign, batch: BatchTrajectory, observer: dict[str, Array], worlds: slice) -> Array:
-        """Residuals (k, m) of some worlds of a batch against one run."""
+    def compare(
+        self, designs: Sequence[RunDesign], batch: BatchTrajectory, observer: dict[str, Array], worlds: Ints
+    ) -> Array:
+        """Residuals (R, k, m) of R k worlds of a batch against R runs of the same layout, k worlds each."""
+        design = designs[0]
         names = design.run.names
-        positions, velocities = self._motion(design, batch, worlds)
+        positions, velocities = self._motion(designs, batch, worlds)
         columns = [batch.names.index(owner(n)) for n in names]
         orientations = batch.orientations[worlds][:, :, columns]
         if self.observer is not None:
@@ -159,48 +169,59 @@ class _Group:
                 self.observer,
                 design.run.name,
             )
-        k = positions.shape[0]
-        residual = np.zeros((k, design.length))
+        instants = positions.shape[1]
+        positions = positions.reshape(len(designs), -1, *positions.shape[1:])
+        residual = np.zeros((*positions.shape[:2], design.length))
         turns: dict[str, Array] = {}
         for s in design.series:
             column = names.index(s.name)
-            rows = s.rows[s.rows < positions.shape[1]]
+            rows = s.rows[s.rows < instants]
             where = slice(s.where.start, s.where.start + len(rows))
             if s.kind == "position":
-                residual[:, where] = positions[:, rows, column, s.axis] - design.run.positions[rows, column, s.axis]
+                seen = np.array([d.run.positions[rows, column, s.axis] for d in designs])
+                residual[..., where] = positions[:, :, rows, column, s.axis] - seen[:, None]
                 continue
             if s.name not in turns:
-                turns[s.name] = self._turned(design, orientations[:, rows, column], rows, column)
-            residual[:, where] = turns[s.name][..., s.axis]
-        residual[batch.diverged[worlds]] = np.nan
+                turns[s.name] = self._turned(designs, orientations[:, rows, column], rows, column)
+            residual[..., where] = turns[s.name][..., s.axis].reshape(*residual.shape[:2], -1)
+        residual[batch.diverged[worlds].reshape(residual.shape[:2])] = np.nan
         return residual
 
-    def _turned(self, design: RunDesign, simulated: Array, rows: NDArray[np.int64], column: int) -> Array:
-        observed = design.run.orientations[rows, column]
-        order = np.full(len(rows), design.run.symmetry[column], dtype=np.int64)
+    def _turned(self, designs: Sequence[RunDesign], simulated: Array, rows: Ints, column: int) -> Array:
+        """Rotation vectors (R k, m, 3) from what R runs observed to what was simulated (R k, m, 4)."""
+        own = np.array([d.run.orientations[rows, column] for d in designs])
+        observed = np.repeat(own, len(simulated) // len(designs), axis=0)
+        order = np.full(len(rows), designs[0].run.symmetry[column], dtype=np.int64)
         if not self.world.planar:
             if np.all(order == 1):  # most often; one look-alike need not be compared with itself
                 return counted_vectors(rotation_vector(simulated, observed), simulated, observed)
-            return smallest_rotation(simulated, observed, order)
+            each = [
+                smallest_rotation(part, seen, order)
+                for part, seen in zip(simulated.reshape(len(own), -1, *simulated.shape[1:]), own, strict=True)
+            ]
+            return np.concatenate(each)
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
         result = np.zeros((*simulated.shape[:2], 3))
         folds = np.maximum(order, 1)
         result[..., 2] = counted_angles(turn_about(simulated, observed, normal, folds), np.pi / folds) * (order > 0)
         return result
 
-    def _motion(self, design: RunDesign, batch: BatchTrajectory, worlds: slice) -> tuple[Array, Array]:
-        """Positions and velocities (k, T, n, 3) of the recorded names: objects' centres and markers."""
+    def _motion(self, designs: Sequence[RunDesign], batch: BatchTrajectory, worlds: Ints) -> tuple[Array, Array]:
+        """Positions and velocities (R k, T, n, 3) of the recorded names: objects' centres and markers."""
         places, speeds = [], []
-        for column, name in enumerate(design.run.names):
+        for column, name in enumerate(designs[0].run.names):
             if "#" not in name:
                 index = batch.names.index(name)
-                places.append(batch.positions[worlds][:, :, index])
-                speeds.append(batch.velocities[worlds][:, :, index])
+                places.append(batch.positions[worlds, :, index])
+                speeds.append(batch.velocities[worlds, :, index])
                 continue
             motion = batch.deformables[owner(name)]
-            marker = self._marker(design, column, name)
-            places.append(marker.places(motion.points[worlds])[..., 0, :])
-            speeds.append(marker.places(motion.velocities[worlds])[..., 0, :])
+            own = worlds.reshape(len(designs), -1)
+            markers = [self._marker(d, column, name) for d in designs]
+            places.append(np.concatenate([m.places(motion.points[w]) for m, w in zip(markers, own, strict=True)]))
+            places[-1] = places[-1][..., 0, :]
+            speeds.append(np.concatenate([m.places(motion.velocities[w]) for m, w in zip(markers, own, strict=True)]))
+            speeds[-1] = speeds[-1][..., 0, :]
         return np.stack(places, axis=2), np.stack(speeds, axis=2)
 
     def _marker(self, design: RunDesign, column: int, name: str) -> MaterialPoints:

@@ -162,7 +162,8 @@ def _descend(
             return at, steps, iteration, False
         steps = _steps(forward, linear)
         dampings = damping * TRIALS
-        trials = [_step(forward, linear, at, d) for d in dampings]
+        normal = _Normal(forward, linear)
+        trials = [_step(forward, normal, at, d) for d in dampings]
         costs = _costs(forward, noise, trials, horizon)
         best = int(np.argmin(costs))
         if not costs[best] < chi2:
@@ -170,7 +171,7 @@ def _descend(
             damping *= 1e4
             if damping > 1e10:
                 return at, steps, iteration + 1, at_rest
-            trials = [_step(forward, linear, at, d) for d in damping * TRIALS]
+            trials = [_step(forward, normal, at, d) for d in damping * TRIALS]
             costs = _costs(forward, noise, trials, horizon)
             best = int(np.argmin(costs))
             if not costs[best] < chi2:
@@ -301,51 +302,65 @@ def _costs(forward: Forward, noise: Noise, trials: Sequence[_Point], horizon: fl
     return total
 
 
-def _step(forward: Forward, linear: Linearised, at: _Point, damping: float) -> _Point:
+class _Normal:
+    """The normal equations at a linearisation, run by run, filled up with zeros to the longest initial state N.
+
+    bb (R, N, N), ba (R, N, S), br (R, N): products of slopes by states, with those by shared unknowns and residuals.
+    aa (S, S), ar (S,): of shared unknowns, all runs together. typical (R, N), shared (S,): ordinary changes.
+    """
+
+    def __init__(self, forward: Forward, linear: Linearised) -> None:
+        runs = forward.design.runs
+        self.shared = np.array([u.typical for u in forward.unknowns])
+        self.counts = [r.count for r in runs]
+        s, n = len(self.shared), max(self.counts, default=0)
+        self.bb, self.ba = np.zeros((len(runs), n, n)), np.zeros((len(runs), n, s))
+        self.br, self.typical = np.zeros((len(runs), n)), np.ones((len(runs), n))
+        self.aa, self.ar = np.zeros((s, s)), np.zeros(s)
+        for i, (r, a, b, res) in enumerate(zip(runs, linear.a, linear.b, linear.r, strict=True)):
+            own = slice(0, r.count)
+            self.bb[i, own, own], self.ba[i, own], self.br[i, own] = b.T @ b, b.T @ a, b.T @ res
+            self.typical[i, own] = r.typical
+            self.aa += a.T @ a
+            self.ar += a.T @ res
+
+    def reduced(self, damping: float) -> tuple[Array, Array, Array]:
+        """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,)."""
+        inverse = _inverse(self.bb, self.typical, damping)
+        carried = inverse @ self.ba
+        matrix = self.aa - np.einsum("rns,rnt->st", self.ba, carried)
+        vector = self.ar - np.einsum("rns,rn->s", carried, self.br)
+        return inverse, matrix, vector
+
+
+def _step(forward: Forward, normal: _Normal, at: _Point, damping: float) -> _Point:
     """The damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
     lower, upper = _bounds(forward)
-    typical = np.array([u.typical for u in forward.unknowns])
-    free = np.ones(len(typical), dtype=bool)
-    step = np.zeros(len(typical))
-    for _ in range(len(typical) + 1):
-        step = _shared_step(forward, linear, free, typical, damping)
+    inverse, matrix, vector = normal.reduced(damping)
+    free = np.ones(len(vector), dtype=bool)
+    step = np.zeros(len(vector))
+    for _ in range(len(vector) + 1):
+        step = np.zeros(len(vector))
+        step[free] = -_solve(matrix[np.ix_(free, free)], vector[free], normal.shared[free], damping)
         out = free & (((at.values <= lower) & (step < 0)) | ((at.values >= upper) & (step > 0)))
         if not out.any():
             break
         free &= ~out
     values = np.clip(at.values + step, lower, upper)
     step = values - at.values
-    states = []
-    for r in forward.design.runs:
-        b, rest = linear.b[r.index], linear.r[r.index] + linear.a[r.index] @ step
-        change = _solve(b.T @ b, b.T @ rest, r.typical, damping)
-        states.append(at.states[r.index] - np.clip(change, -LONGEST * r.typical, LONGEST * r.typical))
-    return _Point(values, tuple(states))
-
-
-def _shared_step(
-    forward: Forward, linear: Linearised, free: NDArray[np.bool_], typical: Array, damping: float
-) -> Array:
-    step = np.zeros(len(typical))
-    if not free.any():
-        return step
-    n = int(free.sum())
-    matrix, vector = np.zeros((n, n)), np.zeros(n)
-    for r in forward.design.runs:
-        a, b, res = linear.a[r.index][:, free], linear.b[r.index], linear.r[r.index]
-        inverse = _inverse(b.T @ b, r.typical, damping)
-        ba = b.T @ a
-        matrix += a.T @ a - ba.T @ inverse @ ba
-        vector += a.T @ res - ba.T @ inverse @ (b.T @ res)
-    step[free] = -_solve(matrix, vector, typical[free], damping)
-    return step
+    change = np.einsum("rnm,rm->rn", inverse, normal.br + normal.ba @ step)
+    change = np.clip(change, -LONGEST * normal.typical, LONGEST * normal.typical)
+    states = tuple(old - change[i, :n] for i, (old, n) in enumerate(zip(at.states, normal.counts, strict=True)))
+    return _Point(values, states)
 
 
 def _inverse(matrix: Array, typical: Array, damping: float) -> Array:
-    scale = np.sqrt(np.diag(matrix)) + PRIOR / typical
-    scaled = matrix / np.outer(scale, scale)
-    scaled[np.diag_indices(len(scaled))] += damping + (PRIOR / typical / scale) ** 2
-    result: Array = np.linalg.inv(scaled) / np.outer(scale, scale)
+    """Inverses of damped matrices (..., N, N); typical (..., N)."""
+    scale = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1)) + PRIOR / typical
+    outer = scale[..., :, None] * scale[..., None, :]
+    diagonal = damping + (PRIOR / typical / scale) ** 2
+    scaled = matrix / outer + diagonal[..., None] * np.eye(matrix.shape[-1])
+    result: Array = np.linalg.inv(scaled) / outer
     return result
 
 
@@ -358,18 +373,11 @@ def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Arra
 
 def _covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Array, ...]]:
     """Covariance (S, S) of the shared unknowns, and standard deviations (N,) of each run's states for fixed ones."""
-    typical = np.array([u.typical for u in forward.unknowns])
-    s = len(typical)
-    matrix = np.zeros((s, s))
-    own = []
-    for r in forward.design.runs:
-        a, b = linear.a[r.index], linear.b[r.index]
-        inverse = _inverse(b.T @ b, r.typical, 1e-12)
-        own.append(np.sqrt(np.maximum(np.diag(inverse), 0.0)))
-        ba = b.T @ a
-        matrix += a.T @ a - ba.T @ inverse @ ba
-    covariance = _inverse(matrix, typical, 1e-12) if s else matrix
-    return covariance, tuple(own)
+    normal = _Normal(forward, linear)
+    inverse, matrix, _ = normal.reduced(1e-12)
+    errors = np.sqrt(np.maximum(np.diagonal(inverse, axis1=-2, axis2=-1), 0.0))
+    covariance = _inverse(matrix, normal.shared, 1e-12) if len(matrix) else matrix
+    return covariance, tuple(errors[i, :n] for i, n in enumerate(normal.counts))
 
 
 def _steps(forward: Forward, linear: Linearised) -> _Steps:

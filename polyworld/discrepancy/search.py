@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 FAR = 10.0  # chi2 per measurement beyond which a fit is no place to start from
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
-WINDOW_ITERATIONS = 10
+WINDOW_ITERATIONS = 3  # of every contender, and once more of those worth it
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
-LEADERS = 2  # contenders that are fitted as long as they gain
+LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
 ONWARD = 0.01  # of chi2 that a round has to gain for another one
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
@@ -159,14 +159,15 @@ class Search:
             return
         before = min(ground.chi2 for ground, _ in found)
         promises = sorted(self._shares(found, before), key=lambda p: -p.share)
-        fits: list[Trial] = []
-        for p in _first_of_each(promises, most, 0.0):
-            trial = cut.bench.fit(p.lead.hypothesis, p.lead.values, p.parent.fit.states, iterations=WINDOW_ITERATIONS)
+        fits = [
+            cut.bench.fit(p.lead.hypothesis, p.lead.values, p.parent.fit.states, iterations=WINDOW_ITERATIONS)
+            for p in _first_of_each(promises, most, 0.0)
+        ]
+        wanted = [cut.bench.refit(t, iterations=WINDOW_ITERATIONS) for t in _worth_more(fits, before)]
+        for trial in (*fits, *wanted):
             self.on_windows[identity(trial.hypothesis)] = trial
             self._told("windows", trial)
-            fits.append(trial)
-        least = min(t.ebic for t in fits)
-        wanted = [t for t in fits if before - t.ebic >= HOPELESS * (before - least)]
+        wanted = _worth_more(wanted, before)
         chosen = []
         for trial in sorted(wanted, key=lambda t: t.ebic):
             start = cut.start(trial)
@@ -252,12 +253,15 @@ class Search:
         """Fit to convergence those trials that may still win. level: chi2 of what they are to improve on."""
         distinct = {identity(t.hypothesis): self.take(t) for t in trials}
         ranked = sorted(distinct.values(), key=lambda t: t.ebic)
+        explained = False
         for rank, trial in enumerate(ranked[: self.settings.finalists]):
             least = min(t.chi2 for t in self.trials.values() if len(t.hypothesis.parts) == len(trial.hypothesis.parts))
             if trial.fit.converged or level - trial.chi2 <= HOPELESS * (level - least):
                 continue
-            if rank < LEADERS:
-                self._told("fit", self._to_the_end(trial))
+            if rank == 0 or (rank < LEADERS and not explained):
+                trial = self._to_the_end(trial)
+                explained = explained or trial.passes
+                self._told("fit", trial)
             else:
                 self._told("fit", self.take(self.bench.refit(trial, target=least + MARGIN)))
 
@@ -383,6 +387,12 @@ def _unlike(parents: Sequence[Trial]) -> list[Trial]:
 
 def _apart(one: Trial, other: Trial) -> float:
     return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
+
+
+def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
+    """Those of some trials that gain at least a share of what the best of them does."""
+    least = min((t.ebic for t in trials), default=0.0)
+    return [t for t in trials if before - t.ebic >= HOPELESS * (before - least)]
 
 
 def _first_of_each(promises: Sequence[_Promise], most: int, least: float) -> list[_Promise]:

@@ -186,6 +186,6 @@ class Bench:
         settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in self.design.runs]
         return [raw[0] for raw in self.forward(trial.hypothesis).residuals(settings)]
 
-    def refit(self, trial: Trial, *, target: float | None = None) -> Trial:
+    def refit(self, trial: Trial, *, iterations: int = 12, target: float | None = None) -> Trial:
         """Go on from where a fit ended, under this bench's noise."""
-        return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, target=target)
+        return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, iterations=iterations, target=target)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,11 +96,11 @@ def _starts_anywhere(world: World, recording: Recording) -> bool:
 def _cut(run: Run) -> list[Run]:
     """Windows of equal length; none where a component that was measured is missing in one of them."""
     count = len(run.times)
-    edges = np.linspace(0, count, min(PIECES, max(count // FEWEST, 1)) + 1).round().astype(int)
+    size = count // min(PIECES, max(count // FEWEST, 1))  # all alike, to be rolled out together
     pieces: list[Run] = []
-    for begin, end in pairwise(edges):
+    for begin in range(0, count - size + 1, size):
         keep = np.zeros(count, dtype=bool)
-        keep[begin:end] = True
+        keep[begin : begin + size] = True
         pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}"))
     return pieces if all(_seen(run, p) for p in pieces) else []
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import static_poses, turn_in_plane
+from polyworld.solver.spread import spread
 from polyworld.solver.time_table import time_table
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
@@ -240,11 +240,7 @@ class PlanarSimulator:
             )
 
         rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
-        if pieces == 1:
-            piece(0)
-            return
-        with ThreadPoolExecutor(min(self.threads, pieces)) as pool:
-            list(pool.map(piece, range(pieces)))
+        spread(piece, pieces, self.threads)
 
     def _read(self, count: int) -> BatchTrajectory:
         out, axes = self._samples, self._axes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
+from polyworld.solver.spread import spread
 from polyworld.solver.time_table import time_table
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
@@ -133,11 +133,7 @@ class SpatialSimulator:
             )
 
         kernel.module.load("cpu", block_dim=1)  # before the threads ask for it
-        if self._pieces == 1:
-            piece(0)
-            return
-        with ThreadPoolExecutor(min(self.threads, self._pieces)) as pool:
-            list(pool.map(piece, range(self._pieces)))
+        spread(piece, self._pieces, self.threads)
 
     def _read(self, arrays: RigidArrays, count: int) -> BatchTrajectory:
         out = self._samples

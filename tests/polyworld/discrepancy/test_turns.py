@@ -16,7 +16,7 @@ def turned(axis, angle):
 
 
 def counted(simulated, observed):
-    return counted_vectors(rotation_vector(simulated[None], observed), simulated[None], observed)[0]
+    return counted_vectors(rotation_vector(simulated[None], observed), simulated[None], observed[None])[0]
 
 
 def test_a_body_that_spins_too_fast_is_turns_ahead_by_the_end():
