@@ -25,7 +25,7 @@ from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simul
 from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.stepping import coarsened, with_substep
 from polyworld.discrepancy.trial import Bench, Trial
-from polyworld.discrepancy.unexplained import ResidualForce, describe_unexplained
+from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
 from polyworld.discrepancy.verdict import Verdict, decide
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -88,7 +88,17 @@ def find_gap(
     force: ResidualForce | None = None
     several = best is not None and len(best.hypothesis.parts) > 1
     if settings.residual_force and (verdict.kind == "unexplained" or several):
-        force = describe_unexplained(plan, bench.noise, tuple(base), ground.fit, cancelled=cancelled)
+        # Beside several effects only one law that says it all is of interest.
+        terms = 1 if verdict.kind != "unexplained" else MAX_TERMS
+        force = describe_unexplained(
+            plan,
+            bench.noise,
+            tuple(base),
+            ground.fit,
+            most_terms=terms,
+            near=search.near,
+            cancelled=cancelled,
+        )
         if best is not None and verdict.kind != "unexplained":
             if _simpler(force, best):
                 verdict = Verdict("unexplained", best, (), verdict.runner_up)
@@ -170,6 +180,7 @@ class _Searched:
     bench: Bench
     ground: Trial
     near_misses: tuple[dict[str, Any], ...] = ()
+    near: Near | None = None
 
 
 def _searched(
@@ -227,7 +238,15 @@ def _searched(
             ground = again
         if ground.passes and ground.ebic - verdict.best.ebic <= settings.alarm:
             return _Searched(Verdict("nothing_missing", None), bench, ground, near_misses)
-    return _Searched(verdict, bench, ground, near_misses)
+    return _Searched(verdict, bench, ground, near_misses, _near(search))
+
+
+def _near(search: Search) -> Near | None:
+    """The base on windows, where the search had to begin there."""
+    trial = search.on_windows.get(())
+    if trial is None or search.windows is None:
+        return None
+    return Near(search.windows, trial.bench.noise, trial.fit)
 
 
 def _early_fit(ground: Trial) -> tuple[Trial, float]:

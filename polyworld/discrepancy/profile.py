@@ -356,7 +356,7 @@ def _step(forward: Forward, normal: _Normal, at: _Point, damping: float) -> _Poi
 
 def _inverse(matrix: Array, typical: Array, damping: float) -> Array:
     """Inverses of damped matrices (..., N, N); typical (..., N)."""
-    scale = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1)) + PRIOR / typical
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0)) + PRIOR / typical
     outer = scale[..., :, None] * scale[..., None, :]
     diagonal = damping + (PRIOR / typical / scale) ** 2
     scaled = matrix / outer + diagonal[..., None] * np.eye(matrix.shape[-1])

@@ -32,6 +32,7 @@ RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
+FEW = 3  # contenders on windows that are fitted to whole runs, however little they gain
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
 ONWARD = 0.01  # of chi2 that a round has to gain for another one
@@ -159,18 +160,19 @@ class Search:
             return
         before = min(ground.chi2 for ground, _ in found)
         promises = sorted(self._shares(found, before), key=lambda p: -p.share)
-        fits = [
-            cut.bench.fit(p.lead.hypothesis, p.lead.values, p.parent.fit.states, iterations=WINDOW_ITERATIONS)
-            for p in _first_of_each(promises, most, 0.0)
-        ]
+        fits = []
+        for promise in _first_of_each(promises, most, 0.0):
+            key = identity(promise.lead.hypothesis)
+            hypothesis, at = cut.nearest([(p.parent, p.lead) for p in promises if identity(p.lead.hypothesis) == key])
+            fits.append(cut.bench.fit(hypothesis, at.values, at.states, iterations=WINDOW_ITERATIONS))
         wanted = [cut.bench.refit(t, iterations=WINDOW_ITERATIONS) for t in _worth_more(fits, before)]
         for trial in (*fits, *wanted):
             self.on_windows[identity(trial.hypothesis)] = trial
             self._told("windows", trial)
         wanted = _worth_more(wanted, before)
         chosen = []
-        for trial in sorted(wanted, key=lambda t: t.ebic):
-            start = cut.start(trial)
+        for trial in wanted:
+            start = cut.start(trial.fit)
             first = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
             self._told("first fit", first)
             chosen.append(self.take(first))
@@ -390,9 +392,9 @@ def _apart(one: Trial, other: Trial) -> float:
 
 
 def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
-    """Those of some trials that gain at least a share of what the best of them does."""
-    least = min((t.ebic for t in trials), default=0.0)
-    return [t for t in trials if before - t.ebic >= HOPELESS * (before - least)]
+    """Of some trials the best few, and all that gain at least a share of what the best of them does; best first."""
+    ranked = sorted(trials, key=lambda t: t.ebic)
+    return [t for i, t in enumerate(ranked) if i < FEW or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
 
 
 def _first_of_each(promises: Sequence[_Promise], most: int, least: float) -> list[_Promise]:

@@ -171,15 +171,19 @@ class Bench:
 
     def nearest(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Start:
         """The one of some starts of a hypothesis at which chi2 is least; the first where none is finite."""
+        return options[int(np.argmin(self.costs(hypothesis, options)))]
+
+    def costs(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Array:
+        """chi2 (K,) at K starts of a hypothesis, infinite where a rollout diverges."""
         settings = [
             Settings(r.index, np.array([o.values for o in options]), np.array([o.states[r.index] for o in options]))
             for r in self.design.runs
         ]
-        total = np.zeros(len(options))
+        total: Array = np.zeros(len(options))
         for r, raw in zip(self.design.runs, self.forward(hypothesis).residuals(settings), strict=True):
             white = self.noise.whiten(r.index, raw)
             total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
-        return options[int(np.argmin(total))]
+        return total
 
     def raw_residuals(self, trial: Trial) -> list[Array]:
         """Simulated less observed (m,) of every run at a fit [m, rad], as measured, not whitened."""

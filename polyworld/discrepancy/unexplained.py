@@ -33,6 +33,7 @@ from polyworld.discrepancy.residual_law import (
 )
 from polyworld.discrepancy.residual_scales import scales_of
 from polyworld.discrepancy.residual_terms import Term, library
+from polyworld.discrepancy.windows import Windows
 from polyworld.parameters import with_parameters
 from polyworld.world import World
 
@@ -112,11 +113,21 @@ class ResidualForce:
         }
 
 
+@dataclass(frozen=True)
+class Near:
+    """Windows of the runs, and the base fitted to them under some noise: near the data, where whole runs are not."""
+
+    windows: Windows
+    noise: Noise
+    fit: Fit
+
+
 @dataclass
 class _Search:
     problem: Problem
     terms: tuple[Term, ...]
     base: FittedLaw
+    most_terms: int
     progress: Callable[[float, str], None] | None
     history: dict[tuple[str, ...], FittedLaw] = field(default_factory=dict)
     first_scores: list[Score] = field(default_factory=list)
@@ -137,7 +148,7 @@ class _Search:
         """The best law found."""
         best = self.base
         self.history[()] = self.base
-        for depth in range(MAX_TERMS):
+        for depth in range(self.most_terms):
             found = self._extended(best, depth)
             if found is None or found.ebic > best.ebic - BETTER:
                 break
@@ -198,7 +209,7 @@ class _Search:
         for i, score in enumerate(scores[:CONTENDERS]):
             if fitted and self.at_its_limit():
                 break
-            self._tell((depth + (i + 1) / (CONTENDERS + 1)) / (MAX_TERMS + 1), f"fitting {score.term.name}")
+            self._tell((depth + (i + 1) / (CONTENDERS + 1)) / (self.most_terms + 1), f"fitting {score.term.name}")
             fitted.append(self.fit_with(known, score))
         return min(fitted, key=lambda f: f.ebic, default=None)
 
@@ -217,7 +228,7 @@ class _Search:
         for i in range(len(known.law.terms)):
             if self.at_its_limit():
                 break
-            found = self._extended(self._less(known, i), MAX_TERMS)
+            found = self._extended(self._less(known, i), self.most_terms)
             if found is not None and found.ebic < best.ebic:
                 best = found
         return best
@@ -256,21 +267,29 @@ def describe_unexplained(
     *,
     world: World | None = None,
     objects: tuple[str, ...] | None = None,
+    most_terms: int = MAX_TERMS,
+    near: Near | None = None,
     progress: Callable[[float, str], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> ResidualForce:
     """Describe the force that a fitted world lacks.
 
     fitted: the fit of the base unknowns alone, under this noise, which is refined as better laws are found. world: the
-    one fitted, default the design's. objects: whom the force acts on, default all. progress: told the share done and
-    the step. cancelled: asked between batches; where it says so `InterruptedError` is raised.
+    one fitted, default the design's. objects: whom the force acts on, default all. most_terms: of the law. near: where
+    the law is looked for first, for a fit that is far from the data. progress: told the share done and the step.
+    cancelled: asked between batches; where it says so `InterruptedError` is raised.
     """
     problem = Problem(design, world or design.world, tuple(base), noise, 1, objects, cancelled)
     scales = scales_of(design, problem.world, fitted)
     terms = library(scales)
     problem = replace(problem, library=len(terms))
-    search = _Search(problem, terms, FittedLaw(Law(()), fitted, fitted.chi2), progress)
+    if near is not None:
+        problem = replace(problem, design=near.windows.bench.design, noise=near.noise)
+    own = fitted if near is None else near.fit
+    search = _Search(problem, terms, FittedLaw(Law(()), own, own.chi2), most_terms, progress)
     best = search.run()
+    if near is not None and best.law.terms:
+        search, best = _on_whole_runs(search, best, replace(problem, design=design, noise=noise), fitted, near)
     problem = search.problem
     for factor in FACTORS:  # so that what a factor buys is told against a fair rival
         rival = without_factor(factor, search.first_scores)
@@ -278,6 +297,27 @@ def describe_unexplained(
             search.fit_with(search.base, rival)
     tests = dependences(problem, best, search.history.values(), search.first_scores, scales)
     return _told(problem, search, best, tests)
+
+
+def _on_whole_runs(
+    search: _Search, best: FittedLaw, problem: Problem, fitted: Fit, near: Near
+) -> tuple[_Search, FittedLaw]:
+    """The best laws found on windows, fitted to whole runs; and what is known of them there."""
+    whole = replace(search, problem=problem, base=FittedLaw(Law(()), fitted, fitted.chi2), history={}, first_scores=[])
+    whole.history[()] = whole.base
+    least = best.ebic + NEAR
+    laws = [best, *(f for f in search.history.values() if f is not best and f.law.terms and f.ebic < least)]
+    for known in laws[:CONTENDERS]:
+        start = near.windows.start(known.fit)
+        begin = replace(known.fit, states=start.states)
+        numbers = known.fit.values[len(problem.base) :].tolist()
+        whole._keep(whole._counted(fit_law(problem, known.law, begin, numbers)))
+    found = min((f for f in whole.history.values() if f.law.terms), key=lambda f: f.ebic)
+    found = whole._renoised(found)
+    if not found.law.terms:
+        return search, best
+    whole.first_scores = whole.scores(whole.base)
+    return whole, found
 
 
 def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Dependence, ...]) -> ResidualForce:

@@ -17,6 +17,7 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import Design, RunDesign, design
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.score import Lead
 from polyworld.discrepancy.trial import Bench, Start, Trial
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
@@ -55,13 +56,28 @@ class Windows:
             iterations=GROUND_ITERATIONS,
         )
 
-    def start(self, trial: Trial) -> Start:
-        """Where a fit to whole runs begins: the windows' shared values, and the states of the first windows."""
-        return Start(trial.values, tuple(self._whole(r, trial) for r in self._runs))
+    def nearest(self, ways: Sequence[tuple[Trial, Lead]]) -> tuple[Hypothesis, Start]:
+        """Of leads to one hypothesis, and ways to begin each, the one nearest to the data: as the score test foretells,
+        or not yet moved, from the parent's states or, which matters where something stands in the way, the data's."""
+        data = profile.start_states(self.bench.design)
+        found: list[tuple[float, Hypothesis, Start]] = []
+        for parent, lead in ways:
+            options = [Start(lead.values, parent.fit.states), Start(lead.values, data)]
+            if lead.before is not None:
+                options += [Start(lead.before, parent.fit.states), Start(lead.before, data)]
+            costs = self.bench.costs(lead.hypothesis, options)
+            best = int(np.argmin(costs))
+            found.append((float(costs[best]), lead.hypothesis, options[best]))
+        _, hypothesis, start = min(found, key=lambda f: f[0])
+        return hypothesis, start
 
-    def _whole(self, run: RunDesign, trial: Trial) -> Array:
+    def start(self, fit: profile.Fit) -> Start:
+        """Where a fit to whole runs begins: the windows' shared values, and the states of the first windows."""
+        return Start(fit.values, tuple(self._whole(r, fit) for r in self._runs))
+
+    def _whole(self, run: RunDesign, fit: profile.Fit) -> Array:
         own = self.bench.design.runs[self._first[run.index]]
-        known = dict(zip(own.labels, trial.fit.states[own.index], strict=True))
+        known = dict(zip(own.labels, fit.states[own.index], strict=True))
         return np.array([known.get(label, value) for label, value in zip(run.labels, run.start, strict=True)])
 
 

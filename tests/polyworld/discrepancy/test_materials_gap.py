@@ -7,7 +7,7 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.recording import Recording, Run
-from tests.benchmarks.hidden_materials import Case, rope_case, strip_case
+from tests.benchmarks.material_scenes import Case, rope_case, strip_case
 
 
 def residuals(case: Case) -> np.ndarray:
