@@ -1,5 +1,7 @@
 """Markers on deformable bodies: a recording by SciPy or a closed form is what the world's forward model says it is."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,10 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.recording import Recording, Run
-from tests.benchmarks.material_scenes import Case, rope_case, strip_case
+from tests.benchmarks.material_fluids import filling_case, sinking_case, swaying_case
+from tests.benchmarks.material_scenes import Case, falling_case, rope_case, strip_case, swinging_case
+
+Draw = Callable[[np.random.Generator, str | None], Case]
 
 
 def residuals(case: Case) -> np.ndarray:
@@ -31,3 +36,12 @@ def test_markers_of_a_hanging_sheet_move_as_waves_along_a_strip() -> None:
 def test_wrong_number_of_a_rope_shows_beyond_the_noise(truth: str) -> None:
     case = rope_case(np.random.default_rng(0), truth)
     assert float(np.sqrt(np.mean(residuals(case) ** 2))) > 1.5 * case.sigma
+
+
+@pytest.mark.parametrize(
+    ("case", "share"),
+    [(falling_case, 1.0), (swinging_case, 0.5), (sinking_case, 0.3), (swaying_case, 0.5), (filling_case, 0.6)],
+)
+def test_errors_of_a_scene_without_a_hidden_effect_stay_below_its_noise(case: Draw, share: float) -> None:
+    told = case(np.random.default_rng(0), None)
+    assert float(np.sqrt(np.mean(residuals(told) ** 2))) < share * told.sigma
