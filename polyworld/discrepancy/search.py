@@ -84,6 +84,7 @@ class Search:
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
+    _led: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = field(default_factory=dict)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
         """The best trial of every hypothesis (with so many effects), lowest EBIC first."""
@@ -111,22 +112,24 @@ class Search:
         if not parents:
             return
         level = min(p.chi2 for p in parents)
-        found: list[tuple[Trial, Lead]] = []
-        for parent in parents:
-            own = self._scored(parent, parent, 1.0)
-            for lead in reversed(own):  # the best last, so that it stays
-                self.promised[identity(lead.hypothesis)] = (parent.chi2, lead)
-            found += [(parent, lead) for lead in own]
-        promises = self._shares(found, level)
         further = len(parents[0].hypothesis.parts) > 0
         most = self.settings.further if further else self.settings.contenders
         far = level > FAR * self.bench.observations
         cut = self.windows if far else None
         if cut is not None:
             self._through_windows(cut, parents, most, level)
-            promises = [p for p in promises if not cut.holds(p.lead.hypothesis)]
-        elif far and not further:
-            early = [(parents[0], lead) for lead in self._scored(self.early, parents[0], self.horizon)]
+        found: list[tuple[Trial, Lead]] = []
+        for parent in parents:
+            more = self._more(parent)
+            left = [h for h in more if cut is None or not cut.holds(parent.hypothesis) or not cut.holds(h)]
+            own = self._scored(parent, parent, left, 1.0)
+            self._promised(parent, own)
+            found += [(parent, lead) for lead in own]
+        promises = self._shares(found, level)
+        if cut is None and far and not further:
+            early = [
+                (parents[0], x) for x in self._scored(self.early, parents[0], self._more(parents[0]), self.horizon)
+            ]
             promises += self._shares(early, self.early.chi2)
         promises.sort(key=lambda p: -p.share)
         firsts = _first_of_each(promises, most, WORTH if further else 0.0)
@@ -138,6 +141,14 @@ class Search:
             self._fit_leads([p for p in others if p.share >= HOPELESS][:most], level)
             self._nested(parents)
 
+    def _more(self, parent: Trial) -> list[Hypothesis]:
+        """What one more effect makes of a hypothesis."""
+        return [h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)]
+
+    def _promised(self, parent: Trial, found: Sequence[Lead]) -> None:
+        for lead in reversed(found):  # the best last, so that it stays
+            self.promised[identity(lead.hypothesis)] = (parent.chi2, lead)
+
     @cached_property
     def windows(self) -> Windows | None:
         """The design's runs cut into windows."""
@@ -147,39 +158,46 @@ class Search:
         """Rank and fit one more effect on windows of the runs, then fit the whole runs from there where that gained."""
         found: list[tuple[Trial, Lead]] = []
         for parent in parents:
-            if not cut.holds(parent.hypothesis):
-                continue
-            key = identity(parent.hypothesis)
-            if key not in self.on_windows:
-                self.on_windows[key] = cut.ground(parent.hypothesis, parent.values)
-            ground = self.on_windows[key]
-            more = [h for c in self.candidates for h in extended(ground.hypothesis, c, self.bench.design.recording)]
-            own = leads(cut.bench, ground, [h for h in more if cut.holds(h)], self.settings.starts)
-            found += [(ground, lead) for lead in own]
+            if cut.holds(parent.hypothesis):
+                found += self._window_leads(cut, parent)
         if not found:
             return
         before = min(ground.chi2 for ground, _ in found)
         promises = sorted(self._shares(found, before), key=lambda p: -p.share)
+        ways: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = {}
+        for p in promises:
+            ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
         fits = []
-        for promise in _first_of_each(promises, most, 0.0):
-            key = identity(promise.lead.hypothesis)
-            hypothesis, at = cut.nearest([(p.parent, p.lead) for p in promises if identity(p.lead.hypothesis) == key])
+        for key in list(ways)[:most]:
+            if key in self.trials:
+                continue  # of a swap: it came from another parent before
+            hypothesis, at = cut.nearest(ways[key])
             fits.append(cut.bench.fit(hypothesis, at.values, at.states, iterations=WINDOW_ITERATIONS))
         wanted = [cut.bench.refit(t, iterations=WINDOW_ITERATIONS) for t in _worth_more(fits, before)]
         for trial in (*fits, *wanted):
             self.on_windows[identity(trial.hypothesis)] = trial
             self._told("windows", trial)
-        wanted = _worth_more(wanted, before)
         chosen = []
-        for trial in wanted:
+        for trial in _worth_more(wanted, before):
             start = cut.start(trial.fit)
             first = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
             self._told("first fit", first)
             chosen.append(self.take(first))
         self.finish(chosen, level)
 
-    def _scored(self, trial: Trial, parent: Trial, horizon: float) -> list[Lead]:
-        hypotheses = [h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)]
+    def _window_leads(self, cut: Windows, parent: Trial) -> list[tuple[Trial, Lead]]:
+        """What one more effect promises on windows, and the parent fitted to them."""
+        key = identity(parent.hypothesis)
+        if key not in self._led:
+            if key not in self.on_windows:
+                self.on_windows[key] = cut.ground(parent.hypothesis, parent.values)
+            ground = self.on_windows[key]
+            own = leads(cut.bench, ground, [h for h in self._more(ground) if cut.holds(h)], self.settings.starts)
+            self._promised(ground, own)
+            self._led[key] = [(ground, lead) for lead in own]
+        return self._led[key]
+
+    def _scored(self, trial: Trial, parent: Trial, hypotheses: Sequence[Hypothesis], horizon: float) -> list[Lead]:
         own = leads(self.bench, trial, hypotheses, self.settings.starts, horizon)
         self.tell(
             "score test",
@@ -201,10 +219,9 @@ class Search:
     def promising(self, ground: Trial, gain: float) -> list[Trial]:
         """Fits of one effect on top of a hypothesis, where the score test foretells that EBIC falls by more than
         `gain`; best first."""
-        hypotheses = [h for c in self.candidates for h in extended(ground.hypothesis, c, self.bench.design.recording)]
         own = [
             lead
-            for lead in leads(self.bench, ground, hypotheses, 1)
+            for lead in leads(self.bench, ground, self._more(ground), 1)
             if self._promise(lead) + 2.0 * float(np.log(max(self.bench.candidates, 1))) < ground.ebic - gain
         ]
         fits = [self.bench.fit(x.hypothesis, x.values, ground.fit.states) for x in own[: self.settings.contenders]]

@@ -18,6 +18,7 @@ from polyworld.discrepancy.design import Design, RunDesign, design
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.score import Lead
+from polyworld.discrepancy.states import EARLY
 from polyworld.discrepancy.trial import Bench, Start, Trial
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 
 PIECES = 4  # windows of a run
 FEWEST = 16  # samples of a window
+ROUGH = 4.0  # times an ordinary misfit of the first samples, beyond which no window begins there
 GROUND_ITERATIONS = 20
 
 
@@ -113,12 +115,35 @@ def _cut(run: Run) -> list[Run]:
     """Windows of equal length; none where a component that was measured is missing in one of them."""
     count = len(run.times)
     size = count // min(PIECES, max(count // FEWEST, 1))  # all alike, to be rolled out together
+    rough = _roughness(run)
     pieces: list[Run] = []
     for begin in range(0, count - size + 1, size):
+        # Not just before or at an impact: what state a window begins with could hardly be told.
+        moved = [0] if not begin else sorted(range(-size // 4, size // 4 + 1), key=abs)
+        there = [begin + m for m in moved if begin + m + size <= count]
+        smooth = [k for k in there if rough[k] <= ROUGH]
+        first = smooth[0] if smooth else there[0]
         keep = np.zeros(count, dtype=bool)
-        keep[begin : begin + size] = True
+        keep[first : first + size] = True
         pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}"))
     return pieces if all(_seen(run, p) for p in pieces) else []
+
+
+def _roughness(run: Run) -> Array:
+    """At each instant (T,), how far the next few samples of any position are from a parabola, as a multiple of what
+    is ordinary in the run."""
+    count = len(run.times)
+    rough = np.zeros(count)
+    for values in run.positions.reshape(count, -1).T:
+        left = np.full(count, np.nan)
+        for k in range(count - EARLY + 1):
+            t, x = run.times[k : k + EARLY] - run.times[k], values[k : k + EARLY]
+            if np.all(np.isfinite(x)):
+                left[k] = float(np.sqrt(np.mean((x - np.polyval(np.polyfit(t, x, 2), t)) ** 2)))
+        if np.isfinite(left).any():
+            ordinary = max(float(np.nanmedian(left)), 1e-12)
+            rough = np.fmax(rough, left / ordinary)
+    return rough
 
 
 def _seen(run: Run, piece: Run) -> bool:
