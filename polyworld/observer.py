@@ -9,12 +9,14 @@ early by a positive shift, frames that were repeated too late by a negative one;
 
 Space. A position x is reported as
 
-    centre + scale * distorted(R(tilt)^T (x - centre)),
+    centre + scale * distorted(slanted(R(tilt)^T (x - centre))),
 
-R(tilt) being the rotation of the observed axes against those of the world. `distorted` multiplies by
-1 + distortion * r^2 (the first radial term of Brown, Photogrammetric Engineering 37, 1971): with a `view`, the
-components across it, r their length in metres; without, all three components. Orientations are turned by the tilt
-alone: scale and distortion leave them.
+R(tilt) being the rotation of the observed axes against those of the world. `slanted` divides by 1 + keystone . y: what
+a camera that looks at a plane of motion at an angle sees of it, its scale being right at the centre (the projective
+part of a homography, Hartley & Zisserman, Multiple View Geometry, 2004, ch. 2); what lies beyond the line where that is
+zero is not seen (NaN). `distorted` multiplies by 1 + distortion * r^2 (the first radial term of Brown, Photogrammetric
+Engineering 37, 1971): with a `view`, the components across it, r their length in metres; without, all three components.
+Orientations are turned by the tilt alone: the other faults leave them.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from polyworld.resampling import resample
 
 Array = NDArray[np.float64]
 
-_VECTORS = ("centre", "tilt")
+_VECTORS = ("centre", "tilt", "keystone")
 _SCALARS = ("scale", "clock", "time_offset", "distortion", "shift", "shift_time")
 
 
@@ -39,10 +41,13 @@ class Observer(Description):
     """Whoever measured the motion: all its faults, none by default. Rollouts do not depend on it."""
 
     scale: Positive = Field(default=1.0, description="observed length per true length [1]")
-    centre: Vec3 = Field(default=ORIGIN, description="point that scale, tilt and distortion leave where it is [m]")
+    centre: Vec3 = Field(default=ORIGIN, description="point that faults in space leave where it is [m]")
     clock: Positive = Field(default=1.0, description="seconds that the observer's clock counts per second [1]")
     time_offset: float = Field(default=0.0, description="physical time at which the observer's clock showed 0 [s]")
     tilt: Vec3 = Field(default=ORIGIN, description="rotation vector of the observed axes against the world's [rad]")
+    keystone: Vec3 = Field(
+        default=ORIGIN, description="relative fall of the image's scale per length along each observed axis [1/m]"
+    )
     distortion: float = Field(default=0.0, description="radial distortion k in x (1 + k r^2) [1/m^2]")
     view: Vec3 | None = Field(
         default=None, description="direction of sight, across which distortion acts, in observed axes; default: all"
@@ -155,14 +160,16 @@ def observe(
     wanted = np.broadcast_to(wanted, (len(positions), wanted.shape[1]))
     seen, turned = resample(positions, orientations, velocities, angular_velocities, times, wanted)
     tilt, centre = value.vector("tilt"), value.vector("centre")
-    scale, bend = value["scale"], value["distortion"]
+    scale, bend, slant = value["scale"], value["distortion"], value.vector("keystone")
     if np.any(tilt):
         back = Rotation.from_rotvec(tilt).inv()
         matrix = back.as_matrix()[:, None, None]
         seen = (matrix @ (seen - centre[:, None, None])[..., None])[..., 0] + centre[:, None, None]
         turned = _turn(back.as_quat(scalar_first=True)[:, None, None], turned)
-    if np.any(bend) or np.any(scale != 1.0):
+    if np.any(bend) or np.any(slant) or np.any(scale != 1.0):
         about = seen - centre[:, None, None]
+        depth = 1.0 + (about * slant[:, None, None]).sum(axis=-1, keepdims=True)
+        about = about / np.where(depth > 0.0, depth, np.nan)
         view = (observer or NEUTRAL).view
         sight = np.zeros(3) if view is None else np.asarray(view) / np.linalg.norm(view)
         across = about - (about @ sight)[..., None] * sight

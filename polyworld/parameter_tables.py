@@ -118,8 +118,9 @@ STATIC_POSE: dict[str, ParameterSpec] = {f"{k}.{a}": s for k, s in _POSE.items()
 ORIGIN = ParameterSpec("s", -1e6, 1e6, (-10.0, 10.0), "time of the start, for laws that depend on time")
 SECONDS_PER_FRAME = ParameterSpec("s", 1e-6, 1e4, (0.01, 0.1), "physical time between frames")
 _VECTOR = {
-    "centre": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "point that scale, tilt and distortion leave"),
+    "centre": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "point that faults in space leave where it is"),
     "tilt": ParameterSpec("rad", -np.pi, np.pi, (-0.2, 0.2), "rotation of the observed axes against the world's"),
+    "keystone": ParameterSpec("1/m", -1e6, 1e6, (-0.1, 0.1), "relative fall of the image's scale per length"),
 }
 OBSERVER_PARAMETERS: dict[str, ParameterSpec] = {
     "scale": ParameterSpec("1", 1e-3, 1e3, (0.8, 1.25), "observed length per true length"),

@@ -155,6 +155,40 @@ def test_distortion_is_that_of_a_lens_that_looks_along_the_view() -> None:
     assert np.allclose(seen[..., 1], 4.0)
 
 
+def test_keystone_is_what_a_camera_sees_of_a_plane_that_it_looks_at_from_the_side() -> None:
+    rng = np.random.default_rng(4)
+    flat = rng.uniform(-1.0, 1.0, (30, 2))
+    centre = np.array([0.3, 1.0, -0.2])
+    places = centre + np.stack([flat[:, 0], np.zeros(30), flat[:, 1]], axis=1)
+    distance, angle = 4.0, 0.4  # the plane is turned about x: with z it goes away from the camera
+    pixels, _ = cv2.projectPoints(
+        np.stack([flat[:, 0], flat[:, 1], np.zeros(30)], axis=1),
+        np.array([angle, 0.0, 0.0]),
+        np.array([0.0, 0.0, distance]),
+        np.eye(3),
+        np.zeros(4),
+    )
+    times = np.arange(30) * 0.1
+    still = np.zeros((1, 30, 1, 3))
+    q = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (1, 30, 1, 4))
+    slant = {"observer.keystone.z": np.array([np.sin(angle) / distance])}
+    observer = Observer(centre=tuple(centre))
+    seen, turned = observe(places[None, :, None], q, still, still, times[None], times, slant, observer)
+    # Lengths along z are foreshortened by cos(angle) as well: that is a scale, and no part of the keystone.
+    expected = distance * pixels[:, 0] / [1.0, np.cos(angle)]
+    assert np.allclose((seen[0, :, 0] - centre)[:, [0, 2]], expected, atol=1e-12)
+    assert np.allclose(seen[..., 1], centre[1])
+    assert np.array_equal(turned, q)
+
+
+def test_what_lies_behind_a_slanted_camera_is_not_seen() -> None:
+    place = np.array([[[[-3.0, 0.0, 0.0]]]])
+    q = np.array([[[[1.0, 0.0, 0.0, 0.0]]]])
+    slant = {"observer.keystone.x": np.array([0.5])}
+    seen, _ = observe(place, q, 0 * place, 0 * place, np.zeros((1, 1)), np.zeros(1), slant)
+    assert np.isnan(seen).all()
+
+
 def test_distortion_without_view_acts_on_all_axes() -> None:
     place = np.array([[[[0.3, -0.4, 1.2]]]])
     q = np.array([[[[1.0, 0.0, 0.0, 0.0]]]])

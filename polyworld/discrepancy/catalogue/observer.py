@@ -24,6 +24,7 @@ ALL = BODIES | {"fluid", "fluid_planar"}
 # order (k r^2 = -1/3 of the true distance); above, what was seen is one and a half times as far as it was.
 LEAST, MOST = -0.3, 1.0
 ORDINARY = 0.02
+SLANTED = 0.7  # most that keystone times half the extent of what was seen may be
 # Effects that know no direction and no place: they look the same in axes turned about gravity.
 _ISOTROPIC = frozenset(
     {"linear_drag", "quadratic_drag", "quadratic_damping", "magnus_lift", "buoyancy", "spin_damping"}
@@ -192,6 +193,33 @@ def _bent(
     return _one(child, unknowns, "distortion", label=label)
 
 
+def _keystone(world: World, recording: Recording) -> tuple[Variant, ...]:
+    axes = sorted(_measured(recording))
+    view = _sight(world, axes)
+    if view is None and len(axes) == 3:
+        return ()  # what tells depth too has not one plane of motion
+    across = [a for a in axes if view is None or abs(view[a]) < 1.0 - 1e-9]
+    places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])[:, across]
+    lower, upper = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    reach = 0.5 * float(np.max(upper - lower, initial=0.0))
+    if not reach > 0.0:
+        return ()
+    # Whoever tells the scale from lengths in the picture has it right about the middle.
+    centre = np.zeros(3)
+    centre[across] = 0.5 * (lower + upper)
+    if world.observer is not None:
+        centre = np.array(world.observer.centre)
+    child = observed(world, centre=tuple(float(c) for c in centre))
+    most = SLANTED / reach
+    unknowns = [
+        _value(
+            child, f"observer.keystone.{'xyz'[a]}", f"keystone_{'xyz'[a]}", ORDINARY / reach, lower=-most, upper=most
+        )
+        for a in across
+    ]
+    return (_one(child, unknowns, unknowns[0].name if len(unknowns) == 1 else None),)
+
+
 def _sight(world: World, axes: list[int]) -> tuple[float, float, float] | None:
     """Direction of sight: the camera's, or the one axis of which nothing was measured; None where neither is known."""
     if world.observer is not None and world.observer.view is not None:
@@ -295,6 +323,20 @@ CANDIDATES = (
             "spring": "a static grid, or one place passed at different speeds: distortion does not depend on speed",
             "central_force": "a static grid, or one place passed at different speeds",
             "observer_scale": "motion near the centre and far from it",
+        },
+    ),
+    Candidate(
+        name="observer_keystone",
+        group="observer",
+        law="x_seen = centre + (x - centre) / (1 + p . (x - centre))",
+        representations=ALL,
+        signature="residuals depend on place alone: lengths are too short at one end and too long at the other",
+        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 2",
+        variants=_keystone,
+        confused_with={
+            "gravity_error": "motion on both sides of the middle: accelerations are wrong by opposite shares",
+            "quadratic_drag": "bodies of other mass or size in the same place, or one place passed at another speed",
+            "observer_distortion": "motion on both sides of the middle: distortion is the same on both",
         },
     ),
     Candidate(

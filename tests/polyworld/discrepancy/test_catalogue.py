@@ -62,6 +62,7 @@ NAMES = [
     "observer_time_offset",
     "observer_tilt",
     "observer_distortion",
+    "observer_keystone",
     "dropped_frames",
 ]
 # What stands at a place, grips or comes late cannot be there and do nothing at the places where fits begin.

@@ -12,6 +12,7 @@ from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.profile import start_states
 from polyworld.discrepancy.trial import Bench
+from polyworld.observer import Observer
 from polyworld.parameters import parameter_paths
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
@@ -47,7 +48,7 @@ def recording(lost: int = 0, after: int = 30, sigma: float = 0.002) -> Recording
 @pytest.mark.parametrize("name", BY_NAME)
 def test_a_fault_does_nothing_at_its_start(name: str) -> None:
     floor = StaticObject(name="wall", shape=Wall(start=(9.0, -1.0, 0.0), end=(9.0, 1.0, 0.0)))
-    world, data = thrown(floor), recording()
+    world, data = thrown(floor).model_copy(update={"observer": Observer(view=(0.0, 1.0, 0.0))}), recording()
     data = Recording(tuple(Run(r.name, r.names, r.times, r.positions, r.orientations, lead=0.1) for r in data.runs))
     variants = BY_NAME[name].variants(world, data)
     assert variants
@@ -126,3 +127,39 @@ def test_scale_and_clock_are_recovered_from_free_flight() -> None:
         trial = bench.fit(way, np.array([1.0]), start_states(plan))
         assert trial.values[0] == pytest.approx(1.05, abs=4.0 * float(np.sqrt(trial.fit.covariance[0, 0])))
         assert way.parts[0].variant.same_as  # in free flight either is as good as the other, and as wrong gravity
+
+
+def test_a_slanted_camera_is_told_from_wrong_gravity_and_needs_a_plane_of_motion() -> None:
+    world, data = thrown(), recording(0, 30, 0.0)
+    candidate = BY_NAME["observer_keystone"]
+    assert candidate.variants(world, data) == ()  # depth was measured
+    slant = 0.03
+    low, high = (f([run.positions[:, 0, [0, 2]] for run in data.runs]) for f in (_least, _most))
+    middle = 0.5 * (low + high)
+    rng = np.random.default_rng(5)
+    runs = []
+    for run in data.runs:
+        about = run.positions[..., [0, 2]] - middle
+        flat = middle + about / (1.0 + slant * about[..., 1:]) + rng.normal(0.0, 1e-3, about.shape)
+        places = np.insert(flat, 1, np.nan, axis=-1)
+        runs.append(Run(run.name, run.names, run.times, places, run.orientations))
+    seen = Recording(tuple(runs))
+    plan = design(world, seen)
+    bench = Bench(plan, measured_noise(plan), 1)
+    (way,) = extended(Hypothesis(world, ()), candidate, seen)
+    trial = bench.fit(way, np.zeros(2), start_states(plan))
+    assert [u.name for u in way.unknowns] == ["keystone_x", "keystone_z"]
+    sd = np.sqrt(np.diag(trial.fit.covariance))
+    # The middle of what was seen is not quite that of what was there, and the scale right at another height.
+    assert trial.values[1] == pytest.approx(slant, abs=4.0 * sd[1] + 0.05 * slant)
+    assert abs(trial.values[0]) < 4.0 * sd[0] + 0.05 * slant
+    (scaled,) = extended(Hypothesis(world, ()), BY_NAME["observer_scale"], seen)
+    assert trial.chi2 < 0.2 * bench.fit(scaled, np.ones(1), start_states(plan)).chi2
+
+
+def _least(places: list[np.ndarray]) -> np.ndarray:
+    return np.min([p.min(axis=0) for p in places], axis=0)
+
+
+def _most(places: list[np.ndarray]) -> np.ndarray:
+    return np.max([p.max(axis=0) for p in places], axis=0)
