@@ -24,7 +24,6 @@ from polyworld.discrepancy.localise import localise
 from polyworld.discrepancy.power import power_check
 from polyworld.discrepancy.report import effects_of, finite
 from polyworld.discrepancy.seal import sealed_gap
-from polyworld.discrepancy.stepping import with_substep
 from polyworld.discrepancy.trial import Trial
 from polyworld.parameters import parameter_paths, with_parameters
 from polyworld.recording import Recording
@@ -104,7 +103,7 @@ def propose(
 
 def _fitted_world(trial: Trial, world: World) -> dict[str, Any]:
     """The fitted world as JSON, stepped as the one given: a search may have stepped it more coarsely."""
-    fitted = with_substep(trial.hypothesis.fitted_world(trial.values), world.time.substep)
+    fitted = trial.hypothesis.fitted_world(trial.values).with_substep(world.time.substep)
     document: dict[str, Any] = fitted.model_dump(mode="json")
     return document
 

@@ -12,7 +12,7 @@ Ints = NDArray[np.int64]
 
 
 def turn_about(simulated: Array, observed: Array, normal: Array, order: Ints) -> Array:
-    """Angle (W, m) [rad] about `normal` from observed (m, 4) or (W, m, 4) to simulated (W, m, 4), folded into the symmetry.
+    """Angle (W, m) [rad] about `normal` from observed, (m, 4) or (W, m, 4), to simulated (W, m, 4), symmetry folded in.
 
     order (m,): rotations by 2 pi / order look alike; order >= 1.
     """

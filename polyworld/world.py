@@ -218,3 +218,7 @@ class World(Description):
         if any(d.name == name for d in self.deformables):
             return self.deformable(name)
         return self.object(name)
+
+    def with_substep(self, substep: float) -> Self:
+        """The world with another longest integration step [s]."""
+        return self.model_copy(update={"time": self.time.model_copy(update={"substep": substep})})

@@ -23,7 +23,7 @@ from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
-from polyworld.discrepancy.stepping import coarsened, with_substep
+from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
 from polyworld.discrepancy.verdict import Verdict, decide
@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
+NEARLY = 1.5  # chi2 per measurement, up to which steps may be why a base fails
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
 SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to several effects of it
 KEPT_CHANGED = 0.002  # the same of the share of outliers
@@ -79,7 +80,7 @@ def find_gap(
     plan = design(coarsened(world, recording), recording)
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
     story = _Story(progress)
-    search = _searched(plan, tuple(base), chosen, settings, story, cancelled)
+    search = _searched(plan, world.time.substep, tuple(base), chosen, settings, story, cancelled)
     verdict, bench, ground = search.verdict, search.bench, search.ground
     best = verdict.best
     intervals = intervals95(bench, best if best is not None else ground)
@@ -106,7 +107,7 @@ def find_gap(
                 force = None
     if force is not None:
         if force.explains and force.world is not None:
-            child = with_substep(force.world, world.time.substep)
+            child = force.world.with_substep(world.time.substep)
         story.tell(0.82, "residual force", {"found": force.expression, "explains": force.explains})
     gap: SealedGap | None = None
     if sealed is not None:
@@ -115,7 +116,7 @@ def find_gap(
         story.tell(0.85, "sealed data", gap.to_dict())
     null: NullControl | None = None
     if settings.null_control:
-        null = _null_control(search, chosen, settings, cancelled)
+        null = _null_control(search, world.time.substep, chosen, settings, cancelled)
         story.tell(0.95, "null control", null.to_dict())
     experiment = None
     if settings.experiment and verdict.kind == "ambiguous":
@@ -156,7 +157,7 @@ def _simpler(force: ResidualForce, best: Trial) -> bool:
 
 def _told_world(trial: Trial, world: World) -> World:
     """The fitted world, stepped as the world that was given."""
-    return with_substep(trial.hypothesis.fitted_world(trial.values), world.time.substep)
+    return trial.hypothesis.fitted_world(trial.values).with_substep(world.time.substep)
 
 
 class _Story:
@@ -185,13 +186,14 @@ class _Searched:
 
 def _searched(
     plan: Design,
+    substep: float,
     base: tuple[Unknown, ...],
     candidates: tuple[Candidate, ...],
     settings: GapSettings,
     story: _Story,
     cancelled: Callable[[], bool] | None,
 ) -> _Searched:
-    ground = fitted_base(plan, base, len(candidates), cancelled)
+    ground = _finer(fitted_base(plan, base, len(candidates), cancelled), substep)
     story.tell(
         0.1,
         "base fit",
@@ -203,7 +205,7 @@ def _searched(
         story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
 
     early, horizon = (ground, 1.0) if ground.passes else _early_fit(ground)
-    search = Search(ground.bench, candidates, settings.search, tell, early, horizon)
+    search = Search(ground.bench, candidates, settings.search, tell, early, horizon, substep)
     near_misses: tuple[dict[str, Any], ...] = ()
     if ground.passes:
         ground, explained, near_misses = _explained(search, ground, settings.alarm)
@@ -215,12 +217,15 @@ def _searched(
         effects += 1
         search.add_effect(parents)
         _renoise(search, effects)
+        search.finely(effects)
         if not _passed(search, effects):
             search.restart(effects)
             _renoise(search, effects)
+            search.finely(effects)
         if effects > 1 and not _passed(search, effects):
             search.swap(effects)
             _renoise(search, effects)
+            search.finely(effects)
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
@@ -228,17 +233,29 @@ def _searched(
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)
     search.twins(effects)
+    search.finely(effects)
     verdict = decide(search.ranked(effects), settings.search.credible)
     bench = verdict.best.bench if verdict.best is not None else search.bench
     if bench is not ground.bench:
         ground = bench.refit(ground)
     if verdict.best is not None:
+        if ground.passes:
+            stepped = ground.hypothesis.stepped(verdict.best.hypothesis.world.time.substep)
+            ground = bench.fit(stepped, ground.values, ground.fit.states)
         again = _from_states_of(verdict.best, ground)
         if again.chi2 < ground.chi2:
             ground = again
         if ground.passes and ground.ebic - verdict.best.ebic <= settings.alarm:
             return _Searched(Verdict("nothing_missing", None), bench, ground, near_misses)
     return _Searched(verdict, bench, ground, near_misses, _near(search))
+
+
+def _finer(ground: Trial, substep: float) -> Trial:
+    """A base that is near the data, fitted with the steps of the world that was given where longer ones fail."""
+    if ground.passes or ground.chi2 > NEARLY * ground.bench.observations:
+        return ground
+    fine = ground.bench.fit(ground.hypothesis.stepped(substep), ground.values, ground.fit.states)
+    return fine if fine.passes else ground
 
 
 def _near(search: Search) -> Near | None:
@@ -305,6 +322,7 @@ def _contender(trial: Trial) -> Contender:
 
 def _null_control(
     found: _Searched,
+    substep: float,
     candidates: tuple[Candidate, ...],
     settings: GapSettings,
     cancelled: Callable[[], bool] | None,
@@ -314,7 +332,7 @@ def _null_control(
     bench = found.bench
     made = simulated_recording(bench.forward(ground.hypothesis), ground.values, states, bench.noise, settings.seed)
     plan = design(bench.design.world, made)
-    again = _searched(plan, ground.hypothesis.base, candidates, settings, _Story(None), cancelled)
+    again = _searched(plan, substep, ground.hypothesis.base, candidates, settings, _Story(None), cancelled)
     after: float | None = None
     if best is not None:
         values = np.concatenate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,12 @@ class Hypothesis:
         """Shared values (S,) at each start of the last part, given those of all that comes before it."""
         own = self.parts[-1].variant
         return tuple(np.concatenate([before, _at(own.unknowns, start)]) for start in own.starts)
+
+    def stepped(self, substep: float) -> Hypothesis:
+        """The same with another longest integration step [s]."""
+        if self.world.time.substep == substep:
+            return self
+        return replace(self, world=self.world.with_substep(substep))
 
     def fitted_world(self, values: Array) -> World:
         """The world with shared values (S,) written into it."""

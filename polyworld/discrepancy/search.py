@@ -29,9 +29,11 @@ ROUGH_ITERATIONS = 8
 WINDOW_ITERATIONS = 3  # of every contender, and once more of those worth it
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
+CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
+EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
 FEW = 3  # contenders on windows that are fitted to whole runs, however little they gain
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
@@ -73,6 +75,7 @@ class Search:
     """All trials so far, the best of each hypothesis, and the story of how they came about.
 
     early: the base fitted to the first part, `horizon`, of every run, where what is missing has not yet done much.
+    substep [s]: of the world that was given, which the design's may exceed; the best are judged with it.
     """
 
     bench: Bench
@@ -81,6 +84,7 @@ class Search:
     tell: Callable[[str, dict[str, Any]], None]
     early: Trial
     horizon: float
+    substep: float
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
@@ -118,6 +122,9 @@ class Search:
         cut = self.windows if far else None
         if cut is not None:
             self._through_windows(cut, parents, most, level)
+            best = self.best(len(parents[0].hypothesis.parts) + 1)
+            if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
+                return
         found: list[tuple[Trial, Lead]] = []
         for parent in parents:
             more = self._more(parent)
@@ -142,8 +149,22 @@ class Search:
             self._nested(parents)
 
     def _more(self, parent: Trial) -> list[Hypothesis]:
-        """What one more effect makes of a hypothesis."""
-        return [h for c in self.candidates for h in extended(parent.hypothesis, c, self.bench.design.recording)]
+        """What one more effect makes of a hypothesis, stepped as the design's world is."""
+        own = parent.hypothesis.stepped(self.bench.design.world.time.substep)
+        return [h for c in self.candidates for h in extended(own, c, self.bench.design.recording)]
+
+    def finely(self, effects: int) -> None:
+        """Fit the best, and what is near to it, with the steps of the world that was given: what longer steps leave
+        undone is small beside the noise, but not beside the differences that decide."""
+        best = self.best(effects)
+        if best is None or self.substep == self.bench.design.world.time.substep:
+            return
+        near = [t for t in self.ranked(effects) if t.ebic < best.ebic + CLOSE][: self.settings.finalists]
+        for trial in near:
+            if trial.hypothesis.world.time.substep != self.substep:
+                fine = self.bench.fit(trial.hypothesis.stepped(self.substep), trial.values, trial.fit.states)
+                self.trials[identity(trial.hypothesis)] = fine
+                self._told("finer steps", fine)
 
     def _promised(self, parent: Trial, found: Sequence[Lead]) -> None:
         for lead in reversed(found):  # the best last, so that it stays
@@ -177,8 +198,11 @@ class Search:
         for trial in (*fits, *wanted):
             self.on_windows[identity(trial.hypothesis)] = trial
             self._told("windows", trial)
-        chosen = []
-        for trial in _worth_more(wanted, before):
+        chosen: list[Trial] = []
+        ranked = _worth_more(wanted, before)
+        for trial in ranked:
+            if any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen) and trial.chi2 > 2.0 * ranked[0].chi2:
+                break
             start = cut.start(trial.fit)
             first = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
             self._told("first fit", first)

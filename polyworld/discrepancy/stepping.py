@@ -16,11 +16,6 @@ UNSEEN = 0.05  # error of the steps, in standard deviations of the noise, that n
 LONGEST = 0.05  # [s]
 
 
-def with_substep(world: World, substep: float) -> World:
-    """The world with another longest integration step [s]."""
-    return world.model_copy(update={"time": world.time.model_copy(update={"substep": substep})})
-
-
 def coarsened(world: World, recording: Recording) -> World:
     """The world with the longest step, between its own and one a sample, whose rollouts from the data's own starts
     are told from those of half the step by less than a twentieth of the noise.
@@ -37,10 +32,10 @@ def coarsened(world: World, recording: Recording) -> World:
     settings = [Settings(r.index, np.zeros((1, 0)), states[r.index][None]) for r in plan.runs]
     steps = [min(1.001 * interval, LONGEST) / 2**k for k in range(HALVINGS + 1)]
     steps = [*(s for s in steps if s > own), own]
-    finer = Forward(plan, with_substep(world, steps[-1]), ()).residuals(settings)
+    finer = Forward(plan, world.with_substep(steps[-1]), ()).residuals(settings)
     best = own
     for step in reversed(steps[:-1]):
-        coarser = Forward(plan, with_substep(world, step), ()).residuals(settings)
+        coarser = Forward(plan, world.with_substep(step), ()).residuals(settings)
         apart = max(
             float(np.sqrt(np.mean(((a - b) / noise.sigma[r.index]) ** 2)))
             for r, a, b in zip(plan.runs, coarser, finer, strict=True)
@@ -48,4 +43,4 @@ def coarsened(world: World, recording: Recording) -> World:
         if not apart < UNSEEN:  # also where a rollout diverged
             break
         best, finer = step, coarser
-    return with_substep(world, best)
+    return world.with_substep(best)
