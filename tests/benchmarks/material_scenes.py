@@ -307,10 +307,7 @@ def strip_case(rng: np.random.Generator, truth: str | None) -> Case:
 
 
 def falling_case(rng: np.random.Generator, truth: str | None) -> Case:
-    """A sheet of 6 x 6 squares let go flat: m dv/dt = m g - rho C v^2 / 2 per area.
-
-    The engine's error in a terminal speed is of first order in its step; steps are short so that it does not show.
-    """
+    """A sheet of 6 x 6 squares let go flat: m dv/dt = m g - rho C v^2 / 2 per area."""
     density, air, told = 0.1, AIR, 0.6
     value = {"air_drag": told * float(rng.uniform(1.8, 2.6)), None: told}[truth]
     terminal = np.sqrt(2.0 * density * G / (air * value))
@@ -335,7 +332,6 @@ def falling_case(rng: np.random.Generator, truth: str | None) -> Case:
             }
         ],
         environment={"gravity": [0, 0, -G], "air_density": air},
-        time={"substep": 5e-4},
     )
     drop = terminal**2 / G * np.log(np.cosh(G * times / terminal))
 
@@ -369,7 +365,8 @@ SHEET = Chain(length=0.6, links=6, density=0.12, stretch=120.0, tau=0.01, bendin
 def swinging_case(rng: np.random.Generator, truth: str | None) -> Case:
     """A stiff sheet of 6 x 6 squares, held along an edge and let go from 40 degrees below the horizontal.
 
-    All rows across it move alike, so that the chain of its width's mass, stiffness and drag is its exact counterpart.
+    A sheet's rows across it move alike, so that a chain of its width's mass, stiffness and drag is its counterpart. The
+    engine's few triangles, which divide every square the same way, are up to 4 mm off: as much as the noise.
     """
     width, angle = 0.6, np.radians(50.0)
     field, value, actual = {
@@ -429,7 +426,7 @@ def swinging_case(rng: np.random.Generator, truth: str | None) -> Case:
         paths([(3, 0.0), (6, -0.2), (6, 0.1)]),
         paths([(2, 0.1), (4, -0.2), (5, 0.2)]),
         (*MATERIALS, *FORCES),
-        0.002,
+        0.004,
     )
 
 

@@ -14,21 +14,21 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.func
-def air_drag(m: Material, n: wp.vec3d, ratio: wp.float64, u: wp.vec3d, h: wp.float64) -> wp.vec3d:
-    """Force per rest area of air that passes a triangle at u, across and along it, each quadratic in its speed.
+def air_drag(m: Material, n: wp.vec3d, ratio: wp.float64, u: wp.vec3d, ahead: wp.vec3d, h: wp.float64) -> wp.vec3d:
+    """Force per rest area of air that passes a triangle, across and along it, each quadratic in its speed.
 
-    Averaged over the step as dv/dt = -k v^2 goes, v(h) = v / (1 + k v h), so that no step overshoots. ratio: area
-    over rest area.
+    u: the air's velocity past it now, ahead: what gravity makes of it in the step; ratio: area over rest area. Linearly
+    implicit, -k |v| v' with v' = (v + g h) / (1 + k |v| h): no step overshoots, and terminal speeds are exact.
     """
     one = wp.float64(1.0)
-    u_n = wp.dot(n, u)
-    along = u - n * u_n
-    k_n = m.drag_normal * ratio * wp.abs(u_n)
+    along = u - n * wp.dot(n, u)
+    next_n = wp.dot(n, ahead)
+    k_n = m.drag_normal * ratio * wp.abs(wp.dot(n, u))
     k_t = m.drag_tangential * ratio * wp.length(along)
     slow_n = one + k_n * h * m.inverse_density
     slow_t = one + k_t * h * m.inverse_density
     inverse = one / (slow_n * slow_t)
-    return n * (u_n * k_n * slow_t * inverse) + along * (k_t * slow_n * inverse)
+    return n * (next_n * k_n * slow_t * inverse) + (ahead - n * next_n) * (k_t * slow_n * inverse)
 
 
 @wp.func
@@ -105,7 +105,11 @@ def add_force(
         u1 = drift(v[w, c[1]], gravity, inverse_mass[r, c[1]], h)
         u2 = drift(v[w, c[2]], gravity, inverse_mass[r, c[2]], h)
         u = wind - (u0 + u1 + u2) * third
-        drag = air_drag(m, n, j, u, h) * (third * area)
+        a0 = drift(v[w, c[0]], gravity, inverse_mass[r, c[0]], -h)
+        a1 = drift(v[w, c[1]], gravity, inverse_mass[r, c[1]], -h)
+        a2 = drift(v[w, c[2]], gravity, inverse_mass[r, c[2]], -h)
+        ahead = wind - (a0 + a1 + a2) * third
+        drag = air_drag(m, n, j, u, ahead, h) * (third * area)
         k0 = k0 + drag
         k1 = k1 + drag
         k2 = k2 + drag
