@@ -20,6 +20,7 @@ from polyworld.discrepancy.experiment import Contender, propose_experiment
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.noise import Noise, refined_noise
+from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
@@ -87,7 +88,7 @@ def find_gap(
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
     child = _told_world(best, world) if best is not None else None
     force: ResidualForce | None = None
-    several = best is not None and len(best.hypothesis.parts) > 1
+    several = best is not None and len(best.hypothesis.parts) > 1 and not follows_one_course(plan)
     if settings.residual_force and (verdict.kind == "unexplained" or several):
         # Beside several effects only one law that says it all is of interest.
         terms = 1 if verdict.kind != "unexplained" else MAX_TERMS
@@ -235,6 +236,9 @@ def _searched(
     search.twins(effects)
     search.finely(effects)
     verdict = decide(search.ranked(effects), settings.search.credible)
+    if verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
+        told = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
+        verdict = decide(told, max(settings.search.credible, BESIDE))
     bench = verdict.best.bench if verdict.best is not None else search.bench
     if bench is not ground.bench:
         ground = bench.refit(ground)

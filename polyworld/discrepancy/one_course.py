@@ -1,0 +1,46 @@
+"""One coordinate of one run: along it, time, place and speed are functions of each other.
+
+A law of one of them can then be written as a law of another, and a law with a place or a rhythm of its own fits what
+several plain ones leave together. How much better the data like one form than another says little there; so more of
+those that explain the data stand side by side, pairs of plain effects among them.
+"""
+
+from __future__ import annotations
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.hypothesis import extended
+from polyworld.discrepancy.search import Search
+from polyworld.discrepancy.trial import Trial
+
+BESIDE = 40.0  # difference of EBIC within which laws of one course stand side by side
+PLAIN = 1  # unknowns of an effect that is tried as one of two
+ITERATIONS = 8
+
+
+def follows_one_course(plan: Design) -> bool:
+    """Whether nothing but one coordinate of one run was measured."""
+    return len(plan.series) == 1
+
+
+def rivals(search: Search, ground: Trial, best: Trial) -> list[Trial]:
+    """Pairs of plain effects with no more unknowns than a single effect has, fitted under its noise."""
+    recording = best.bench.design.recording
+    if len(best.hypothesis.parts) != 1 or best.hypothesis.extra < 2 * PLAIN:
+        return []
+    states = profile.start_states(best.bench.design)
+    parents = []
+    for candidate in search.candidates:
+        for way in extended(ground.hypothesis, candidate, recording):
+            if way.extra == PLAIN:
+                parents.append(
+                    best.bench.fit(
+                        way,
+                        way.starts(ground.values)[0],
+                        states,
+                        horizons=profile.horizons_for(best.bench.design),
+                        iterations=ITERATIONS,
+                    )
+                )
+    search.add_effect(sorted(parents, key=lambda t: (t.ebic, t.hypothesis.title)))
+    return [t for t in search.ranked(2) if t.hypothesis.extra <= best.hypothesis.extra]
