@@ -206,7 +206,7 @@ def _searched(
         story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
 
     early, horizon = (ground, 1.0) if ground.passes else _early_fit(ground)
-    search = Search(ground.bench, candidates, settings.search, tell, early, horizon, substep)
+    search = Search(ground.bench, candidates, settings.search, tell, early, horizon, substep, ground.chi2)
     near_misses: tuple[dict[str, Any], ...] = ()
     if ground.passes:
         ground, explained, near_misses = _explained(search, ground, settings.alarm)

@@ -23,7 +23,9 @@ from polyworld.discrepancy.windows import Windows, windows
 
 Array = NDArray[np.float64]
 
-FAR = 10.0  # chi2 per measurement beyond which a fit is no place to start from
+FARTHER = 100.0  # the same beyond which windows are short ones
+SHORT, LONG = 4, 2  # windows of a run
+FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
 WINDOW_ITERATIONS = 3  # of every contender, and once more of those worth it
@@ -75,7 +77,8 @@ class Search:
     """All trials so far, the best of each hypothesis, and the story of how they came about.
 
     early: the base fitted to the first part, `horizon`, of every run, where what is missing has not yet done much.
-    substep [s]: of the world that was given, which the design's may exceed; the best are judged with it.
+    substep [s]: of the world that was given, which the design's may exceed; the best are judged with it. level: chi2
+    of the base.
     """
 
     bench: Bench
@@ -85,6 +88,7 @@ class Search:
     early: Trial
     horizon: float
     substep: float
+    level: float
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
@@ -173,7 +177,8 @@ class Search:
     @cached_property
     def windows(self) -> Windows | None:
         """The design's runs cut into windows."""
-        return windows(self.bench)
+        far = self.level > FARTHER * self.bench.observations
+        return windows(self.bench, SHORT if far else LONG)
 
     def _through_windows(self, cut: Windows, parents: Sequence[Trial], most: int, level: float) -> None:
         """Rank and fit one more effect on windows of the runs, then fit the whole runs from there where that gained."""
@@ -362,7 +367,9 @@ class Search:
             self.take(again)
 
     def twins(self, effects: int) -> None:
-        """Fit with care what promised the same as the best hypothesis: it may be the same motion by another name."""
+        """Fit with care what promised the same as the best hypothesis: it may be the same motion by another name; and
+        laws that it contains, from its values."""
+        self._contained(effects)
         best = self.best(effects)
         told = None if best is None else self.promised.get(identity(best.hypothesis))
         if best is None or told is None:
@@ -378,6 +385,26 @@ class Search:
                     lead.hypothesis, lead.values, states, horizons=profile.horizons_for(self.bench.design)
                 )
                 self._told("twin", trial)
+                self.take(trial)
+
+    def _contained(self, effects: int) -> None:
+        """Start simpler laws from the best: those whose unknowns, by name and unit, are among its own."""
+        best = self.best(effects)
+        if best is None or not effects:
+            return
+        last = best.hypothesis.parts[-1]
+        theirs = {(u.name, u.unit) for u in last.variant.unknowns}
+        told = best.hypothesis.of_part(effects - 1, best.values)
+        kept = best.values[: len(best.values) - len(last.variant.unknowns)]
+        for _, lead in list(self.promised.values()):
+            own = lead.hypothesis.parts[-1].variant.unknowns
+            before = [p.candidate.name for p in lead.hypothesis.parts[:-1]]
+            if before != [p.candidate.name for p in best.hypothesis.parts[:-1]]:
+                continue
+            if {(u.name, u.unit) for u in own} < theirs:
+                values = np.concatenate([kept, [told[u.name] for u in own]])
+                trial = self.bench.fit(lead.hypothesis, values, best.fit.states, iterations=ROUGH_ITERATIONS)
+                self._told("contained", trial)
                 self.take(trial)
 
     def swap(self, effects: int) -> None:

@@ -26,7 +26,6 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-PIECES = 4  # windows of a run
 FEWEST = 16  # samples of a window
 ROUGH = 4.0  # times an ordinary misfit of the first samples, beyond which no window begins there
 GROUND_ITERATIONS = 20
@@ -83,8 +82,8 @@ class Windows:
         return np.array([known.get(label, value) for label, value in zip(run.labels, run.start, strict=True)])
 
 
-def windows(bench: Bench) -> Windows | None:
-    """The windows of a design; None where a window's initial state cannot be told from what was measured in it."""
+def windows(bench: Bench, pieces: int) -> Windows | None:
+    """The windows of a design, so many of each run; None where a window's initial state cannot be told from what was measured in it."""
     plan = bench.design
     if not _starts_anywhere(plan.world, plan.recording):
         return None
@@ -92,10 +91,10 @@ def windows(bench: Bench) -> Windows | None:
     first: list[int] = []
     for run in plan.recording.runs:
         first.append(len(cut))
-        pieces = _cut(run)
-        if not pieces:
+        parts = _cut(run, pieces)
+        if not parts:
             return None
-        cut += pieces
+        cut += parts
     made = design(plan.world, Recording(tuple(cut)))
     return Windows(bench, made, tuple(first))
 
@@ -111,10 +110,10 @@ def _starts_anywhere(world: World, recording: Recording) -> bool:
     return world.planar or all(bool(np.isfinite(run.orientations).any(axis=(0, 2)).all()) for run in recording.runs)
 
 
-def _cut(run: Run) -> list[Run]:
-    """Windows of equal length; none where a component that was measured is missing in one of them."""
+def _cut(run: Run, most: int) -> list[Run]:
+    """At most so many windows of equal length; none where a component that was measured is missing in one of them."""
     count = len(run.times)
-    size = count // min(PIECES, max(count // FEWEST, 1))  # all alike, to be rolled out together
+    size = count // min(most, max(count // FEWEST, 1))  # all alike, to be rolled out together
     rough = _roughness(run)
     pieces: list[Run] = []
     for begin in range(0, count - size + 1, size):
