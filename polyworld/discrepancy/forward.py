@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 
 CLOCK = "time.seconds_per_frame"
 ORIGIN = "time.origin"
-ROUNDING = 1e-9  # [s] by which instants of runs may differ that are rolled out together
+ROUNDING = 1e-7  # [s] by which instants of runs may differ that are rolled out together
 
 
 @dataclass(frozen=True)

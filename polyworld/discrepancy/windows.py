@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
@@ -27,7 +28,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a window
-ROUGH = 4.0  # times an ordinary misfit of the first samples, beyond which no window begins there
+ROUGH = 8.0  # times an ordinary third difference in the first samples, beyond which no window begins there
 GROUND_ITERATIONS = 20
 
 
@@ -83,7 +84,8 @@ class Windows:
 
 
 def windows(bench: Bench, pieces: int) -> Windows | None:
-    """The windows of a design, so many of each run; None where a window's initial state cannot be told from what was measured in it."""
+    """The windows of a design, so many of each run; None where what was measured in a window does not tell its initial
+    state."""
     plan = bench.design
     if not _starts_anywhere(plan.world, plan.recording):
         return None
@@ -129,19 +131,17 @@ def _cut(run: Run, most: int) -> list[Run]:
 
 
 def _roughness(run: Run) -> Array:
-    """At each instant (T,), how far the next few samples of any position are from a parabola, as a multiple of what
-    is ordinary in the run."""
+    """At each instant (T,), the largest third difference of the next few samples of any position, as a multiple of
+    what is ordinary in the run."""
     count = len(run.times)
     rough = np.zeros(count)
     for values in run.positions.reshape(count, -1).T:
-        left = np.full(count, np.nan)
-        for k in range(count - EARLY + 1):
-            t, x = run.times[k : k + EARLY] - run.times[k], values[k : k + EARLY]
-            if np.all(np.isfinite(x)):
-                left[k] = float(np.sqrt(np.mean((x - np.polyval(np.polyfit(t, x, 2), t)) ** 2)))
-        if np.isfinite(left).any():
-            ordinary = max(float(np.nanmedian(left)), 1e-12)
-            rough = np.fmax(rough, left / ordinary)
+        steps = np.abs(np.diff(values, 3))
+        if np.isfinite(steps).any():
+            relative = np.nan_to_num(steps / max(float(np.nanmedian(steps)), 1e-12))
+            padded = np.concatenate([relative, np.zeros(EARLY)])
+            largest = sliding_window_view(padded, EARLY - 3).max(axis=1)[:count]
+            rough[: len(largest)] = np.maximum(rough[: len(largest)], largest)
     return rough
 
 
