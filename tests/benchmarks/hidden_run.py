@@ -2,12 +2,14 @@
 
 `python -m tests.benchmarks.hidden_run --public DIR --share I/N [--until SECONDS]` takes every N-th case folder as it
 appears, in the order of `order.json`, until `complete` stands in the folder or the time is over; each verdict goes to
-`verdict.json`, or where `more.csv` is there, a second one on the enlarged data to `verdict_more.json`.
+`verdict.json`, or where `more.csv` is there, a second one on the enlarged data to `verdict_more.json`. Where there are
+as many runners as cores, each keeps to one core, so the seconds of a verdict are those on one core.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import time
 import traceback
 from pathlib import Path
@@ -66,6 +68,9 @@ def main() -> None:
     parser.add_argument("--until", type=float, help="no case is begun after this many seconds")
     chosen = parser.parse_args()
     mine, shares = (int(v) for v in chosen.share.split("/"))
+    cores = sorted(os.sched_getaffinity(0))
+    if shares >= len(cores) > 1:  # a core each: threads of several runners on one core only wait for each other
+        os.sched_setaffinity(0, {cores[mine % len(cores)]})
     begin = time.monotonic()
     for name in read_json(chosen.public / "order.json")[mine::shares]:
         folder = chosen.public / name
