@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.noise import Noise
+from polyworld.representations.fluid import Fluid
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 
 STEP = 0.2  # of a standard error, for difference quotients
 FIRST_STEP = 1e-3  # of a typical change, while no standard error is known
 STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
+ROUGH_STEP = 0.3  # of a typical change: no less where a liquid splashes, whose motion jumps a little at any change
 TRIALS = 10.0 ** np.array([-2.0, 0.0, 2.0])  # dampings tried at once, as factors of the last successful one
 HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
 FINE_HORIZONS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)  # where bodies meet: about one more collision at a time
@@ -139,8 +142,14 @@ _Steps = tuple[Array, tuple[Array, ...]]
 
 
 def _first_steps(forward: Forward) -> _Steps:
-    shared = np.array([FIRST_STEP * u.typical for u in forward.unknowns])
-    return shared, tuple(FIRST_STEP * r.typical for r in forward.design.runs)
+    first = max(FIRST_STEP, least_step(forward.world))
+    shared = np.array([first * u.typical for u in forward.unknowns])
+    return shared, tuple(first * r.typical for r in forward.design.runs)
+
+
+def least_step(world: World) -> float:
+    """Least step of a difference quotient, in typical changes, that shows beyond the roughness of a world's motion."""
+    return ROUGH_STEP if any(isinstance(d, Fluid) for d in world.deformables) else 0.0
 
 
 def _descend(
@@ -153,6 +162,8 @@ def _descend(
     tolerance: float,
     target: float | None,
 ) -> tuple[_Point, _Steps, int, bool]:
+    if not len(at.values) and not any(len(s) for s in at.states):
+        return at, steps, 0, True  # nothing to fit
     damping = 1e-4
     chi2 = np.inf
     for iteration in range(iterations):
@@ -255,6 +266,8 @@ def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, ste
     few iterations, and kept where the run then fits better. The slope of a spin tells nothing of the other sign."""
     runs = forward.design.runs
     slots = [np.flatnonzero(r.spread) for r in runs]
+    if not any(len(s) for s in slots):
+        return at
     count = np.array([max(int(np.count_nonzero(r.before(horizon))), 1) for r in runs])
     cost = _run_costs(forward, noise, at, horizon)
     for slot in range(max((len(s) for s in slots), default=0)):
@@ -383,9 +396,10 @@ def _covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Arr
 def _steps(forward: Forward, linear: Linearised) -> _Steps:
     covariance, own = _covariances(forward, linear)
     typical = np.array([u.typical for u in forward.unknowns])
-    shared = np.clip(STEP * np.sqrt(np.maximum(np.diag(covariance), 0.0)), STEPS[0] * typical, STEPS[1] * typical)
+    shortest, longest = (max(bound, least_step(forward.world)) for bound in STEPS)
+    shared = np.clip(STEP * np.sqrt(np.maximum(np.diag(covariance), 0.0)), shortest * typical, longest * typical)
     return shared, tuple(
-        np.clip(STEP * o, STEPS[0] * r.typical, STEPS[1] * r.typical)
+        np.clip(STEP * o, shortest * r.typical, longest * r.typical)
         for o, r in zip(own, forward.design.runs, strict=True)
     )
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.forward import Settings
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.profile import FIRST_STEP, PRIOR
+from polyworld.discrepancy.profile import FIRST_STEP, PRIOR, least_step
 from polyworld.discrepancy.trial import Bench, Ground, Trial
 
 Array = NDArray[np.float64]
@@ -79,7 +79,8 @@ def _of_starts(
     own = tuple(u for u in variant.unknowns if u.name not in variant.idle)
     j, k, s = len(starts), len(own), len(trial.values)
     at = s + np.array([i for i, u in enumerate(variant.unknowns) if u.name not in variant.idle])
-    steps = np.array([FIRST_STEP * u.typical for u in own])
+    first = max(FIRST_STEP, least_step(hypothesis.world))
+    steps = np.array([first * u.typical for u in own])
     upper = np.array([u.upper for u in own])
     signed = np.where(starts[:, at] + steps > upper, -steps, steps)
     changed = np.repeat(starts[:, None], k, axis=1)
