@@ -3,6 +3,10 @@
 The third divided difference of a cubic is zero, so that of a smooth motion is near zero and noise is left. For noise
 with autocorrelation rho(s) at s samples, weights 1, 3, 3, 1 give the variance sigma^2 (20 - 30 rho(s) + 12 rho(2s) -
 2 rho(3s)). Bounces disturb the few differences that span them, which are clipped.
+
+Of an oscillation with few samples a period, third differences are not small. Noise has the same variance in differences
+of every order (scaled alike), a smooth motion less and less: where the next order falls clearly, it takes the place of
+the one before.
 """
 
 from __future__ import annotations
@@ -17,6 +21,8 @@ Array = NDArray[np.float64]
 STRIDES = (1, 2, 3, 4, 6, 8)
 SQUARES = 20.0  # of the weights 1, -3, 3, -1
 CLIP = 3.0  # standard deviations beyond which a difference is not noise
+HIGHEST = 9  # order of differences up to which a motion is followed
+FALLING = 0.3  # ratio of variances, order to order, below which it is motion that falls: noise keeps 0.9 to 1
 KEPT = 0.97334  # variance of a normal variable given that it is within CLIP
 CLIPPED = 0.25  # share of clipped differences from which on a stride tells nothing
 FEWEST = 8  # differences that a scale needs
@@ -42,15 +48,41 @@ def spread(times: Array, values: Array) -> Spread:
     for k, s in enumerate(STRIDES):
         if m - 3 * s < FEWEST or 3 * s > max(m // 6, 3):
             break
-        t = np.stack([times[j * s : m - (3 - j) * s] for j in range(4)])
-        y = np.stack([values[j * s : m - (3 - j) * s] for j in range(4)])
-        weights = _divided(t)
-        whole = t[3] - t[0] < 1.5 * 3.0 * s * interval
-        if np.count_nonzero(whole) >= FEWEST:
-            variance, clipped = _clipped_variance((weights * y).sum(axis=0)[whole])
+        found = _differences(times, values, 3, s, interval)
+        if len(found) >= FEWEST:
+            variance, clipped = _clipped_variance(found)
             if k == 0 or clipped < CLIPPED:
                 variances[k] = variance
+    calm = _of_higher_order(times, values, float(variances[0]), interval)
+    if calm is not None:
+        variances[:] = np.nan  # longer strides see even more of the motion
+        variances[0] = calm
     return Spread(variances, m, interval)
+
+
+def _of_higher_order(times: Array, values: Array, third: float, interval: float) -> float | None:
+    """Variance of differences of the order at which it no longer falls; None where third ones hold no motion."""
+    variance = third
+    order = 3
+    while order < HIGHEST and np.isfinite(variance):
+        found = _differences(times, values, order + 1, 1, interval)
+        if len(found) < FEWEST:
+            break
+        higher = _clipped_variance(found)[0]
+        if not 0.0 < higher < FALLING * variance:
+            break
+        variance, order = higher, order + 1
+    return variance if order > 3 else None
+
+
+def _differences(times: Array, values: Array, order: int, stride: int, interval: float) -> Array:
+    """Divided differences of an order, scaled as the third ones are, of samples a stride apart; none across gaps."""
+    last = len(times) - order * stride
+    t = np.stack([times[j * stride : last + j * stride] for j in range(order + 1)])
+    y = np.stack([values[j * stride : last + j * stride] for j in range(order + 1)])
+    whole = t[-1] - t[0] < 1.5 * order * stride * interval
+    found: Array = (_divided(t) * y).sum(axis=0)[whole]
+    return found
 
 
 def least(first: Spread, second: Spread) -> Spread:
@@ -115,9 +147,9 @@ def _misfit(variances: Array, noise: Array, strides: Array, count: int) -> Array
 
 
 def _divided(t: Array) -> Array:
-    """Weights (4, n) of third divided differences at times (4, n), of the size of 1, -3, 3, -1."""
+    """Weights (k, n) of divided differences at times (k, n), of the size of 1, -3, 3, -1."""
     gaps = t[:, None] - t[None]
-    gaps[np.arange(4), np.arange(4)] = 1.0
+    gaps[np.arange(len(t)), np.arange(len(t))] = 1.0
     weights: Array = 1.0 / gaps.prod(axis=1)
     weights *= np.sqrt(SQUARES / (weights**2).sum(axis=0))
     return weights

@@ -182,3 +182,13 @@ def test_whitening_is_the_exact_filter_over_gaps() -> None:
     values = np.random.default_rng(0).normal(size=plan.length)
     expected = np.linalg.solve(np.linalg.cholesky(covariance[np.ix_(kept, kept)]), values[s.where][kept])
     assert noise.whiten(0, values)[s.where][kept] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0, 100.0])
+def test_an_oscillation_with_few_samples_a_period_is_not_taken_for_noise(rate: float) -> None:
+    times = np.arange(0.0, 4.0, 1.0 / rate)
+    swing = 0.15 * np.sin(8.0 * times)  # 1.27 Hz
+    clean = np.stack([swing, 0.15 * np.cos(8.0 * times), 0.0 * times], axis=1)
+    places = clean + np.random.default_rng(11).normal(0.0, 2e-4, clean.shape)
+    noise = measured_noise(one_run(times, places))
+    assert 1e-4 < noise.levels[0].sigma < 5e-4
