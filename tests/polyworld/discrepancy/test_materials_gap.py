@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from polyworld.discrepancy import profile
+from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.forward import Forward, Settings
+from polyworld.discrepancy.noise import measured_noise
 from polyworld.recording import Recording, Run
-from tests.benchmarks.material_fluids import filling_case, sinking_case, swaying_case
+from tests.benchmarks.material_fluids import filling, filling_case, sinking_case, swaying_case
 from tests.benchmarks.material_scenes import Case, falling_case, rope_case, strip_case, swinging_case
 
 Draw = Callable[[np.random.Generator, str | None], Case]
@@ -45,3 +47,18 @@ def test_wrong_number_of_a_rope_shows_beyond_the_noise(truth: str) -> None:
 def test_errors_of_a_scene_without_a_hidden_effect_stay_below_its_noise(case: Draw, share: float) -> None:
     told = case(np.random.default_rng(0), None)
     assert float(np.sqrt(np.mean(residuals(told) ** 2))) < share * told.sigma
+
+
+def test_slope_by_the_rate_of_a_tap_shows_through_the_splashes() -> None:
+    """Along the closed form's own slope, of the height of the centre by the rate, within 30%."""
+    case = filling_case(np.random.default_rng(0), None)
+    turns = np.full((len(case.times), 1, 4), np.nan)
+    plan = design(case.world, Recording((Run("run", case.markers, case.times, case.paths, turns),)))
+    noise = measured_noise(plan)
+    rate = Unknown("rate", ("emitters.tap.rate",), "m^2/s", case.value, 0.0, 1.0, 0.3 * case.value)
+    forward = Forward(plan, case.world, (rate,))
+    slope = profile.linearise(forward, noise, np.array([case.value]), profile.start_states(plan)).a[0][:, 0]
+    box = {"width": 0.3, "depth": 0.09, "height": 0.25}
+    low, high = (filling(case.times, rate=q, speed=q / 0.06, **box) for q in (0.019, 0.021))
+    told = noise.whiten(0, ((high - low) / 0.002)[None])[0]
+    assert float(slope @ told / (told @ told)) == pytest.approx(1.0, abs=0.3)
