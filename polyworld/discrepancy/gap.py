@@ -219,11 +219,11 @@ def _searched(
         search.add_effect(parents)
         _renoise(search, effects)
         search.finely(effects)
-        if not _passed(search, effects):
+        if not _passed(search, effects) and not search.hopeless(effects):
             search.restart(effects)
             _renoise(search, effects)
             search.finely(effects)
-        if effects > 1 and not _passed(search, effects):
+        if effects > 1 and not _passed(search, effects) and not search.hopeless(effects):
             search.swap(effects)
             _renoise(search, effects)
             search.finely(effects)
@@ -233,8 +233,9 @@ def _searched(
     best = search.best(effects)
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)
-    search.twins(effects)
-    search.finely(effects)
+    if not search.hopeless(effects):
+        search.twins(effects)
+        search.finely(effects)
     verdict = decide(search.ranked(effects), settings.search.credible)
     if verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         told = [*search.ranked(effects), *rivals(search, ground, verdict.best)]

@@ -36,6 +36,7 @@ SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if the
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
+FAILED = 2.0  # chi2 per measurement of windows, at a fit that has converged, that no better start mends
 FEW = 3  # contenders on windows that are fitted to whole runs, however little they gain
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
@@ -92,6 +93,7 @@ class Search:
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
+    settled: dict[int, float] = field(default_factory=dict)
     _led: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = field(default_factory=dict)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
@@ -145,8 +147,9 @@ class Search:
         promises.sort(key=lambda p: -p.share)
         firsts = _first_of_each(promises, most, WORTH if further else 0.0)
         self._fit_leads(firsts, level)
-        best = self.best(len(parents[0].hypothesis.parts) + 1)
-        if best is None or not best.passes:
+        effects = len(parents[0].hypothesis.parts) + 1
+        best = self.best(effects)
+        if best is None or not (best.passes or self.hopeless(effects)):
             chosen = {identity(p.lead.hypothesis) for p in firsts}
             others = [p for p in promises if identity(p.lead.hypothesis) in chosen and all(p is not f for f in firsts)]
             self._fit_leads([p for p in others if p.share >= HOPELESS][:most], level)
@@ -162,6 +165,8 @@ class Search:
         undone is small beside the noise, but not beside the differences that decide."""
         best = self.best(effects)
         if best is None or self.substep == self.bench.design.world.time.substep:
+            return
+        if best.chi2 > FAILED * self.bench.observations:
             return
         near = [t for t in self.ranked(effects) if t.ebic < best.ebic + CLOSE][: self.settings.finalists]
         for trial in near:
@@ -203,16 +208,29 @@ class Search:
         for trial in (*fits, *wanted):
             self.on_windows[identity(trial.hypothesis)] = trial
             self._told("windows", trial)
-        chosen: list[Trial] = []
         ranked = _worth_more(wanted, before)
-        for trial in ranked:
-            if any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen) and trial.chi2 > 2.0 * ranked[0].chi2:
+        if not ranked:
+            return
+        first = cut.bench.refit(ranked[0])
+        if first.fit.converged or first.chi2 > (1.0 - ONWARD) * ranked[0].chi2:
+            self.settled[len(first.hypothesis.parts)] = first.chi2 / cut.bench.observations
+        self.on_windows[identity(first.hypothesis)] = first
+        ranked[0] = first
+        hopeless = self.hopeless(len(first.hypothesis.parts))
+        chosen: list[Trial] = []
+        for trial in ranked[: FEW if hopeless else None]:
+            if any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen) and trial.chi2 > 2.0 * first.chi2:
                 break
             start = cut.start(trial.fit)
-            first = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
-            self._told("first fit", first)
-            chosen.append(self.take(first))
-        self.finish(chosen, level)
+            whole = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
+            self._told("first fit", whole)
+            chosen.append(self.take(whole))
+        if not hopeless:
+            self.finish(chosen, level)
+
+    def hopeless(self, effects: int) -> bool:
+        """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
+        return self.settled.get(effects, 0.0) > FAILED
 
     def _window_leads(self, cut: Windows, parent: Trial) -> list[tuple[Trial, Lead]]:
         """What one more effect promises on windows, and the parent fitted to them."""
