@@ -48,6 +48,20 @@ def test_dropped_balls_meet_the_air_with_less_drag_the_denser_they_are_for_their
     assert told["drag_coefficient_volleyball"] == pytest.approx(0.18, abs=0.03)
 
 
+@needs("ball_drop")
+def test_a_camera_that_looks_askew_at_all_drops_leaves_every_ball_a_drag_as_of_spheres() -> None:
+    world, recording = ball_drop()
+    base = ground(world, recording.select(tuple(r.name for r in recording.runs if r.name.endswith("-1"))))
+    each = with_effect(base, "quadratic_drag", "each body by itself")
+    askew = with_effect(each, "observer_keystone")
+    assert askew.chi2 < 0.25 * each.chi2
+    for other in ("observer_scale", "observer_distortion"):
+        label = "about the origin" if other == "observer_distortion" else ""
+        assert askew.chi2 < with_effect(each, other, label).chi2
+    told = askew.hypothesis.of_part(0, askew.values)
+    assert all(0.25 < coefficient < 0.7 for coefficient in told.values())  # about 0.5: Achenbach 1972
+
+
 @needs("pendulum")
 def test_the_swing_is_damped_in_proportion_to_its_rate() -> None:
     world, recording = pendulum_swings((1.0, 10.0, 24.0), 1.2)
