@@ -167,8 +167,8 @@ def swaying(
 def swaying_case(rng: np.random.Generator, truth: str | None) -> Case:
     """Water in a small box under a twentieth of Earth's gravity, 1.4 seconds, its centre along the box.
 
-    A grid of 12 x 6 cells of water is some 0.2 mm off the 1.5 mm that the centre sways: the noise is twice that. Weight and
-    tension bring the water back together: of the first wave, which is nearly all of the motion, none tells them apart.
+    A grid of 12 x 6 cells of water is some 0.2 mm off the 1.5 mm that the centre sways: the noise is twice that.
+    Weight and tension bring the water back together; in the first wave, nearly all of the motion, they are one.
     """
     length, depth, told, viscosity, weight, push = 0.06, 0.03, 0.02, 0.02, 0.5, 0.05
     value = {"surface_tension": float(rng.uniform(0.15, 0.25)), None: told}[truth]
