@@ -1,8 +1,8 @@
 """Where frames may have been dropped or repeated unnoticed: the score of every onset, without a simulation for each.
 
 From an onset on, a stamp that is too early by a small shift displaces what is seen by the shift times the velocity. So
-the velocities of one rollout of what is fitted already give the slopes of the residuals by the shift for all onsets at
-once; projected off all that is fitted (Rao 1948), they tell how much a shift there would gain.
+one rollout of what is fitted already, seen a little later from its start on, gives the slopes of the residuals by the
+shift for all onsets at once; projected off all that is fitted (Rao 1948), they tell how much a shift there would gain.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 MOST_ONSETS = 400  # of one run that are scored; longer runs are scored at every second, third ... stamp
 APART = 4  # scored onsets between two that are both told
+SMALL = 0.1  # of a frame, by which what is seen is shifted for a slope
 ENDS = 3  # samples before the first onset and after the last
 
 
@@ -37,19 +38,21 @@ class Onset:
 
 
 def dropped_frame_starts(
-    bench: Bench, trial: Trial, run: RunDesign, count: int, *, longest: float = np.inf
+    bench: Bench, trial: Trial, hypothesis: Hypothesis, run: RunDesign, count: int
 ) -> tuple[Onset, ...]:
     """The onsets in a run at which dropped or repeated frames would explain most of a fit's residuals, best first.
 
-    At most `count`, none where the run is too short. longest [s]: bound of the shift's size.
+    hypothesis: the fitted one with a shift in that run. At most `count`, none where the run is too short.
     """
+    own = hypothesis.parts[-1].variant.unknowns
+    longest = max(max(abs(u.lower), abs(u.upper)) for u in own if u.name == "shift")
     times = run.times
     if len(times) < 2 * ENDS + 1:
         return ()
     ground = trial.ground
     stride = 1 + (len(times) - 2 * ENDS) // MOST_ONSETS
     first_after = np.arange(ENDS, len(times) - ENDS + 1, stride)
-    slopes = ground.off(run.index, _slopes(bench, trial, run, first_after))
+    slopes = ground.off(run.index, _slopes(bench, trial, hypothesis, run, first_after))
     rest = ground.off(run.index, trial.fit.linear.r[run.index])
     shared = ground.slopes[run.index]
     pulls = sum(
@@ -80,28 +83,29 @@ def dropped_frame_leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothe
         run = next((r for r in bench.design.runs if observer is not None and r.run.name == observer.shift_run), None)
         if run is None:
             continue
-        bound = {u.name: max(abs(u.lower), abs(u.upper)) for u in part.unknowns}
-        for onset in dropped_frame_starts(bench, trial, run, keep, longest=bound["shift"]):
+        for onset in dropped_frame_starts(bench, trial, hypothesis, run, keep):
             told = {"shift": onset.shift, "shift_time": onset.time}
             values = np.concatenate([trial.values, [told[u.name] for u in part.unknowns]])
             before = np.concatenate([trial.values, [(told | {"shift": 0.0})[u.name] for u in part.unknowns]])
-            (slope,) = _slopes(bench, trial, run, np.searchsorted(run.times, [onset.time]))
+            (slope,) = _slopes(bench, trial, hypothesis, run, np.searchsorted(run.times, [onset.time]))
             states = list(trial.fit.states)
             states[run.index] = states[run.index] + trial.ground.answers[run.index] @ (slope * onset.shift)
             found.append(Lead(hypothesis, values, trial.chi2 - onset.gain, before, tuple(states)))
     return sorted(found, key=lambda lead: lead.chi2)[:keep]
 
 
-def _slopes(bench: Bench, trial: Trial, run: RunDesign, first_after: NDArray[np.int64]) -> Array:
+def _slopes(
+    bench: Bench, trial: Trial, hypothesis: Hypothesis, run: RunDesign, first_after: NDArray[np.int64]
+) -> Array:
     """Whitened derivatives (K, m) of a run's residuals by a shift from each of K stamps on."""
-    settings = [Settings(run.index, trial.values[None], trial.fit.states[run.index][None])]
-    raw = bench.forward(trial.hypothesis).residuals(settings)[0][0]
-    speed = np.zeros(run.length)
+    own = hypothesis.parts[-1].variant.unknowns
+    step = SMALL * float(np.median(np.diff(run.times)))
+    begin = {u.name: u.lower for u in own}
+    shared = np.array([[*trial.values, *((begin | {"shift": s})[u.name] for u in own)] for s in (0.0, step)])
+    states = np.repeat(trial.fit.states[run.index][None], 2, axis=0)
+    (raw,) = bench.forward(hypothesis).residuals([Settings(run.index, shared, states)])
     row = np.zeros(run.length, dtype=np.int64)
     for s in run.series:
         row[s.where] = s.rows
-        if s.kind == "position" and len(s.rows) > 1:
-            simulated = raw[s.where] + run.run.positions[s.rows, run.run.names.index(s.name), s.axis]
-            speed[s.where] = np.gradient(simulated, run.times[s.rows])
     late = row[None] >= first_after[:, None]
-    return bench.noise.whiten(run.index, speed * late)
+    return bench.noise.whiten(run.index, np.nan_to_num(raw[1] - raw[0]) / step * late)
