@@ -108,8 +108,10 @@ def _starts_anywhere(world: World, recording: Recording) -> bool:
         return False
     if any(set(run.names) != {i.name for i in items} or run.lead for run in recording.runs):
         return False
-    # Where turns were not measured, spins in space go on as they were, which a window cannot know.
-    return world.planar or all(bool(np.isfinite(run.orientations).any(axis=(0, 2)).all()) for run in recording.runs)
+    if world.planar or not (world.statics or len(items) > 1) or not any(o.friction for o in world.objects):
+        return True
+    # Where turns were not measured, spins in space are as they were when a run began, which a window cannot know.
+    return all(bool(np.isfinite(run.orientations).any(axis=(0, 2)).all()) for run in recording.runs)
 
 
 def _cut(run: Run, most: int) -> list[Run]:
