@@ -103,7 +103,8 @@ def propose(
 
 def _fitted_world(trial: Trial, world: World) -> dict[str, Any]:
     """The fitted world as JSON, stepped as the one given: a search may have stepped it more coarsely."""
-    fitted = trial.hypothesis.fitted_world(trial.values).with_substep(world.time.substep)
+    steps = min(world.time.substep, trial.hypothesis.world.time.substep)
+    fitted = trial.hypothesis.fitted_world(trial.values).with_substep(steps)
     document: dict[str, Any] = fitted.model_dump(mode="json")
     return document
 

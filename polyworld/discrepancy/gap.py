@@ -23,7 +23,7 @@ from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
-from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.search import FINER, Search, SearchSettings
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
@@ -157,8 +157,9 @@ def _simpler(force: ResidualForce, best: Trial) -> bool:
 
 
 def _told_world(trial: Trial, world: World) -> World:
-    """The fitted world, stepped as the world that was given."""
-    return trial.hypothesis.fitted_world(trial.values).with_substep(world.time.substep)
+    """The fitted world, stepped as the world that was given, or finer where only that explained the data."""
+    steps = min(world.time.substep, trial.hypothesis.world.time.substep)
+    return trial.hypothesis.fitted_world(trial.values).with_substep(steps)
 
 
 class _Story:
@@ -256,11 +257,16 @@ def _searched(
 
 
 def _finer(ground: Trial, substep: float) -> Trial:
-    """A base that is near the data, fitted with the steps of the world that was given where longer ones fail."""
-    if ground.passes or ground.chi2 > NEARLY * ground.bench.observations:
-        return ground
-    fine = ground.bench.fit(ground.hypothesis.stepped(substep), ground.values, ground.fit.states)
-    return fine if fine.passes else ground
+    """A base that is near the data, fitted with the steps of the world that was given, or finer, where longer ones
+    fail."""
+    for step in (substep, substep / FINER):
+        if ground.passes or ground.chi2 > NEARLY * ground.bench.observations:
+            return ground
+        if ground.hypothesis.world.time.substep > step:
+            fine = ground.bench.fit(ground.hypothesis.stepped(step), ground.values, ground.fit.states)
+            if fine.passes:
+                return fine
+    return ground
 
 
 def _near(search: Search) -> Near | None:

@@ -33,6 +33,7 @@ NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gai
 STUCK = 0.05  # of chi2: a fit that no step betters, though slopes foretell a greater fall, has not converged
 ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
 TURN_ITERATIONS = 4
+OTHER_SPINS = np.array([-1.5, -0.75, 0.75, 1.5])  # of its spread, that a spin is tried at besides the other way round
 SWEEPS = 2  # through all spins
 LONGEST = 20.0  # typical changes: an initial state goes no further in one step
 PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
@@ -262,8 +263,9 @@ def turned_over(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...
 
 
 def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps, ill: float) -> _Point:
-    """Spins the other way for runs whose chi2 per measurement is above `ill`, one body at a time, each followed by a
-    few iterations, and kept where the run then fits better. The slope of a spin tells nothing of the other sign."""
+    """Spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a time,
+    the nearest to the data, followed by a few iterations, and kept where the run then fits better. The slope of a spin
+    tells nothing of the other sign."""
     runs = forward.design.runs
     slots = [np.flatnonzero(r.spread) for r in runs]
     if not any(len(s) for s in slots):
@@ -274,12 +276,20 @@ def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, ste
         tried = [r for r in runs if cost[r.index] > ill * count[r.index] and slot < len(slots[r.index])]
         if not tried:
             continue
-        states = list(at.states)
+        settings, options = [], {}
         for r in tried:
             i = slots[r.index][slot]
-            states[r.index] = states[r.index].copy()
-            size = max(abs(states[r.index][i]), 0.5 * r.spread[i])
-            states[r.index][i] = -size if states[r.index][i] > 0.0 else size
+            own = at.states[r.index]
+            size = max(abs(own[i]), 0.5 * r.spread[i])
+            others = np.array([-size if own[i] > 0.0 else size, *(OTHER_SPINS * r.spread[i])])
+            options[r.index] = np.repeat(own[None], len(others), axis=0)
+            options[r.index][:, i] = others
+            settings.append(Settings(r.index, np.repeat(at.values[None], len(others), axis=0), options[r.index]))
+        states = list(at.states)
+        for r, raw in zip(tried, forward.residuals(settings, horizon), strict=True):
+            white = noise.whiten(r.index, raw) * r.before(horizon)
+            costs = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
+            states[r.index] = options[r.index][int(np.argmin(costs))]
         trial, *_ = _descend(
             forward, noise, _Point(at.values, tuple(states)), horizon, steps, TURN_ITERATIONS, 10.0, None
         )

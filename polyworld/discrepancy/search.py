@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ ROUGH_ITERATIONS = 8
 WINDOW_ITERATIONS = 3  # of every contender, and once more of those worth it
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
+FINER = 4.0  # times shorter than the world's own steps are those that are tried where these fail
+NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
@@ -56,7 +59,7 @@ class SearchSettings:
     """
 
     contenders: int = 10
-    further: int = 6
+    further: int = 9
     starts: int = 3
     parents: int = 3
     finalists: int = 5
@@ -161,19 +164,18 @@ class Search:
         return [h for c in self.candidates for h in extended(own, c, self.bench.design.recording)]
 
     def finely(self, effects: int) -> None:
-        """Fit the best, and what is near to it, with the steps of the world that was given: what longer steps leave
-        undone is small beside the noise, but not beside the differences that decide."""
-        best = self.best(effects)
-        if best is None or self.substep == self.bench.design.world.time.substep:
-            return
-        if best.chi2 > FAILED * self.bench.observations:
-            return
-        near = [t for t in self.ranked(effects) if t.ebic < best.ebic + CLOSE][: self.settings.finalists]
-        for trial in near:
-            if trial.hypothesis.world.time.substep != self.substep:
-                fine = self.bench.fit(trial.hypothesis.stepped(self.substep), trial.values, trial.fit.states)
-                self.trials[identity(trial.hypothesis)] = fine
-                self._told("finer steps", fine)
+        """Fit the best, and what is near to it, with the steps of the world that was given, and with shorter ones where
+        it then still fails: what longer steps leave undone is no effect, and decides between some."""
+        for step in (self.substep, self.substep / FINER):
+            best = self.best(effects)
+            if best is None or best.chi2 > NEARLY * self.bench.observations or (best.passes and step < self.substep):
+                return
+            near = [t for i, t in enumerate(self.ranked(effects)) if i == 0 or t.ebic < best.ebic + CLOSE]
+            for trial in near[: self.settings.finalists]:
+                if trial.hypothesis.world.time.substep > step:
+                    fine = self.bench.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
+                    self.trials[identity(trial.hypothesis)] = fine
+                    self._told("finer steps", fine)
 
     def _promised(self, parent: Trial, found: Sequence[Lead]) -> None:
         for lead in reversed(found):  # the best last, so that it stays
@@ -196,7 +198,7 @@ class Search:
         before = min(ground.chi2 for ground, _ in found)
         promises = sorted(self._shares(found, before), key=lambda p: -p.share)
         ways: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = {}
-        for p in promises:
+        for p in _in_turn(promises):
             ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
         fits = []
         for key in list(ways)[:most]:
@@ -348,6 +350,7 @@ class Search:
                 "chi2": trial.chi2,
                 "ebic": trial.ebic,
                 "converged": trial.fit.converged,
+                "substep": trial.hypothesis.world.time.substep,
                 "values": {u.name: float(v) for u, v in zip(trial.hypothesis.unknowns, trial.values, strict=True)},
             },
         )
@@ -481,6 +484,16 @@ def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
     """Of some trials the best few, and all that gain at least a share of what the best of them does; best first."""
     ranked = sorted(trials, key=lambda t: t.ebic)
     return [t for i, t in enumerate(ranked) if i < FEW or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
+
+
+def _in_turn(promises: Sequence[_Promise]) -> list[_Promise]:
+    """The best of every parent, then the second of every one, and so on: the best parent need not be half the truth."""
+    found: dict[int, dict[tuple[str, ...], list[_Promise]]] = {}
+    for p in promises:
+        found.setdefault(id(p.parent), {}).setdefault(identity(p.lead.hypothesis), []).append(p)
+    columns = [list(own.values()) for own in found.values()]
+    rows = zip_longest(*columns, fillvalue=[])
+    return [p for row in rows for same in row for p in same]
 
 
 def _first_of_each(promises: Sequence[_Promise], most: int, least: float) -> list[_Promise]:
