@@ -15,6 +15,7 @@ from atw_mcp.jobs import Cancelled, Progress
 from polyworld.discrepancy import GapReport, GapSettings, find_gap
 from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
 from polyworld.discrepancy.comparison import Compared, compared
+from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base, with_refined_noise
 from polyworld.discrepancy.holdback import HeldBack
@@ -94,6 +95,7 @@ def propose(
             "effects": effects_of(trial, report.intervals if trial is best else np.zeros((0, 2))),
             "passes": trial.passes,
             "ebic_behind": trial.ebic - chosen[0].ebic,
+            "evidence": _evidence(report.base, trial),
             "world": _fitted_world(trial, world),
         }
         for trial in chosen
@@ -124,6 +126,7 @@ class Proposal:
     after: World
     effects: list[dict[str, Any]]
     explains: bool
+    evidence: dict[str, float]
 
     @classmethod
     def of(cls, proposal: dict[str, Any], result: dict[str, Any]) -> Self:
@@ -134,6 +137,7 @@ class Proposal:
             World.model_validate(proposal["world"]),
             proposal["effects"],
             proposal["passes"],
+            proposal["evidence"],
         )
 
 
@@ -170,7 +174,22 @@ def fitted_effect(
         hypothesis.fitted_world(fitted.values),
         effects_of(fitted, intervals),
         fitted.passes,
+        _evidence(fitted.bench.refit(ground), fitted),
     )
+
+
+def _evidence(ground: Trial, trial: Trial) -> dict[str, float]:
+    """What effects buy on the data fitted, both judged under the same noise: chi2, and BIC, which counts unknowns."""
+    gain = extended_bic(ground.chi2, 0, trial.bench.observations, 0, 1) - extended_bic(
+        trial.chi2, trial.hypothesis.extra, trial.bench.observations, 0, 1
+    )
+    return {
+        "chi2_before": ground.chi2,
+        "chi2_after": trial.chi2,
+        "measurements": trial.bench.observations,
+        "further_unknowns": trial.hypothesis.extra,
+        "bic_gain": gain,
+    }
 
 
 def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
@@ -194,6 +213,7 @@ def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
         {
             "effects": proposal.effects,
             "explains": proposal.explains,
+            "evidence": proposal.evidence,
             "fitted_data": fitted.to_dict(),
             "sealed": None if gap is None else gap.to_dict(),
             "pictures_of": "sealed data" if gap is not None else "data fitted",

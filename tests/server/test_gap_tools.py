@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+import numpy as np
 import pytest
 from mcp import Client
 
@@ -156,6 +157,11 @@ def test_a_law_of_ones_own_is_fitted_and_can_be_switched_off(tmp_path: Path) -> 
     assert added["explains"] is True
     assert added["effects"][0]["unknowns"]["k"]["value"] == pytest.approx(DRAG / MASS, rel=0.01)
     assert added["sealed"]["closed"] > 0.95
+    buys = added["evidence"]
+    assert buys["chi2_after"] < 1.2 * buys["measurements"] < buys["chi2_before"]
+    assert buys["bic_gain"] == pytest.approx(
+        buys["chi2_before"] - buys["chi2_after"] - np.log(buys["measurements"]), rel=1e-6
+    )
     call("CommitWorld", case="c", world=added["world"])
     on = call("Rollout", case="c", horizon_seconds=1.0)["data"]["rollout"]
     edit = {"action": "toggle_effect", "effect": "air", "enabled": False}
