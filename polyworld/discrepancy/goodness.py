@@ -23,7 +23,7 @@ Bools = NDArray[np.bool_]
 
 MODES = 12
 LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
-LEVEL = 0.01  # share of false alarms
+LEVEL = 0.003  # share of good fits that may fail: a search must not raise one false alarm in a hundred
 LOUD = 9.0  # mean square, in noise variances, beyond which residuals are no noise of that level
 LEFT = 0.15  # part of a direction that the fit must have left, for it to count
 LOOSE = 3.0  # by how much more than its error a correlation may be off: it was drawn from much the same residuals

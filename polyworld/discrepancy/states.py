@@ -226,12 +226,12 @@ def _line(times: Array, values: Array, acceleration: float) -> tuple[float, floa
 
 def _rests(times: Array, values: Array, acceleration: float) -> bool:
     """Whether a body keeps its height: borne from the start, any velocity fitted would only make up hops."""
-    t, x = times[: 4 * EARLY], values[: 4 * EARLY]
+    t, x = times[: 8 * EARLY], values[: 8 * EARLY]
     # All of them must be level: on the first few noise alone can look so, and a speed left out would ruin the run.
     if not acceleration or len(t) < 4 * EARLY:
         return False
     # No stretch from the start may fall: over a bounce a line can describe all of them better than one fall does.
-    leanings = [_leaning(t[:count], x[:count], acceleration) for count in (EARLY, 2 * EARLY, 4 * EARLY)]
+    leanings = [_leaning(t[:count], x[:count], acceleration) for count in (EARLY, 2 * EARLY, 4 * EARLY, len(t))]
     if leanings[-1] <= 0 or min(leanings) < 0:
         return False
     (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
