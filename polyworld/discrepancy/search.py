@@ -24,7 +24,7 @@ from polyworld.discrepancy.windows import Windows, windows
 
 Array = NDArray[np.float64]
 
-FARTHER = 100.0  # the same beyond which windows are short ones
+FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
 FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
@@ -452,8 +452,14 @@ class Search:
             smaller = []
             for index in range(len(trial.hypothesis.parts)):
                 less = without_part(base, trial.hypothesis, index, trial.values, self.bench.design.recording)
-                if less is not None:
-                    smaller.append(self.take(self.bench.fit(less[0], less[1], trial.fit.states)))
+                if less is None:
+                    continue
+                fewer = self.take(self.bench.fit(less[0], less[1], trial.fit.states))
+                if not fewer.passes:  # the states may have followed the effect that is left out
+                    horizons = profile.horizons_for(self.bench.design)
+                    states = profile.start_states(self.bench.design)
+                    fewer = self.take(self.bench.fit(less[0], less[1], states, horizons=horizons))
+                smaller.append(fewer)
             good = [t for t in smaller if t.passes and t.ebic <= trial.ebic + self.settings.credible]
             if not good:
                 return trial

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
 CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or the other way round, that tell them apart
+RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
 STEEP = 4.0  # standard errors of its slope above which a height changes
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
@@ -236,6 +237,9 @@ def _rests(times: Array, values: Array, acceleration: float) -> bool:
         return False
     (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
     rest = x - np.polyval(np.polyfit(t, x, 1), t)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(x, 3)))) / np.sqrt(20.0)
+    if float(np.sqrt(np.mean(rest**2))) > RESTLESS * noise:  # it hops
+        return False
     error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
     return bool(abs(slope) <= STEEP * error)
 

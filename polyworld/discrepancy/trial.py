@@ -175,15 +175,20 @@ class Bench:
 
     def costs(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Array:
         """chi2 (K,) at K starts of a hypothesis, infinite where a rollout diverges."""
+        total: Array = self.run_costs(hypothesis, options).sum(axis=1)
+        return total
+
+    def run_costs(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Array:
+        """chi2 (K, R) of each run at K starts of a hypothesis, infinite where a rollout diverges."""
         settings = [
             Settings(r.index, np.array([o.values for o in options]), np.array([o.states[r.index] for o in options]))
             for r in self.design.runs
         ]
-        total: Array = np.zeros(len(options))
+        found = np.empty((len(options), len(self.design.runs)))
         for r, raw in zip(self.design.runs, self.forward(hypothesis).residuals(settings), strict=True):
             white = self.noise.whiten(r.index, raw)
-            total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
-        return total
+            found[:, r.index] = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
+        return found
 
     def raw_residuals(self, trial: Trial) -> list[Array]:
         """Simulated less observed (m,) of every run at a fit [m, rad], as measured, not whitened."""

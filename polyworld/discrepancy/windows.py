@@ -59,17 +59,16 @@ class Windows:
         )
 
     def nearest(self, ways: Sequence[tuple[Trial, Lead]]) -> tuple[Hypothesis, Start]:
-        """Of leads to one hypothesis, and ways to begin each, the one nearest to the data: as the score test foretells,
-        or not yet moved, from the parent's states or, which matters where something stands in the way, the data's."""
+        """Of leads to one hypothesis, as the score test foretells or not yet moved, the one nearest to the data: with
+        the parent's states, or in each window where that is nearer, those that the data's first samples tell."""
         data = profile.start_states(self.bench.design)
         found: list[tuple[float, Hypothesis, Start]] = []
         for parent, lead in ways:
-            options = [Start(lead.values, parent.fit.states), Start(lead.values, data)]
-            if lead.before is not None:
-                options += [Start(lead.before, parent.fit.states), Start(lead.before, data)]
-            costs = self.bench.costs(lead.hypothesis, options)
-            best = int(np.argmin(costs))
-            found.append((float(costs[best]), lead.hypothesis, options[best]))
+            for values in (lead.values,) if lead.before is None else (lead.values, lead.before):
+                both = (parent.fit.states, data)
+                costs = self.bench.run_costs(lead.hypothesis, [Start(values, states) for states in both])
+                states = tuple(both[k][i] for i, k in enumerate(np.argmin(costs, axis=0)))
+                found.append((float(costs.min(axis=0).sum()), lead.hypothesis, Start(values, states)))
         _, hypothesis, start = min(found, key=lambda f: f[0])
         return hypothesis, start
 
