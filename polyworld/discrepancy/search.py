@@ -213,11 +213,8 @@ class Search:
         ranked = _worth_more(wanted, before)
         if not ranked:
             return
-        first = cut.bench.refit(ranked[0])
-        if first.fit.converged or first.chi2 > (1.0 - ONWARD) * ranked[0].chi2:
-            self.settled[len(first.hypothesis.parts)] = first.chi2 / cut.bench.observations
-        self.on_windows[identity(first.hypothesis)] = first
-        ranked[0] = first
+        ranked = self._to_the_end_on(cut, ranked)
+        first = ranked[0]
         hopeless = self.hopeless(len(first.hypothesis.parts))
         chosen: list[Trial] = []
         for trial in ranked[: FEW if hopeless else None]:
@@ -229,6 +226,24 @@ class Search:
             chosen.append(self.take(whole))
         if not hopeless:
             self.finish(chosen, level)
+
+    def _to_the_end_on(self, cut: Windows, ranked: Sequence[Trial]) -> list[Trial]:
+        """The best on windows fitted on; where it fails, also those behind it, which may only be slower."""
+        done: list[Trial] = []
+        settled = True
+        for trial in ranked:
+            level = min((t.chi2 for t in done), default=np.inf) / cut.bench.observations
+            if level < FAILED or len(done) == FEW:
+                break
+            onward = cut.bench.refit(trial)
+            settled = settled and (onward.fit.converged or onward.chi2 > (1.0 - ONWARD) * trial.chi2)
+            self.on_windows[identity(onward.hypothesis)] = onward
+            self._told("windows", onward)
+            done.append(onward)
+        best = min(done, key=lambda t: t.ebic)
+        if settled:
+            self.settled[len(best.hypothesis.parts)] = best.chi2 / cut.bench.observations
+        return sorted([*done, *ranked[len(done) :]], key=lambda t: t.ebic)
 
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
