@@ -37,3 +37,21 @@ def test_a_falling_ball_starts_with_the_velocity_it_was_thrown_with(sigma):
 def test_a_ball_that_is_lifted_evenly_starts_with_the_velocity_of_the_lift():
     found = guessed(0.5 + 0.3 * TIMES, 0.0005)
     assert found["velocity.z"] == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_ball_that_hops_is_not_at_rest():
+    """Up 6 cm and down again, three times: level on average."""
+    phase = TIMES % 0.22
+    hops = 0.1 + 0.5 * 9.81 * phase * (0.22 - phase)
+    assert "velocity.z" in guessed(hops, 0.005)
+
+
+def test_a_ball_thrown_up_is_not_at_rest_though_its_noise_drifts():
+    missed = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        drift = np.zeros_like(TIMES)
+        for i in range(len(TIMES)):
+            drift[i] = (0.9 * drift[i - 1] if i else 0.0) + 0.03 * np.sqrt(1.0 - 0.81) * rng.normal()
+        missed += "velocity.z" not in guessed(2.0 + 1.2 * TIMES - 0.5 * 9.81 * TIMES**2 + drift, 1e-4)
+    assert missed == 0
