@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
-NEARLY = 1.5  # chi2 per measurement, up to which steps may be why a base fails
+STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
 SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to several effects of it
 KEPT_CHANGED = 0.002  # the same of the share of outliers
@@ -260,7 +260,7 @@ def _finer(ground: Trial, substep: float) -> Trial:
     """A base that is near the data, fitted with the steps of the world that was given, or finer, where longer ones
     fail."""
     for step in (substep, substep / FINER):
-        if ground.passes or ground.chi2 > NEARLY * ground.bench.observations:
+        if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
             return ground
         if ground.hypothesis.world.time.substep > step:
             fine = ground.bench.fit(ground.hypothesis.stepped(step), ground.values, ground.fit.states)

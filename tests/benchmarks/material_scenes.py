@@ -44,9 +44,8 @@ class Case:
 
     def recordings(self, rng: np.random.Generator) -> tuple[Recording, Recording]:
         """The run to be explained, and the sealed one."""
-        return tuple(  # type: ignore[return-value]
-            Recording((self._run(name, paths, rng),)) for name, paths in (("run", self.paths), ("sealed", self.other))
-        )
+        told = Recording((self._run("run", self.paths, rng),))
+        return told, Recording((self._run("sealed", self.other, rng),))
 
     def _run(self, name: str, paths: Array, rng: np.random.Generator) -> Run:
         seen = paths + rng.normal(0.0, self.sigma, paths.shape)
@@ -193,6 +192,14 @@ def ringing(depth: Array, times: Array, *, length: float, speed: float, tau: flo
     return total
 
 
+def hung(depth: Array, moved: Array, x: float) -> Array:
+    """Places (T, n, 3) at rest depths (n,) below the held end, moved (T, n) downwards, at x."""
+    places = np.zeros((*moved.shape, 3))
+    places[..., 0] = x
+    places[..., 2] = -depth - moved
+    return places
+
+
 def soft_case(rng: np.random.Generator, truth: str | None) -> Case:
     """A block of gelatine, 0.4 m long, that hangs from its top and rings along its length."""
     length, density, modulus, tau = 0.4, 1000.0, 8e4, 0.01
@@ -224,10 +231,7 @@ def soft_case(rng: np.random.Generator, truth: str | None) -> Case:
     used = value if truth == "material_damping" else tau
 
     def paths(depth: Array) -> Array:
-        moved = ringing(depth, times, length=length, speed=speed, tau=used)
-        places = np.zeros((*moved.shape, 3))
-        places[..., 2] = -depth - moved
-        return places
+        return hung(depth, ringing(depth, times, length=length, speed=speed, tau=used), 0.0)
 
     return Case(
         f"soft block, {truth or 'nothing'}",
@@ -281,11 +285,7 @@ def strip_case(rng: np.random.Generator, truth: str | None) -> Case:
     used = value if truth == "material_damping" else tau
 
     def paths(depth: Array) -> Array:
-        moved = ringing(depth, times, length=length, speed=speed, tau=used)
-        places = np.zeros((*moved.shape, 3))
-        places[..., 0] = 0.3
-        places[..., 2] = -depth - moved
-        return places
+        return hung(depth, ringing(depth, times, length=length, speed=speed, tau=used), 0.3)
 
     return Case(
         f"hanging sheet, {truth or 'nothing'}",
