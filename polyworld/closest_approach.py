@@ -109,6 +109,20 @@ def height(item: RigidObject, position: Array, orientation: Array, *, highest: b
     return float(up[2] * max(s.support(up) @ up + s.sweep for s in solids))
 
 
+def gap_to_statics(world: World, shape: geometry.Solid, position: Array, orientation: Array) -> float:
+    """Gap between a solid at a pose (w, x, y, z) and the nearest fixed surface of a spatial world [m].
+
+    0 where they touch or overlap, infinite where nothing is fixed. Triangle meshes are taken to touch: no distance to
+    them is known.
+    """
+    solids = _solids(shape, position, geometry.quaternion_matrix(orientation))
+    gaps = [np.inf]
+    for item in world.statics:
+        static = _static(world, item)
+        gaps.append(0.0 if static is None else _least(_gap, solids, [static]))
+    return float(min(gaps))
+
+
 def _of_points(
     world: World, trajectory: Trajectory, a: str, b: str, interval: tuple[float, float]
 ) -> ClosestApproach | None:

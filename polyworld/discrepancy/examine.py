@@ -39,7 +39,7 @@ def fitted_base(
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=ITERATIONS))
     if trial.passes:
         return trial
-    other = bench.fit(nothing, starts, states, horizons=profile.FINEST_HORIZONS, iterations=ITERATIONS)
+    other = bench.fit(nothing, starts, states, horizons=profile.FINE_HORIZONS, iterations=ITERATIONS)
     return _better(trial, with_refined_noise(other))
 
 

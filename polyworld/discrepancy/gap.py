@@ -206,8 +206,7 @@ def _searched(
     def tell(step: str, figures: dict[str, Any]) -> None:
         story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
 
-    early, horizon = (ground, 1.0) if ground.passes else _early_fit(ground)
-    search = Search(ground.bench, candidates, settings.search, tell, early, horizon, substep, ground.chi2)
+    search = Search(ground.bench, candidates, settings.search, tell, ground, substep)
     near_misses: tuple[dict[str, Any], ...] = ()
     if ground.passes:
         ground, explained, near_misses = _explained(search, ground, settings.alarm)
@@ -235,6 +234,7 @@ def _searched(
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)
     if not search.hopeless(effects):
+        search.settle(effects)
         search.twins(effects)
         search.finely(effects)
     verdict = decide(search.ranked(effects), settings.search.credible)
@@ -275,14 +275,6 @@ def _near(search: Search) -> Near | None:
     if trial is None or search.windows is None:
         return None
     return Near(search.windows, trial.bench.noise, trial.fit)
-
-
-def _early_fit(ground: Trial) -> tuple[Trial, float]:
-    """The base fitted to the first part of every run, and which part that is."""
-    plan = ground.bench.design
-    horizons = tuple(h for h in profile.horizons_for(plan) if h <= profile.HORIZONS[0])
-    states = profile.start_states(plan)
-    return ground.bench.fit(ground.hypothesis, ground.values, states, horizons=horizons), horizons[-1]
 
 
 def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool, tuple[dict[str, Any], ...]]:

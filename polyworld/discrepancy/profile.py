@@ -7,13 +7,13 @@ Derivatives are difference quotients from one batch of rollouts, with steps that
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.design import Design, RunDesign
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.noise import Noise
 from polyworld.representations.fluid import Fluid
@@ -27,8 +27,12 @@ STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
 ROUGH_STEP = 0.3  # of a typical change: no less where a liquid splashes, whose motion jumps a little at any change
 TRIALS = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # dampings tried at once, as factors of the last successful one
 HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
-FINE_HORIZONS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0)  # where bodies meet: about one more collision at a time
-FINEST_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
+# Where bodies meet: about one more collision at a time.
+FINE_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
+LEASH = 1.0  # typical changes, that a value may stray by where the data do not tell it yet
+OPENING = 0.4  # part of a run's time in which its first velocities are decided
+OTHER_VELOCITIES = np.linspace(-1.0, 1.0, 9)  # of the highest speed in the run
+WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried anew
 NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
 STUCK = 0.05  # of chi2: a fit that no step betters, though slopes foretell a greater fall, has not converged
 ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
@@ -92,6 +96,7 @@ def fit(
     given up.
     """
     at = _Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
+    start = at.values
     before = forward.rollouts
     total = 0
     converged = False
@@ -99,9 +104,12 @@ def fit(
     for horizon in horizons:
         loose = tolerance if horizon >= 1.0 else 10.0
         aim = target if horizon >= 1.0 else None
-        at, steps, used, converged = _descend(forward, noise, at, horizon, steps, iterations, loose, aim)
+        hold = _held(forward, start, horizon)
+        at, steps, used, converged = _descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
         total += used
         if len(horizons) > 1:
+            if horizon <= OPENING:
+                at = _thrown_anew(forward, noise, at, horizon, steps)
             for _ in range(SWEEPS):
                 at = _turned_over(forward, noise, at, horizon, steps, ILL)
     linear = _linearise(forward, noise, at, horizons[-1], steps)
@@ -142,6 +150,25 @@ class _Point:
 _Steps = tuple[Array, tuple[Array, ...]]
 
 
+@dataclass(frozen=True)
+class _Hold:
+    """Values (S,) that shared unknowns are drawn to, with weights (S,) [1/unit^2]."""
+
+    values: Array
+    weight: Array
+
+    def cost(self, values: Array) -> float:
+        """What is added to chi2."""
+        return float(self.weight @ (values - self.values) ** 2)
+
+
+def _held(forward: Forward, start: Array, horizon: float) -> _Hold:
+    """While only parts of the runs are fitted, values stay near their start but for what these parts tell of them: a
+    place that no body has come to yet would stray."""
+    typical = np.array([u.typical for u in forward.unknowns])
+    return _Hold(start, (1.0 / (LEASH * typical)) ** 2 if horizon < 1.0 else np.zeros(len(start)))
+
+
 def _first_steps(forward: Forward) -> _Steps:
     first = max(FIRST_STEP, least_step(forward.world))
     shared = np.array([first * u.typical for u in forward.unknowns])
@@ -162,6 +189,7 @@ def _descend(
     iterations: int,
     tolerance: float,
     target: float | None,
+    hold: _Hold,
 ) -> tuple[_Point, _Steps, int, bool]:
     if not len(at.values) and not any(len(s) for s in at.states):
         return at, steps, 0, True  # nothing to fit
@@ -169,14 +197,15 @@ def _descend(
     chi2 = np.inf
     for iteration in range(iterations):
         linear = _linearise(forward, noise, at, horizon, steps)
-        chi2 = linear.chi2
+        chi2 = linear.chi2 + hold.cost(at.values)
         if not np.isfinite(chi2):
             return at, steps, iteration, False
         steps = _steps(forward, linear)
         dampings = damping * TRIALS
         normal = _Normal(forward, linear)
+        normal.hold(hold, at.values)
         trials = [_step(forward, normal, at, d) for d in dampings]
-        costs = _costs(forward, noise, trials, horizon)
+        costs = _costs(forward, noise, trials, horizon, hold)
         best = int(np.argmin(costs))
         if not costs[best] < chi2:
             at_rest = _foretold(linear, at, trials[0]) < max(tolerance, STUCK * chi2)
@@ -184,7 +213,7 @@ def _descend(
             if damping > 1e10:
                 return at, steps, iteration + 1, at_rest
             trials = [_step(forward, normal, at, d) for d in damping * TRIALS]
-            costs = _costs(forward, noise, trials, horizon)
+            costs = _costs(forward, noise, trials, horizon, hold)
             best = int(np.argmin(costs))
             if not costs[best] < chi2:
                 return at, steps, iteration + 1, at_rest
@@ -263,41 +292,92 @@ def turned_over(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...
 
 
 def _turned_over(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps, ill: float) -> _Point:
-    """Spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a time,
-    the nearest to the data, followed by a few iterations, and kept where the run then fits better. The slope of a spin
-    tells nothing of the other sign."""
-    runs = forward.design.runs
-    slots = [np.flatnonzero(r.spread) for r in runs]
-    if not any(len(s) for s in slots):
-        return at
-    count = np.array([max(int(np.count_nonzero(r.before(horizon))), 1) for r in runs])
+    """Spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a time.
+    The slope of a spin tells nothing of the other sign."""
     cost = _run_costs(forward, noise, at, horizon)
-    for slot in range(max((len(s) for s in slots), default=0)):
-        tried = [r for r in runs if cost[r.index] > ill * count[r.index] and slot < len(slots[r.index])]
-        if not tried:
-            continue
-        settings, options = [], {}
-        for r in tried:
-            i = slots[r.index][slot]
-            own = at.states[r.index]
-            size = max(abs(own[i]), 0.5 * r.spread[i])
-            others = np.array([-size if own[i] > 0.0 else size, *(OTHER_SPINS * r.spread[i])])
-            options[r.index] = np.repeat(own[None], len(others), axis=0)
-            options[r.index][:, i] = others
-            settings.append(Settings(r.index, np.repeat(at.values[None], len(others), axis=0), options[r.index]))
-        states = list(at.states)
-        for r, raw in zip(tried, forward.residuals(settings, horizon), strict=True):
-            white = noise.whiten(r.index, raw) * r.before(horizon)
-            costs = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
-            states[r.index] = options[r.index][int(np.argmin(costs))]
-        trial, *_ = _descend(
-            forward, noise, _Point(at.values, tuple(states)), horizon, steps, TURN_ITERATIONS, 10.0, None
-        )
-        other = _run_costs(forward, noise, _Point(at.values, trial.states), horizon)
-        better = [r.index for r in tried if other[r.index] < cost[r.index] - 1.0]
-        at = _Point(at.values, tuple(trial.states[k] if k in better else s for k, s in enumerate(at.states)))
-        cost[better] = other[better]
+    limits = ill * _counts(forward, horizon)
+    for slot in range(max((int(np.count_nonzero(r.spread)) for r in forward.design.runs), default=0)):
+        options = {
+            r.index: _other_spins(r, at.states[r.index], slot)
+            for r in forward.design.runs
+            if cost[r.index] > limits[r.index] and slot < np.count_nonzero(r.spread)
+        }
+        at, cost = _tried(forward, noise, at, horizon, steps, options, cost)
     return at
+
+
+def _other_spins(run: RunDesign, own: Array, slot: int) -> Array:
+    i = int(np.flatnonzero(run.spread)[slot])
+    size = max(abs(own[i]), 0.5 * run.spread[i])
+    others = np.array([-size if own[i] > 0.0 else size, *(OTHER_SPINS * run.spread[i])])
+    options = np.repeat(own[None], len(others), axis=0)
+    options[:, i] = others
+    return options
+
+
+def _thrown_anew(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps) -> _Point:
+    """Other first velocities for runs that fit far worse than most: a body that hits something right after the start
+    was taken to begin with the velocity that it has behind the impact, and no slope leads back."""
+    cost = _run_costs(forward, noise, at, horizon)
+    relative = cost / _counts(forward, horizon)
+    limit = max(ILL, WORSE * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
+    options = {
+        r.index: _other_velocities(r, at.states[r.index])
+        for r in forward.design.runs
+        if relative[r.index] > limit and r.reach.any()
+    }
+    return _tried(forward, noise, at, horizon, steps, options, cost)[0]
+
+
+def _other_velocities(run: RunDesign, own: Array) -> Array:
+    """One velocity changed at a time, and one body at a time as its very first samples suggest it."""
+    options = []
+    for i in np.flatnonzero(run.reach):
+        for share in OTHER_VELOCITIES:
+            options.append(own.copy())
+            options[-1][i] = share * run.reach[i]
+    first = 0
+    for state in run.states:
+        options.append(own.copy())
+        options[-1][first : first + len(state.hasty)] = state.hasty
+        first += len(state.hasty)
+    return np.array(options)
+
+
+def _tried(
+    forward: Forward,
+    noise: Noise,
+    at: _Point,
+    horizon: float,
+    steps: _Steps,
+    options: Mapping[int, Array],
+    cost: Array,
+) -> tuple[_Point, Array]:
+    """Of other initial states (K, N) of some runs the nearest to the data, followed by a few iterations, and kept where
+    the run then fits better; and chi2 (R,) of all runs."""
+    if not options:
+        return at, cost
+    runs = [forward.design.runs[k] for k in options]
+    settings = [Settings(k, np.repeat(at.values[None], len(o), axis=0), o) for k, o in options.items()]
+    states = list(at.states)
+    for r, raw in zip(runs, forward.residuals(settings, horizon), strict=True):
+        white = noise.whiten(r.index, raw) * r.before(horizon)
+        costs = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
+        states[r.index] = options[r.index][int(np.argmin(costs))]
+    hold = _held(forward, at.values, horizon)
+    start = _Point(at.values, tuple(states))
+    trial, *_ = _descend(forward, noise, start, horizon, steps, TURN_ITERATIONS, 10.0, None, hold)
+    other = _run_costs(forward, noise, _Point(at.values, trial.states), horizon)
+    better = [k for k in options if other[k] < cost[k] - 1.0]
+    kept = _Point(at.values, tuple(trial.states[k] if k in better else s for k, s in enumerate(at.states)))
+    cost = cost.copy()
+    cost[better] = other[better]
+    return kept, cost
+
+
+def _counts(forward: Forward, horizon: float) -> Array:
+    """Measurements (R,) of each run before a horizon, at least 1."""
+    return np.array([max(int(np.count_nonzero(r.before(horizon))), 1) for r in forward.design.runs])
 
 
 def _run_costs(forward: Forward, noise: Noise, at: _Point, horizon: float) -> Array:
@@ -313,12 +393,12 @@ def _bounds(forward: Forward) -> tuple[Array, Array]:
     return np.array([u.lower for u in forward.unknowns]), np.array([u.upper for u in forward.unknowns])
 
 
-def _costs(forward: Forward, noise: Noise, trials: Sequence[_Point], horizon: float) -> Array:
+def _costs(forward: Forward, noise: Noise, trials: Sequence[_Point], horizon: float, hold: _Hold) -> Array:
     settings = [
         Settings(r.index, np.array([t.values for t in trials]), np.array([t.states[r.index] for t in trials]))
         for r in forward.design.runs
     ]
-    total = np.zeros(len(trials))
+    total = np.array([hold.cost(t.values) for t in trials])
     for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
         white = noise.whiten(r.index, raw) * r.before(horizon)
         total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
@@ -346,6 +426,11 @@ class _Normal:
             self.typical[i, own] = r.typical
             self.aa += a.T @ a
             self.ar += a.T @ res
+
+    def hold(self, hold: _Hold, values: Array) -> None:
+        """Draw shared unknowns to where they are held."""
+        self.aa += np.diag(hold.weight)
+        self.ar += hold.weight * (values - hold.values)
 
     def reduced(self, damping: float) -> tuple[Array, Array, Array]:
         """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,)."""

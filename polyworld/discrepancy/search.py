@@ -80,19 +80,16 @@ class _Promise:
 class Search:
     """All trials so far, the best of each hypothesis, and the story of how they came about.
 
-    early: the base fitted to the first part, `horizon`, of every run, where what is missing has not yet done much.
-    substep [s]: of the world that was given, which the design's may exceed; the best are judged with it. level: chi2
-    of the base.
+    ground: the base, fitted. substep [s]: of the world that was given, which the design's may exceed; the best are
+    judged with it.
     """
 
     bench: Bench
     candidates: tuple[Candidate, ...]
     settings: SearchSettings
     tell: Callable[[str, dict[str, Any]], None]
-    early: Trial
-    horizon: float
+    ground: Trial
     substep: float
-    level: float
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
@@ -182,10 +179,35 @@ class Search:
             self.promised[identity(lead.hypothesis)] = (parent.chi2, lead)
 
     @cached_property
+    def early(self) -> Trial:
+        """The base fitted to the first part, `horizon`, of every run, where what is missing has not yet done much."""
+        if self.ground.passes:
+            return self.ground
+        plan = self.bench.design
+        horizons = tuple(h for h in profile.horizons_for(plan) if h <= profile.HORIZONS[0])
+        states = profile.start_states(plan)
+        return self.ground.bench.fit(self.ground.hypothesis, self.ground.values, states, horizons=horizons)
+
+    @property
+    def horizon(self) -> float:
+        """Part of every run that the early fit is to."""
+        if self.ground.passes:
+            return 1.0
+        return max(h for h in profile.horizons_for(self.bench.design) if h <= profile.HORIZONS[0])
+
+    @cached_property
     def windows(self) -> Windows | None:
-        """The design's runs cut into windows."""
-        far = self.level > FARTHER * self.bench.observations
-        return windows(self.bench, SHORT if far else LONG)
+        """The design's runs cut into windows: long ones, or where these are no place to start from either, short ones;
+        but not so short that the base explains them."""
+        if self.ground.chi2 > FARTHER * self.bench.observations:
+            cut = windows(self.bench, SHORT)
+            if cut is None:
+                return None
+            ground = cut.ground(self.ground.hypothesis, self.ground.values)
+            if ground.chi2 > EXPLAINED * cut.bench.observations:
+                self.on_windows[identity(ground.hypothesis)] = ground
+                return cut
+        return windows(self.bench, LONG)
 
     def _through_windows(self, cut: Windows, parents: Sequence[Trial], most: int, level: float) -> None:
         """Rank and fit one more effect on windows of the runs, then fit the whole runs from there where that gained."""
@@ -221,11 +243,20 @@ class Search:
             if any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen) and trial.chi2 > 2.0 * first.chi2:
                 break
             start = cut.start(trial.fit)
-            whole = self.bench.fit(trial.hypothesis, start.values, start.states, iterations=FIRST_ITERATIONS)
+            whole = self.bench.fit(
+                trial.hypothesis, start.values, start.states, horizons=self._parts, iterations=FIRST_ITERATIONS
+            )
             self._told("first fit", whole)
             chosen.append(self.take(whole))
         if not hopeless:
             self.finish(chosen, level)
+
+    @property
+    def _parts(self) -> tuple[float, ...]:
+        """Parts of whole runs that are fitted one after another from the states of windows: where bodies collide, a
+        small change makes another motion, and the states have to follow collision by collision."""
+        several = len(self.bench.design.world.objects) > 1
+        return profile.horizons_for(self.bench.design) if several else (1.0,)
 
     def _to_the_end_on(self, cut: Windows, ranked: Sequence[Trial]) -> list[Trial]:
         """The best on windows fitted on; where it fails, also those behind it, which may only be slower."""
@@ -398,8 +429,22 @@ class Search:
         states = profile.start_states(self.bench.design)
         for trial in self.ranked(effects)[:RESTARTED]:
             again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
-            if again.chi2 < trial.chi2 - 1.0:
+            if again.chi2 < trial.chi2 - ALIKE_FIT:
                 self._told("restart", again)
+            self.take(again)
+
+    def settle(self, effects: int) -> None:
+        """Where bodies collide, fit what may be told anew, collision by collision: a fit can pass the gate in a minimum
+        next to the right one, with values that are several standard errors off."""
+        best = self.best(effects)
+        if best is None or len(self.bench.design.world.objects) < 2:
+            return
+        states = profile.start_states(self.bench.design)
+        near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
+        for trial in near[: self.settings.finalists]:
+            again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
+            if again.chi2 < trial.chi2 - ALIKE_FIT:
+                self._told("settled", again)
             self.take(again)
 
     def twins(self, effects: int) -> None:

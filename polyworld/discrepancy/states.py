@@ -6,13 +6,14 @@ that is fixed to the world has one angle and one rate: its position and velocity
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.discrepancy.bearing import is_borne, keeps_height, may_be_borne
 from polyworld.recording import Run
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.joint import Hinge
@@ -23,9 +24,8 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
-CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or the other way round, that tell them apart
-RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
-STEEP = 4.0  # standard errors of its slope above which a height changes
+HASTY = 4  # the same where an impact may follow soon
+USUAL = 0.95  # share of the speeds over a few samples that are held for true
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
@@ -38,6 +38,8 @@ class StateCoordinates:
     kind: free, or hinged. labels (N,). start (N,): first guess. typical (N,): ordinary changes.
     pivot, axis (3,): of the hinge; arm (3,): from the pivot to the object's centre in the world's description.
     spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
+    reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (N,): a guess from fewer
+    samples, in case a body hits something right after the start.
     """
 
     name: str
@@ -49,6 +51,8 @@ class StateCoordinates:
     axis: Array
     arm: Array
     spread: Array
+    reach: Array
+    hasty: Array
 
     def overrides(self, values: Array) -> dict[str, Array]:
         """Parameter path -> values (k,) for coordinates (k, N)."""
@@ -91,14 +95,16 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
         elif any(name in (j.object, j.other) for j in world.joints):
             continue  # held by other bodies: it starts as the world says
         else:
-            found.append(_free(world, item, run, column))
+            hasty = _free(world, item, run, column, HASTY)
+            found.append(replace(_free(world, item, run, column, EARLY), hasty=hasty.start))
     return tuple(found)
 
 
-def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordinates:
+def _free(world: World, item: RigidObject, run: Run, column: int, early: int) -> StateCoordinates:
     labels: list[str] = []
     start: list[float] = []
     typical: list[float] = []
+    reach: dict[str, float] = {}
     planar = item.representation == "rigid_planar"
     normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
     gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
@@ -109,12 +115,15 @@ def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordi
         rows = np.flatnonzero(np.isfinite(values) & (times >= begin - 1e-9))
         if len(rows) < 2 or normal[axis] > 1.0 - 1e-9:
             continue
-        if item.velocity[axis] == 0.0 and _rests(times[rows] - begin, values[rows], float(gravity[axis])):
+        fall = float(gravity[axis])
+        level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
+        if level and may_be_borne(world, item, run):
             labels.append(f"position.{letter}")
             start.append(float(np.mean(values[rows][:EARLY])))
             typical.append(LENGTH)
             continue
-        place, speed = _line(times[rows] - begin, values[rows], float(gravity[axis]))
+        place, speed = _line(times[rows] - begin, values[rows], fall, early)
+        reach[f"velocity.{letter}"] = _highest_speed(times[rows], values[rows])
         labels += [f"position.{letter}", f"velocity.{letter}"]
         start += [place, speed]
         typical += [LENGTH, 10.0 * LENGTH]
@@ -122,8 +131,8 @@ def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordi
     rows = np.flatnonzero(np.all(np.isfinite(turned), axis=-1) & (times >= begin - 1e-9))
     if len(rows) >= 2:
         first = np.asarray(item.orientation)
-        early = rows[:EARLY]
-        steps = rotation_vector(turned[early[1:]], turned[early[:-1]]) / np.diff(times[early])[:, None]
+        first_rows = rows[:early]
+        steps = rotation_vector(turned[first_rows[1:]], turned[first_rows[:-1]]) / np.diff(times[first_rows])[:, None]
         spin = np.median(steps, axis=0)
         turn = rotation_vector(turned[rows[0]][None], first[None])[0]
         for axis, letter in enumerate("xyz"):
@@ -141,8 +150,25 @@ def _free(world: World, item: RigidObject, run: Run, column: int) -> StateCoordi
         spread = np.append(spread, SPIN)
     zero = np.zeros(3)
     return StateCoordinates(
-        item.name, "free", tuple(labels), np.array(start), np.array(typical), zero, zero, zero, spread
+        item.name,
+        "free",
+        tuple(labels),
+        np.array(start),
+        np.array(typical),
+        zero,
+        zero,
+        zero,
+        spread,
+        np.array([reach.get(label, 0.0) for label in labels]),
+        np.array(start),
     )
+
+
+def _highest_speed(times: Array, values: Array) -> float:
+    """The highest speed that a coordinate (m,) has over a few samples, but for the wildest of them."""
+    apart = min(EARLY, len(times) - 1)
+    speeds = np.abs(values[apart:] - values[:-apart]) / (times[apart:] - times[:-apart])
+    return float(np.quantile(speeds, USUAL))
 
 
 def _spin_shows(world: World, item: RigidObject) -> bool:
@@ -191,6 +217,8 @@ def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoor
         axis,
         arm,
         np.zeros(2),
+        np.zeros(2),
+        np.array([place, speed]),
     )
 
 
@@ -212,56 +240,15 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
-    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero, np.zeros(len(labels)))
+    none = np.zeros(len(labels))
+    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero, none, none, start)
 
 
-def _line(times: Array, values: Array, acceleration: float) -> tuple[float, float]:
-    """Value and slope at time 0 of the first samples (m,): with the curvature of a free fall, or with none where the
-    samples say that the body is borne."""
-    if acceleration and _is_borne(times, values, acceleration):
+def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:
+    """Value and slope at time 0 of so many first samples (m,): with the curvature of a free fall, or with none where
+    they say that the body is borne."""
+    if acceleration and is_borne(times, values, acceleration):
         acceleration = 0.0
-    times, values = times[:EARLY], values[:EARLY] - 0.5 * acceleration * times[:EARLY] ** 2
+    times, values = times[:early], values[:early] - 0.5 * acceleration * times[:early] ** 2
     slope, place = np.polyfit(times, values, 1)
     return float(place), float(slope)
-
-
-def _rests(times: Array, values: Array, acceleration: float) -> bool:
-    """Whether a body keeps its height: borne from the start, any velocity fitted would only make up hops."""
-    t, x = times[: 8 * EARLY], values[: 8 * EARLY]
-    # All of them must be level: on the first few noise alone can look so, and a speed left out would ruin the run.
-    if not acceleration or len(t) < 4 * EARLY:
-        return False
-    # No stretch from the start may fall: over a bounce a line can describe all of them better than one fall does.
-    leanings = [_leaning(t[:count], x[:count], acceleration) for count in (EARLY, 2 * EARLY, 4 * EARLY, len(t))]
-    if leanings[-1] <= 0 or min(leanings) < 0:
-        return False
-    (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
-    rest = x - np.polyval(np.polyfit(t, x, 1), t)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(x, 3)))) / np.sqrt(20.0)
-    if float(np.sqrt(np.mean(rest**2))) > RESTLESS * noise:  # it hops
-        return False
-    error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
-    return bool(abs(slope) <= STEEP * error)
-
-
-def _is_borne(times: Array, values: Array, acceleration: float) -> bool:
-    """Whether a straight line describes the first samples clearly better than a fall. As many are looked at as it takes
-    to tell; where they do not tell, the body falls."""
-    for count in (EARLY, 2 * EARLY, 4 * EARLY):
-        leaning = _leaning(times[:count], values[:count], acceleration)
-        if leaning:
-            return leaning > 0
-    return False
-
-
-def _leaning(times: Array, values: Array, acceleration: float) -> int:
-    """1 where a straight line describes the samples (m,) clearly better than a fall, -1 the other way round, else 0."""
-    if len(times) < 4:
-        return 0
-    straight, falling = (
-        float(np.sum((y - np.polyval(np.polyfit(times, y, 1), times)) ** 2))
-        for y in (values, values - 0.5 * acceleration * times**2)
-    )
-    if max(straight, falling) <= CLEARLY * min(straight, falling):
-        return 0
-    return 1 if straight < falling else -1

@@ -124,7 +124,7 @@ def _cut(run: Run, most: int) -> list[Run]:
         moved = [0] if not begin else sorted(range(-size // 4, size // 4 + 1), key=abs)
         there = [begin + m for m in moved if begin + m + size <= count]
         smooth = [k for k in there if rough[k] <= ROUGH]
-        first = smooth[0] if smooth else there[0]
+        first = smooth[0] if smooth else min(there, key=lambda k: rough[k])
         keep = np.zeros(count, dtype=bool)
         keep[first : first + size] = True
         pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}"))

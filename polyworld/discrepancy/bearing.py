@@ -1,0 +1,100 @@
+"""Whether a body is borne when a run begins: then no velocity along gravity is fitted, which would make up hops."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.closest_approach import gap_to_statics
+from polyworld.recording import Run
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+EARLY = 8  # samples in which something must show
+CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or the other way round, that tell them apart
+RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
+STEEP = 4.0  # standard errors of its slope above which a height changes
+CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch what bears it
+
+
+def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
+    """Whether a body keeps its height (m,) from the start, by its first samples. acceleration: of a fall."""
+    t, x = times[: 8 * EARLY], values[: 8 * EARLY]
+    # All of them must be level: on the first few noise alone can look so, and a speed left out would ruin the run.
+    if not acceleration or len(t) < 4 * EARLY:
+        return False
+    # No stretch from the start may fall: over a bounce a line can describe all of them better than one fall does.
+    leanings = [_leaning(t[:count], x[:count], acceleration) for count in (EARLY, 2 * EARLY, 4 * EARLY, len(t))]
+    if leanings[-1] <= 0 or min(leanings) < 0:
+        return False
+    (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
+    rest = x - np.polyval(np.polyfit(t, x, 1), t)
+    if float(np.sqrt(np.mean(rest**2))) > RESTLESS * noise_of(x):  # it hops
+        return False
+    error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
+    return bool(abs(slope) <= STEEP * error)
+
+
+def noise_of(values: Array) -> float:
+    """Standard deviation of the noise of a smooth course (m,), by its third differences."""
+    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+
+
+def may_be_borne(world: World, item: RigidObject, run: Run) -> bool:
+    """Whether an object begins so near to another body, or to a fixed one, that this may bear it.
+
+    The place is the mean of the first samples. Of other bodies only the balls around them are looked at, and
+    deformable ones may be anywhere.
+    """
+    if world.deformables:
+        return True
+    place, noise = _first_place(run, item)
+    size = geometry.circumscribed_radius(item.shape)
+    close = noise + CLOSE * size
+    for other in world.objects:
+        if other.name != item.name:
+            there = _first_place(run, other)[0] if other.name in run.names else np.asarray(other.position)
+            if np.linalg.norm(place - there) <= size + geometry.circumscribed_radius(other.shape) + close:
+                return True
+    turns = run.orientations[:, run.names.index(item.name)]
+    seen = turns[np.all(np.isfinite(turns), axis=-1)]
+    return gap_to_statics(world, item.shape, place, seen[0] if len(seen) else np.asarray(item.orientation)) <= close
+
+
+def _first_place(run: Run, item: RigidObject) -> tuple[Array, float]:
+    """Where an object begins (3,), as described where it was not measured, and the largest noise of its coordinates."""
+    place = np.asarray(item.position, dtype=float)
+    largest = 0.0
+    for axis, values in enumerate(run.positions[:, run.names.index(item.name)].T):
+        seen = values[np.isfinite(values)]
+        if len(seen):
+            place[axis] = float(np.mean(seen[:EARLY]))
+        if len(seen) >= EARLY:
+            largest = max(largest, noise_of(seen))
+    return place, largest
+
+
+def is_borne(times: Array, values: Array, acceleration: float) -> bool:
+    """Whether a straight line describes the first samples clearly better than a fall. As many are looked at as it takes
+    to tell; where they do not tell, the body falls."""
+    for count in (EARLY, 2 * EARLY, 4 * EARLY):
+        leaning = _leaning(times[:count], values[:count], acceleration)
+        if leaning:
+            return leaning > 0
+    return False
+
+
+def _leaning(times: Array, values: Array, acceleration: float) -> int:
+    """1 where a straight line describes the samples (m,) clearly better than a fall, -1 the other way round, else 0."""
+    if len(times) < 4:
+        return 0
+    straight, falling = (
+        float(np.sum((y - np.polyval(np.polyfit(times, y, 1), times)) ** 2))
+        for y in (values, values - 0.5 * acceleration * times**2)
+    )
+    if max(straight, falling) <= CLEARLY * min(straight, falling):
+        return 0
+    return 1 if straight < falling else -1
