@@ -222,11 +222,11 @@ def _searched(
         if not _passed(search, effects) and not search.hopeless(effects):
             search.restart(effects)
             _renoise(search, effects)
-            search.finely(effects)
+            search.finely(effects, most=FINER)
         if effects > 1 and not _passed(search, effects) and not search.hopeless(effects):
             search.swap(effects)
             _renoise(search, effects)
-            search.finely(effects)
+            search.finely(effects, most=FINER)
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
@@ -236,7 +236,7 @@ def _searched(
     if not search.hopeless(effects):
         search.settle(effects)
         search.twins(effects)
-        search.finely(effects)
+        search.finely(effects, most=FINER)
     verdict = decide(search.ranked(effects), settings.search.credible)
     if verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         told = [*search.ranked(effects), *rivals(search, ground, verdict.best)]

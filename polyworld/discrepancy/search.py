@@ -32,11 +32,13 @@ ROUGH_ITERATIONS = 8
 WINDOW_ITERATIONS = 3  # of every contender, and once more of those worth it
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
+SHORTER = 0.8  # of the steps, from which on others are another fit
 FINER = 4.0  # times shorter than the world's own steps are those that are tried where these fail
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
+LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
 FAILED = 2.0  # chi2 per measurement of windows, at a fit that has converged, that no better start mends
@@ -160,16 +162,19 @@ class Search:
         own = parent.hypothesis.stepped(self.bench.design.world.time.substep)
         return [h for c in self.candidates for h in extended(own, c, self.bench.design.recording)]
 
-    def finely(self, effects: int) -> None:
-        """Fit the best, and what is near to it, with the steps of the world that was given, and with shorter ones where
-        it then still fails: what longer steps leave undone is no effect, and decides between some."""
+    def finely(self, effects: int, *, most: float = 1.0) -> None:
+        """Fit the best, and what is near to it, with the steps of the world that was given, and with up to `most` times
+        shorter ones where it then still fails: what longer steps leave undone is no effect, and decides between some.
+        """
         for step in (self.substep, self.substep / FINER):
             best = self.best(effects)
-            if best is None or best.chi2 > NEARLY * self.bench.observations or (best.passes and step < self.substep):
+            if step < self.substep / most or best is None or best.chi2 > NEARLY * self.bench.observations:
+                return
+            if best.passes and step < self.substep:
                 return
             near = [t for i, t in enumerate(self.ranked(effects)) if i == 0 or t.ebic < best.ebic + CLOSE]
             for trial in near[: self.settings.finalists]:
-                if trial.hypothesis.world.time.substep > step:
+                if step < SHORTER * trial.hypothesis.world.time.substep:
                     fine = self.bench.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
                     self.trials[identity(trial.hypothesis)] = fine
                     self._told("finer steps", fine)
@@ -222,10 +227,13 @@ class Search:
         ways: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = {}
         for p in _in_turn(promises):
             ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
-        fits = []
+        shares = {identity(p.lead.hypothesis): p.share for p in reversed(promises)}
+        fits: list[Trial] = []
         for key in list(ways)[:most]:
             if key in self.trials:
                 continue  # of a swap: it came from another parent before
+            if shares[key] < HOPELESS and any(_nearly_all(t, before) for t in fits):
+                continue
             hypothesis, at = cut.nearest(ways[key])
             fits.append(cut.bench.fit(hypothesis, at.values, at.states, iterations=WINDOW_ITERATIONS))
         wanted = [cut.bench.refit(t, iterations=WINDOW_ITERATIONS) for t in _worth_more(fits, before)]
@@ -428,7 +436,8 @@ class Search:
         bounce, and of rolling that is turns ahead."""
         states = profile.start_states(self.bench.design)
         for trial in self.ranked(effects)[:RESTARTED]:
-            again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
+            coarse = trial.hypothesis.stepped(self.bench.design.world.time.substep)
+            again = self.bench.fit(coarse, trial.values, states, horizons=profile.FINE_HORIZONS)
             if again.chi2 < trial.chi2 - ALIKE_FIT:
                 self._told("restart", again)
             self.take(again)
@@ -547,9 +556,17 @@ def _apart(one: Trial, other: Trial) -> float:
 
 
 def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
-    """Of some trials the best few, and all that gain at least a share of what the best of them does; best first."""
+    """Of some trials all that gain at least a share of what the best of them does, and the best few, unless one gains
+    nearly all there is; best first."""
     ranked = sorted(trials, key=lambda t: t.ebic)
-    return [t for i, t in enumerate(ranked) if i < FEW or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
+    few = 1 if any(_nearly_all(t, before) for t in ranked) else FEW
+    return [t for i, t in enumerate(ranked) if i < few or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
+
+
+def _nearly_all(trial: Trial, before: float) -> bool:
+    """Whether a trial gains nearly all that there is to gain on a fit with chi2 `before`."""
+    noise = trial.bench.observations
+    return trial.chi2 - noise < LITTLE * (before - noise)
 
 
 def _in_turn(promises: Sequence[_Promise]) -> list[_Promise]:
