@@ -109,7 +109,8 @@ def fit(
         total += used
         if len(horizons) > 1:
             if horizon <= OPENING:
-                at = _thrown_anew(forward, noise, at, horizon, steps)
+                worse = 0.0 if horizon == horizons[0] else WORSE
+                at = _thrown_anew(forward, noise, at, horizon, steps, worse)
             for _ in range(SWEEPS):
                 at = _turned_over(forward, noise, at, horizon, steps, ILL)
     linear = _linearise(forward, noise, at, horizons[-1], steps)
@@ -315,12 +316,13 @@ def _other_spins(run: RunDesign, own: Array, slot: int) -> Array:
     return options
 
 
-def _thrown_anew(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps) -> _Point:
-    """Other first velocities for runs that fit far worse than most: a body that hits something right after the start
-    was taken to begin with the velocity that it has behind the impact, and no slope leads back."""
+def _thrown_anew(forward: Forward, noise: Noise, at: _Point, horizon: float, steps: _Steps, worse: float) -> _Point:
+    """Other first velocities for runs that fit ill, and `worse` times worse than the better ones: a body that hits
+    something right after the start was taken to begin with the velocity that it has behind the impact, and no slope
+    leads back."""
     cost = _run_costs(forward, noise, at, horizon)
     relative = cost / _counts(forward, horizon)
-    limit = max(ILL, WORSE * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
+    limit = max(ILL, worse * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
     options = {
         r.index: _other_velocities(r, at.states[r.index])
         for r in forward.design.runs
@@ -330,18 +332,21 @@ def _thrown_anew(forward: Forward, noise: Noise, at: _Point, horizon: float, ste
 
 
 def _other_velocities(run: RunDesign, own: Array) -> Array:
-    """One velocity changed at a time, and one body at a time as its very first samples suggest it."""
+    """One velocity changed at a time; and one body at a time, or all, as the very first samples suggest."""
     options = []
     for i in np.flatnonzero(run.reach):
         for share in OTHER_VELOCITIES:
             options.append(own.copy())
             options[-1][i] = share * run.reach[i]
+    hasty = np.concatenate([state.hasty for state in run.states], axis=1)
     first = 0
     for state in run.states:
-        options.append(own.copy())
-        options[-1][first : first + len(state.hasty)] = state.hasty
-        first += len(state.hasty)
-    return np.array(options)
+        mine = slice(first, first + len(state.labels))
+        first = mine.stop
+        for guess in hasty:
+            options.append(own.copy())
+            options[-1][mine] = guess[mine]
+    return np.array([*options, *hasty])
 
 
 def _tried(

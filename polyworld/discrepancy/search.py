@@ -46,6 +46,7 @@ FEW = 3  # contenders on windows that are fitted to whole runs, however little t
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
 ONWARD = 0.01  # of chi2 that a round has to gain for another one
+BEHIND = 1.2  # times the leader's chi2 on windows, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
 ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
@@ -248,7 +249,8 @@ class Search:
         hopeless = self.hopeless(len(first.hypothesis.parts))
         chosen: list[Trial] = []
         for trial in ranked[: FEW if hopeless else None]:
-            if any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen) and trial.chi2 > 2.0 * first.chi2:
+            explained = any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen)
+            if explained and trial.chi2 > BEHIND * first.chi2:
                 break
             start = cut.start(trial.fit)
             whole = self.bench.fit(
@@ -488,8 +490,7 @@ class Search:
         kept = best.values[: len(best.values) - len(last.variant.unknowns)]
         for _, lead in list(self.promised.values()):
             own = lead.hypothesis.parts[-1].variant.unknowns
-            before = [p.candidate.name for p in lead.hypothesis.parts[:-1]]
-            if before != [p.candidate.name for p in best.hypothesis.parts[:-1]]:
+            if _labels(lead.hypothesis)[:-1] != _labels(best.hypothesis)[:-1]:
                 continue
             if {(u.name, u.unit) for u in own} < theirs:
                 values = np.concatenate([kept, [told[u.name] for u in own]])
@@ -539,7 +540,11 @@ class Search:
 
 def identity(hypothesis: Hypothesis) -> tuple[str, ...]:
     """What makes two hypotheses the same, in whatever order their effects were added."""
-    return tuple(sorted(f"{p.candidate.name}|{p.variant.label}" for p in hypothesis.parts))
+    return tuple(sorted(_labels(hypothesis)))
+
+
+def _labels(hypothesis: Hypothesis) -> list[str]:
+    return [f"{p.candidate.name}|{p.variant.label}" for p in hypothesis.parts]
 
 
 def _unlike(parents: Sequence[Trial]) -> list[Trial]:

@@ -24,7 +24,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
-HASTY = 4  # the same where an impact may follow soon
+HASTY = (2, 4)  # the same where an impact may follow soon
 USUAL = 0.95  # share of the speeds over a few samples that are held for true
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
@@ -38,7 +38,7 @@ class StateCoordinates:
     kind: free, or hinged. labels (N,). start (N,): first guess. typical (N,): ordinary changes.
     pivot, axis (3,): of the hinge; arm (3,): from the pivot to the object's centre in the world's description.
     spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
-    reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (N,): a guess from fewer
+    reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
     samples, in case a body hits something right after the start.
     """
 
@@ -95,8 +95,8 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
         elif any(name in (j.object, j.other) for j in world.joints):
             continue  # held by other bodies: it starts as the world says
         else:
-            hasty = _free(world, item, run, column, HASTY)
-            found.append(replace(_free(world, item, run, column, EARLY), hasty=hasty.start))
+            hasty = np.array([_free(world, item, run, column, count).start for count in HASTY])
+            found.append(replace(_free(world, item, run, column, EARLY), hasty=hasty))
     return tuple(found)
 
 
@@ -160,7 +160,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         zero,
         spread,
         np.array([reach.get(label, 0.0) for label in labels]),
-        np.array(start),
+        np.repeat(np.array(start)[None], len(HASTY), axis=0),
     )
 
 
@@ -218,7 +218,7 @@ def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoor
         arm,
         np.zeros(2),
         np.zeros(2),
-        np.array([place, speed]),
+        np.repeat(np.array([[place, speed]]), len(HASTY), axis=0),
     )
 
 
@@ -241,7 +241,8 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
     none = np.zeros(len(labels))
-    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero, none, none, start)
+    hasty = np.repeat(start[None], len(HASTY), axis=0)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero, none, none, hasty)
 
 
 def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:

@@ -105,3 +105,26 @@ def test_collisions_without_anything_hidden_are_explained() -> None:
     discs, starts = scene(3, 2)
     report = found(discs, discs, starts, 2)
     assert report.verdict.kind == "nothing_missing"
+
+
+def test_an_impact_two_samples_after_the_start_is_found() -> None:
+    """The first samples are those behind the impact, but for two: taken for the start, no slope leads back."""
+    rng = np.random.default_rng(0)
+    discs = Discs(np.array([0.5, 0.8]), np.array([0.1, 0.08]), np.full(2, FRICTION), RESTITUTION)
+    times = np.arange(61) / 60.0
+    explained = 0
+    for _ in range(8):
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        along = np.array([np.cos(angle), np.sin(angle)])
+        speeds = np.array([rng.uniform(1.0, 2.0) * along, -rng.uniform(0.5, 2.0) * along])
+        begin = Started(np.array([np.zeros(2), 0.18 * along]) - speeds * 1.9 / 60.0, speeds, rng.uniform(-5.0, 5.0, 2))
+        flat = slide(discs, begin, times)
+        places = np.zeros((len(times), 2, 3))
+        places[..., :2] = flat[..., :2] + rng.normal(0.0, SIGMA, (len(times), 2, 2))
+        half = 0.5 * (flat[..., 2] + rng.normal(0.0, 0.01, (len(times), 2)))
+        turns = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
+        told = world(discs, begin)
+        plan = design(told, Recording((Run("r", ("disc0", "disc1"), times, places, turns),)))
+        base = fitted_base(plan, ())
+        explained += base.chi2 < 1.15 * plan.length
+    assert explained >= 7
