@@ -271,10 +271,10 @@ def _finer(ground: Trial, substep: float) -> Trial:
 
 def _near(search: Search) -> Near | None:
     """The base on windows, where the search had to begin there."""
-    trial = search.on_windows.get(())
-    if trial is None or search.windows is None:
+    if search.on_windows is None:
         return None
-    return Near(search.windows, trial.bench.noise, trial.fit)
+    trial = search.on_windows.trials.get(())
+    return None if trial is None else Near(search.on_windows.cut, trial.bench.noise, trial.fit)
 
 
 def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool, tuple[dict[str, Any], ...]]:

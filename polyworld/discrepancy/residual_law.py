@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.criteria import extended_bic
+from polyworld.discrepancy.descent import Linearised
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.noise import Noise, refined_noise
-from polyworld.discrepancy.profile import Fit, Linearised, fit, project_out
+from polyworld.discrepancy.profile import Fit, fit, project_out
 from polyworld.discrepancy.residual_terms import STRENGTH, Factor, Term
 from polyworld.expressions.parse import MAX_LENGTH
 from polyworld.world import World

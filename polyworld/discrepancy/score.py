@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.descent import FIRST_STEP, PRIOR, least_step
 from polyworld.discrepancy.forward import Settings
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.profile import FIRST_STEP, PRIOR, least_step
 from polyworld.discrepancy.trial import Bench, Ground, Trial
 
 Array = NDArray[np.float64]

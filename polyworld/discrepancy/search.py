@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -18,18 +17,19 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
+from polyworld.discrepancy.promises import Promise, first_of_each, identity, labels, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import Bench, Start, Trial
-from polyworld.discrepancy.windows import Windows, windows
+from polyworld.discrepancy.window_search import FEW, HOPELESS, ONWARD, WindowSearch
+from polyworld.discrepancy.windows import windows
 
 Array = NDArray[np.float64]
 
+FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
 FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
-FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
-WINDOW_ITERATIONS = 3  # of every contender, and once more of those worth it
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 SHORTER = 0.8  # of the steps, from which on others are another fit
@@ -37,15 +37,10 @@ FINER = 4.0  # times shorter than the world's own steps are those that are tried
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
-HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
-LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
-FAILED = 2.0  # chi2 per measurement of windows, at a fit that has converged, that no better start mends
-FEW = 3  # contenders on windows that are fitted to whole runs, however little they gain
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
-ONWARD = 0.01  # of chi2 that a round has to gain for another one
 BEHIND = 1.2  # times the leader's chi2 on windows, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
@@ -70,21 +65,12 @@ class SearchSettings:
     max_effects: int = 2
 
 
-@dataclass(frozen=True, eq=False)
-class _Promise:
-    """A lead on top of a parent, and its share of the best gain promised."""
-
-    parent: Trial
-    lead: Lead
-    share: float
-
-
 @dataclass
 class Search:
     """All trials so far, the best of each hypothesis, and the story of how they came about.
 
     ground: the base, fitted. substep [s]: of the world that was given, which the design's may exceed; the best are
-    judged with it.
+    judged with it. on_windows: the search on windows, once it was begun.
     """
 
     bench: Bench
@@ -94,10 +80,8 @@ class Search:
     ground: Trial
     substep: float
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
-    on_windows: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
-    settled: dict[int, float] = field(default_factory=dict)
-    _led: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = field(default_factory=dict)
+    on_windows: WindowSearch | None = None
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
         """The best trial of every hypothesis (with so many effects), lowest EBIC first."""
@@ -128,9 +112,11 @@ class Search:
         further = len(parents[0].hypothesis.parts) > 0
         most = self.settings.further if further else self.settings.contenders
         far = level > FAR * self.bench.observations
-        cut = self.windows if far else None
-        if cut is not None:
-            self._through_windows(cut, parents, most, level)
+        on_windows = self._windows if far else None
+        cut = on_windows.cut if on_windows is not None else None
+        if on_windows is not None:
+            self.on_windows = on_windows
+            self._through_windows(on_windows, parents, most, level)
             best = self.best(len(parents[0].hypothesis.parts) + 1)
             if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
                 return
@@ -141,14 +127,14 @@ class Search:
             own = self._scored(parent, parent, left, 1.0)
             self._promised(parent, own)
             found += [(parent, lead) for lead in own]
-        promises = self._shares(found, level)
+        promises = shares(found, level, self.bench.observations)
         if cut is None and far and not further:
             early = [
                 (parents[0], x) for x in self._scored(self.early, parents[0], self._more(parents[0]), self.horizon)
             ]
-            promises += self._shares(early, self.early.chi2)
+            promises += shares(early, self.early.chi2, self.bench.observations)
         promises.sort(key=lambda p: -p.share)
-        firsts = _first_of_each(promises, most, WORTH if further else 0.0)
+        firsts = first_of_each(promises, most, WORTH if further else 0.0)
         self._fit_leads(firsts, level)
         effects = len(parents[0].hypothesis.parts) + 1
         best = self.best(effects)
@@ -178,7 +164,7 @@ class Search:
                 if step < SHORTER * trial.hypothesis.world.time.substep:
                     fine = self.bench.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
                     self.trials[identity(trial.hypothesis)] = fine
-                    self._told("finer steps", fine)
+                    self.tell("finer steps", fine.figures())
 
     def _promised(self, parent: Trial, found: Sequence[Lead]) -> None:
         for lead in reversed(found):  # the best last, so that it stays
@@ -202,61 +188,42 @@ class Search:
         return max(h for h in profile.horizons_for(self.bench.design) if h <= profile.HORIZONS[0])
 
     @cached_property
-    def windows(self) -> Windows | None:
-        """The design's runs cut into windows: long ones, or where these are no place to start from either, short ones;
-        but not so short that the base explains them."""
+    def _windows(self) -> WindowSearch | None:
+        """The search on windows: on long ones, or where these are no place to start from either, on short ones; but not
+        on such short ones that the base explains them. None where the runs cannot be cut."""
         if self.ground.chi2 > FARTHER * self.bench.observations:
-            cut = windows(self.bench, SHORT)
-            if cut is None:
+            short = windows(self.bench, SHORT)
+            if short is None:
                 return None
-            ground = cut.ground(self.ground.hypothesis, self.ground.values)
-            if ground.chi2 > EXPLAINED * cut.bench.observations:
-                self.on_windows[identity(ground.hypothesis)] = ground
-                return cut
-        return windows(self.bench, LONG)
+            ground = short.ground(self.ground.hypothesis, self.ground.values)
+            if ground.chi2 > EXPLAINED * short.bench.observations:
+                known = {identity(ground.hypothesis): ground}
+                return WindowSearch(short, self.settings.starts, self.tell, known)
+        cut = windows(self.bench, LONG)
+        return None if cut is None else WindowSearch(cut, self.settings.starts, self.tell)
 
-    def _through_windows(self, cut: Windows, parents: Sequence[Trial], most: int, level: float) -> None:
+    def _through_windows(self, search: WindowSearch, parents: Sequence[Trial], most: int, level: float) -> None:
         """Rank and fit one more effect on windows of the runs, then fit the whole runs from there where that gained."""
         found: list[tuple[Trial, Lead]] = []
         for parent in parents:
-            if cut.holds(parent.hypothesis):
-                found += self._window_leads(cut, parent)
-        if not found:
-            return
-        before = min(ground.chi2 for ground, _ in found)
-        promises = sorted(self._shares(found, before), key=lambda p: -p.share)
-        ways: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = {}
-        for p in _in_turn(promises):
-            ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
-        shares = {identity(p.lead.hypothesis): p.share for p in reversed(promises)}
-        fits: list[Trial] = []
-        for key in list(ways)[:most]:
-            if key in self.trials:
-                continue  # of a swap: it came from another parent before
-            if shares[key] < HOPELESS and any(_nearly_all(t, before) for t in fits):
-                continue
-            hypothesis, at = cut.nearest(ways[key])
-            fits.append(cut.bench.fit(hypothesis, at.values, at.states, iterations=WINDOW_ITERATIONS))
-        wanted = [cut.bench.refit(t, iterations=WINDOW_ITERATIONS) for t in _worth_more(fits, before)]
-        for trial in (*fits, *wanted):
-            self.on_windows[identity(trial.hypothesis)] = trial
-            self._told("windows", trial)
-        ranked = _worth_more(wanted, before)
+            own = search.leads(parent, self._more)
+            if own:
+                self._promised(own[0][0], [lead for _, lead in own])
+            found += own
+        ranked = search.fitted(found, most, self.trials) if found else []
         if not ranked:
             return
-        ranked = self._to_the_end_on(cut, ranked)
-        first = ranked[0]
-        hopeless = self.hopeless(len(first.hypothesis.parts))
+        hopeless = self.hopeless(len(ranked[0].hypothesis.parts))
         chosen: list[Trial] = []
         for trial in ranked[: FEW if hopeless else None]:
             explained = any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen)
-            if explained and trial.chi2 > BEHIND * first.chi2:
+            if explained and trial.chi2 > BEHIND * ranked[0].chi2:
                 break
-            start = cut.start(trial.fit)
+            start = search.cut.start(trial.fit)
             whole = self.bench.fit(
                 trial.hypothesis, start.values, start.states, horizons=self._parts, iterations=FIRST_ITERATIONS
             )
-            self._told("first fit", whole)
+            self.tell("first fit", whole.figures())
             chosen.append(self.take(whole))
         if not hopeless:
             self.finish(chosen, level)
@@ -268,39 +235,9 @@ class Search:
         several = len(self.bench.design.world.objects) > 1
         return profile.horizons_for(self.bench.design) if several else (1.0,)
 
-    def _to_the_end_on(self, cut: Windows, ranked: Sequence[Trial]) -> list[Trial]:
-        """The best on windows fitted on; where it fails, also those behind it, which may only be slower."""
-        done: list[Trial] = []
-        settled = True
-        for trial in ranked:
-            level = min((t.chi2 for t in done), default=np.inf) / cut.bench.observations
-            if level < FAILED or len(done) == FEW:
-                break
-            onward = cut.bench.refit(trial)
-            settled = settled and (onward.fit.converged or onward.chi2 > (1.0 - ONWARD) * trial.chi2)
-            self.on_windows[identity(onward.hypothesis)] = onward
-            self._told("windows", onward)
-            done.append(onward)
-        best = min(done, key=lambda t: t.ebic)
-        if settled:
-            self.settled[len(best.hypothesis.parts)] = best.chi2 / cut.bench.observations
-        return sorted([*done, *ranked[len(done) :]], key=lambda t: t.ebic)
-
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
-        return self.settled.get(effects, 0.0) > FAILED
-
-    def _window_leads(self, cut: Windows, parent: Trial) -> list[tuple[Trial, Lead]]:
-        """What one more effect promises on windows, and the parent fitted to them."""
-        key = identity(parent.hypothesis)
-        if key not in self._led:
-            if key not in self.on_windows:
-                self.on_windows[key] = cut.ground(parent.hypothesis, parent.values)
-            ground = self.on_windows[key]
-            own = leads(cut.bench, ground, [h for h in self._more(ground) if cut.holds(h)], self.settings.starts)
-            self._promised(ground, own)
-            self._led[key] = [(ground, lead) for lead in own]
-        return self._led[key]
+        return self.on_windows is not None and self.on_windows.hopeless(effects)
 
     def _scored(self, trial: Trial, parent: Trial, hypotheses: Sequence[Hypothesis], horizon: float) -> list[Lead]:
         own = leads(self.bench, trial, hypotheses, self.settings.starts, horizon)
@@ -315,33 +252,24 @@ class Search:
         )
         return own
 
-    def _shares(self, found: Sequence[tuple[Trial, Lead]], level: float) -> list[_Promise]:
-        """Leads with their share of the best gain that any of them promises, unknowns paid for."""
-        gains = [level - self._promise(lead) for _, lead in found]
-        best = max(max(gains, default=0.0), 1e-9)
-        return [_Promise(parent, lead, gain / best) for (parent, lead), gain in zip(found, gains, strict=True)]
-
     def promising(self, ground: Trial, gain: float) -> list[Trial]:
         """Fits of one effect on top of a hypothesis, where the score test foretells that EBIC falls by more than
         `gain`; best first."""
+        choice = 2.0 * float(np.log(max(self.bench.candidates, 1)))
         own = [
             lead
             for lead in leads(self.bench, ground, self._more(ground), 1)
-            if self._promise(lead) + 2.0 * float(np.log(max(self.bench.candidates, 1))) < ground.ebic - gain
+            if promise(lead, self.bench.observations) + choice < ground.ebic - gain
         ]
         fits = [self.bench.fit(x.hypothesis, x.values, ground.fit.states) for x in own[: self.settings.contenders]]
         return sorted(fits, key=lambda t: t.ebic)
-
-    def _promise(self, lead: Lead) -> float:
-        h = lead.hypothesis
-        return lead.chi2 + h.extra * float(np.log(self.bench.observations))
 
     def best(self, effects: int) -> Trial | None:
         """The hypothesis with so many effects that has the lowest EBIC."""
         ranked = self.ranked(effects)
         return ranked[0] if ranked else None
 
-    def _fit_leads(self, chosen: Sequence[_Promise], level: float) -> None:
+    def _fit_leads(self, chosen: Sequence[Promise], level: float) -> None:
         """First iterations of every lead, then to convergence where it may still win."""
         self.finish([self.take(self._first_fit(p.parent, p.lead)) for p in chosen], level)
 
@@ -385,9 +313,9 @@ class Search:
             if rank == 0 or (rank < LEADERS and not explained):
                 trial = self._to_the_end(trial)
                 explained = explained or trial.passes
-                self._told("fit", trial)
+                self.tell("fit", trial.figures())
             else:
-                self._told("fit", self.take(self.bench.refit(trial, target=least + MARGIN)))
+                self.tell("fit", self.take(self.bench.refit(trial, target=least + MARGIN)).figures())
 
     def _to_the_end(self, trial: Trial) -> Trial:
         """A leader fitted as long as chi2 falls: with strongly coupled unknowns the way is long, in small steps."""
@@ -397,19 +325,6 @@ class Search:
             if trial.fit.converged or before - trial.chi2 < ONWARD * trial.chi2:
                 break
         return trial
-
-    def _told(self, step: str, trial: Trial) -> None:
-        self.tell(
-            step,
-            {
-                "hypothesis": trial.hypothesis.title,
-                "chi2": trial.chi2,
-                "ebic": trial.ebic,
-                "converged": trial.fit.converged,
-                "substep": trial.hypothesis.world.time.substep,
-                "values": {u.name: float(v) for u, v in zip(trial.hypothesis.unknowns, trial.values, strict=True)},
-            },
-        )
 
     def _nested(self, parents: Sequence[Trial]) -> None:
         """Start richer laws from simpler ones fitted already: those whose unknowns they have, by name and unit."""
@@ -441,7 +356,7 @@ class Search:
             coarse = trial.hypothesis.stepped(self.bench.design.world.time.substep)
             again = self.bench.fit(coarse, trial.values, states, horizons=profile.FINE_HORIZONS)
             if again.chi2 < trial.chi2 - ALIKE_FIT:
-                self._told("restart", again)
+                self.tell("restart", again.figures())
             self.take(again)
 
     def settle(self, effects: int) -> None:
@@ -455,7 +370,7 @@ class Search:
         for trial in near[: self.settings.finalists]:
             again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
             if again.chi2 < trial.chi2 - ALIKE_FIT:
-                self._told("settled", again)
+                self.tell("settled", again.figures())
             self.take(again)
 
     def twins(self, effects: int) -> None:
@@ -476,7 +391,7 @@ class Search:
                 trial = self.bench.fit(
                     lead.hypothesis, lead.values, states, horizons=profile.horizons_for(self.bench.design)
                 )
-                self._told("twin", trial)
+                self.tell("twin", trial.figures())
                 self.take(trial)
 
     def _contained(self, effects: int) -> None:
@@ -490,12 +405,12 @@ class Search:
         kept = best.values[: len(best.values) - len(last.variant.unknowns)]
         for _, lead in list(self.promised.values()):
             own = lead.hypothesis.parts[-1].variant.unknowns
-            if _labels(lead.hypothesis)[:-1] != _labels(best.hypothesis)[:-1]:
+            if labels(lead.hypothesis)[:-1] != labels(best.hypothesis)[:-1]:
                 continue
             if {(u.name, u.unit) for u in own} < theirs:
                 values = np.concatenate([kept, [told[u.name] for u in own]])
                 trial = self.bench.fit(lead.hypothesis, values, best.fit.states, iterations=ROUGH_ITERATIONS)
-                self._told("contained", trial)
+                self.tell("contained", trial.figures())
                 self.take(trial)
 
     def swap(self, effects: int) -> None:
@@ -534,17 +449,8 @@ class Search:
             if not good:
                 return trial
             trial = min(good, key=lambda t: t.ebic)
-            self._told("backward", trial)
+            self.tell("backward", trial.figures())
         return trial
-
-
-def identity(hypothesis: Hypothesis) -> tuple[str, ...]:
-    """What makes two hypotheses the same, in whatever order their effects were added."""
-    return tuple(sorted(_labels(hypothesis)))
-
-
-def _labels(hypothesis: Hypothesis) -> list[str]:
-    return [f"{p.candidate.name}|{p.variant.label}" for p in hypothesis.parts]
 
 
 def _unlike(parents: Sequence[Trial]) -> list[Trial]:
@@ -558,36 +464,3 @@ def _unlike(parents: Sequence[Trial]) -> list[Trial]:
 
 def _apart(one: Trial, other: Trial) -> float:
     return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
-
-
-def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
-    """Of some trials all that gain at least a share of what the best of them does, and the best few, unless one gains
-    nearly all there is; best first."""
-    ranked = sorted(trials, key=lambda t: t.ebic)
-    few = 1 if any(_nearly_all(t, before) for t in ranked) else FEW
-    return [t for i, t in enumerate(ranked) if i < few or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
-
-
-def _nearly_all(trial: Trial, before: float) -> bool:
-    """Whether a trial gains nearly all that there is to gain on a fit with chi2 `before`."""
-    noise = trial.bench.observations
-    return trial.chi2 - noise < LITTLE * (before - noise)
-
-
-def _in_turn(promises: Sequence[_Promise]) -> list[_Promise]:
-    """The best of every parent, then the second of every one, and so on: the best parent need not be half the truth."""
-    found: dict[int, dict[tuple[str, ...], list[_Promise]]] = {}
-    for p in promises:
-        found.setdefault(id(p.parent), {}).setdefault(identity(p.lead.hypothesis), []).append(p)
-    columns = [list(own.values()) for own in found.values()]
-    rows = zip_longest(*columns, fillvalue=[])
-    return [p for row in rows for same in row for p in same]
-
-
-def _first_of_each(promises: Sequence[_Promise], most: int, least: float) -> list[_Promise]:
-    """The best lead of each hypothesis, at most so many, of those that promise at least a share of the best gain."""
-    chosen: dict[tuple[str, ...], _Promise] = {}
-    for promise in promises:
-        if promise.share >= least:
-            chosen.setdefault(identity(promise.lead.hypothesis), promise)
-    return list(chosen.values())[:most]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,17 @@ class Trial:
     def values(self) -> Array:
         """Shared unknowns (S,)."""
         return self.fit.values
+
+    def figures(self) -> dict[str, Any]:
+        """What is told of a fit as a search goes on, JSON-ready."""
+        return {
+            "hypothesis": self.hypothesis.title,
+            "chi2": self.chi2,
+            "ebic": self.ebic,
+            "converged": self.fit.converged,
+            "substep": self.hypothesis.world.time.substep,
+            "values": {u.name: float(v) for u, v in zip(self.hypothesis.unknowns, self.values, strict=True)},
+        }
 
 
 class Ground:

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from polyworld.discrepancy.descent import Linearised
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.noise import Noise
-from polyworld.discrepancy.profile import Fit, Linearised
+from polyworld.discrepancy.profile import Fit
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 

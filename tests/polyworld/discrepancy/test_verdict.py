@@ -8,7 +8,8 @@ import pytest
 
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.criteria import extended_bic, held_out, held_out_gain
-from polyworld.discrepancy.profile import Fit, Linearised
+from polyworld.discrepancy.descent import Linearised
+from polyworld.discrepancy.profile import Fit
 from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.verdict import Verdict, decide
 

@@ -1,0 +1,114 @@
+"""The search for one more effect on windows of the runs, where a model that lacks something stays near the data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.promises import identity, in_turn, shares
+from polyworld.discrepancy.score import Lead, leads
+from polyworld.discrepancy.trial import Trial
+from polyworld.discrepancy.windows import Windows
+
+ITERATIONS = 3  # of every contender, and once more of those worth it
+HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
+LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
+FAILED = 2.0  # chi2 per measurement, at a fit that has converged, that no better start mends
+FEW = 3  # contenders that are fitted on, however little they gain
+ONWARD = 0.01  # of chi2 that a fit has to gain to be thought under way
+
+
+@dataclass
+class WindowSearch:
+    """Hypotheses ranked and fitted on windows. starts: of each that are tried. tell: the figures of every step.
+
+    trials: the last of each hypothesis. settled: chi2 per measurement of the best with so many effects, where it was
+    fitted to the end.
+    """
+
+    cut: Windows
+    starts: int
+    tell: Callable[[str, dict[str, Any]], None]
+    trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    settled: dict[int, float] = field(default_factory=dict)
+    _led: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = field(default_factory=dict)
+
+    def leads(self, parent: Trial, more: Callable[[Trial], list[Hypothesis]]) -> list[tuple[Trial, Lead]]:
+        """What the hypotheses that one more effect makes of a parent promise, and the parent fitted to the windows;
+        best first, none where it cannot be."""
+        key = identity(parent.hypothesis)
+        if not self.cut.holds(parent.hypothesis):
+            return []
+        if key not in self._led:
+            if key not in self.trials:
+                self.trials[key] = self.cut.ground(parent.hypothesis, parent.values)
+            ground = self.trials[key]
+            found = leads(self.cut.bench, ground, [h for h in more(ground) if self.cut.holds(h)], self.starts)
+            self._led[key] = [(ground, lead) for lead in found]
+        return self._led[key]
+
+    def fitted(self, found: Sequence[tuple[Trial, Lead]], most: int, known: Collection[tuple[str, ...]]) -> list[Trial]:
+        """At most so many of the hypotheses that were found, fitted; those worth fitting to whole runs, best first.
+
+        known: hypotheses that whole runs were fitted with already, which are left out.
+        """
+        before = min(ground.chi2 for ground, _ in found)
+        promises = sorted(shares(found, before, self.cut.bench.observations), key=lambda p: -p.share)
+        ways: dict[tuple[str, ...], list[tuple[Trial, Lead]]] = {}
+        for p in in_turn(promises):
+            ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
+        share = {identity(p.lead.hypothesis): p.share for p in reversed(promises)}
+        fits: list[Trial] = []
+        for key in list(ways)[:most]:
+            if key in known or (share[key] < HOPELESS and any(_nearly_all(t, before) for t in fits)):
+                continue
+            hypothesis, at = self.cut.nearest(ways[key])
+            fits.append(self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS))
+        wanted = [self.cut.bench.refit(t, iterations=ITERATIONS) for t in _worth_more(fits, before)]
+        for trial in (*fits, *wanted):
+            self._keep(trial)
+        ranked = _worth_more(wanted, before)
+        return self._to_the_end(ranked) if ranked else []
+
+    def hopeless(self, effects: int) -> bool:
+        """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
+        return self.settled.get(effects, 0.0) > FAILED
+
+    def _to_the_end(self, ranked: Sequence[Trial]) -> list[Trial]:
+        """The best fitted on; where it fails, also those behind it, which may only be slower."""
+        done: list[Trial] = []
+        settled = True
+        for trial in ranked:
+            level = min((t.chi2 for t in done), default=np.inf) / self.cut.bench.observations
+            if level < FAILED or len(done) == FEW:
+                break
+            onward = self.cut.bench.refit(trial)
+            settled = settled and (onward.fit.converged or onward.chi2 > (1.0 - ONWARD) * trial.chi2)
+            self._keep(onward)
+            done.append(onward)
+        best = min(done, key=lambda t: t.ebic)
+        if settled:
+            self.settled[len(best.hypothesis.parts)] = best.chi2 / self.cut.bench.observations
+        return sorted([*done, *ranked[len(done) :]], key=lambda t: t.ebic)
+
+    def _keep(self, trial: Trial) -> None:
+        self.trials[identity(trial.hypothesis)] = trial
+        self.tell("windows", trial.figures())
+
+
+def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
+    """Of some trials all that gain at least a share of what the best of them does, and the best few, unless one gains
+    nearly all there is; best first."""
+    ranked = sorted(trials, key=lambda t: t.ebic)
+    few = 1 if any(_nearly_all(t, before) for t in ranked) else FEW
+    return [t for i, t in enumerate(ranked) if i < few or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
+
+
+def _nearly_all(trial: Trial, before: float) -> bool:
+    """Whether a trial gains nearly all that there is to gain on a fit with chi2 `before`."""
+    noise = trial.bench.observations
+    return trial.chi2 - noise < LITTLE * (before - noise)
