@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,11 +23,11 @@ from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
-from polyworld.discrepancy.search import FINER, Search, SearchSettings
+from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.stepping import coarsened
-from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
-from polyworld.discrepancy.verdict import Verdict, decide
+from polyworld.discrepancy.verdict import Verdict, decide, one_of_each_name
 from polyworld.recording import Recording
 from polyworld.world import World
 
@@ -218,15 +218,15 @@ def _searched(
         effects += 1
         search.add_effect(parents)
         _renoise(search, effects)
-        search.finely(effects)
+        search.finely(effects, 1.0)
         if not _passed(search, effects) and not search.hopeless(effects):
             search.restart(effects)
             _renoise(search, effects)
-            search.finely(effects, most=FINER)
+            search.finely(effects)
         if effects > 1 and not _passed(search, effects) and not search.hopeless(effects):
             search.swap(effects)
             _renoise(search, effects)
-            search.finely(effects, most=FINER)
+            search.finely(effects)
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
@@ -234,10 +234,11 @@ def _searched(
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)
     if not search.hopeless(effects):
+        search.rivals(effects)
         search.settle(effects)
         search.twins(effects)
-        search.finely(effects, most=FINER)
-    verdict = decide(search.ranked(effects), settings.search.credible)
+        search.finely(effects)
+    verdict = _beside_fewer(decide(search.ranked(effects), settings.search.credible), parents, settings.search.credible)
     if verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         told = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
         verdict = decide(told, max(settings.search.credible, BESIDE))
@@ -256,17 +257,26 @@ def _searched(
     return _Searched(verdict, bench, ground, near_misses, _near(search))
 
 
+def _beside_fewer(verdict: Verdict, parents: Sequence[Trial], credible: float) -> Verdict:
+    """The verdict with hypotheses of fewer effects beside one that betters them by less than would decide: that they
+    fail the gate, and it does not, is then no evidence for a further effect by that name."""
+    best = verdict.best
+    if best is None or verdict.kind == "unexplained":
+        return verdict
+    fewer = [p for p in parents if 0 < len(p.hypothesis.parts) < len(best.hypothesis.parts)]
+    fitted = [best.bench.refit(p) for p in fewer]
+    near = tuple(t for t in fitted if t.ebic - best.ebic <= credible)
+    if not near:
+        return verdict
+    return replace(verdict, kind="ambiguous", credible=(*verdict.credible, *one_of_each_name(near)))
+
+
 def _finer(ground: Trial, substep: float) -> Trial:
-    """A base that is near the data, fitted with the steps of the world that was given, or finer, where longer ones
-    fail."""
-    for step in (substep, substep / FINER):
-        if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
-            return ground
-        if ground.hypothesis.world.time.substep > step:
-            fine = ground.bench.fit(ground.hypothesis.stepped(step), ground.values, ground.fit.states)
-            if fine.passes:
-                return fine
-    return ground
+    """A base that is near the data, fitted with shorter steps, where that is why it fails."""
+    if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
+        return ground
+    fine = refined(ground, substep, substep / FINEST)
+    return fine if fine.passes else ground
 
 
 def _near(search: Search) -> Near | None:

@@ -19,7 +19,7 @@ from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, labels, promise, shares
 from polyworld.discrepancy.score import Lead, leads
-from polyworld.discrepancy.trial import Bench, Start, Trial
+from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
 from polyworld.discrepancy.window_search import FEW, HOPELESS, ONWARD, WindowSearch
 from polyworld.discrepancy.windows import windows
 
@@ -32,8 +32,6 @@ FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hop
 ROUGH_ITERATIONS = 8
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
-SHORTER = 0.8  # of the steps, from which on others are another fit
-FINER = 4.0  # times shorter than the world's own steps are those that are tried where these fail
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
@@ -149,22 +147,18 @@ class Search:
         own = parent.hypothesis.stepped(self.bench.design.world.time.substep)
         return [h for c in self.candidates for h in extended(own, c, self.bench.design.recording)]
 
-    def finely(self, effects: int, *, most: float = 1.0) -> None:
-        """Fit the best, and what is near to it, with the steps of the world that was given, and with up to `most` times
-        shorter ones where it then still fails: what longer steps leave undone is no effect, and decides between some.
-        """
-        for step in (self.substep, self.substep / FINER):
-            best = self.best(effects)
-            if step < self.substep / most or best is None or best.chi2 > NEARLY * self.bench.observations:
-                return
-            if best.passes and step < self.substep:
-                return
-            near = [t for i, t in enumerate(self.ranked(effects)) if i == 0 or t.ebic < best.ebic + CLOSE]
-            for trial in near[: self.settings.finalists]:
-                if step < SHORTER * trial.hypothesis.world.time.substep:
-                    fine = self.bench.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
-                    self.trials[identity(trial.hypothesis)] = fine
-                    self.tell("finer steps", fine.figures())
+    def finely(self, effects: int, times: float = FINEST) -> None:
+        """Fit the best, and what is near to it, with steps so short that longer ones leave nothing undone: that is no
+        effect, and decides between some. times: how much shorter than those of the world that was given they may be."""
+        best = self.best(effects)
+        if best is None or best.chi2 > NEARLY * self.bench.observations:
+            return
+        near = [t for i, t in enumerate(self.ranked(effects)) if i == 0 or t.ebic < best.ebic + CLOSE]
+        for trial in near[: self.settings.finalists]:
+            fine = refined(trial, self.substep, self.substep / times)
+            if fine is not trial:
+                self.trials[identity(trial.hypothesis)] = fine
+                self.tell("finer steps", fine.figures())
 
     def _promised(self, parent: Trial, found: Sequence[Lead]) -> None:
         for lead in reversed(found):  # the best last, so that it stays
@@ -219,21 +213,31 @@ class Search:
             explained = any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen)
             if explained and trial.chi2 > BEHIND * ranked[0].chi2:
                 break
-            start = search.cut.start(trial.fit)
-            whole = self.bench.fit(
-                trial.hypothesis, start.values, start.states, horizons=self._parts, iterations=FIRST_ITERATIONS
-            )
-            self.tell("first fit", whole.figures())
-            chosen.append(self.take(whole))
+            chosen.append(self._whole(search, trial))
         if not hopeless:
             self.finish(chosen, level)
 
-    @property
-    def _parts(self) -> tuple[float, ...]:
-        """Parts of whole runs that are fitted one after another from the states of windows: where bodies collide, a
-        small change makes another motion, and the states have to follow collision by collision."""
-        several = len(self.bench.design.world.objects) > 1
-        return profile.horizons_for(self.bench.design) if several else (1.0,)
+    def _whole(self, search: WindowSearch, trial: Trial) -> Trial:
+        """The best fit to whole runs of a hypothesis fitted on windows.
+
+        Where bodies collide, a small change makes another motion, and states have to follow collision by collision:
+        from those of the windows, or if these lead nowhere, from the data's own.
+        """
+        start = search.cut.start(trial.fit)
+        starts = [start.states]
+        horizons: tuple[float, ...] = (1.0,)
+        if len(self.bench.design.world.objects) > 1:
+            starts.append(profile.start_states(self.bench.design))
+            horizons = profile.horizons_for(self.bench.design)
+        for states in starts:
+            whole = self.bench.fit(
+                trial.hypothesis, start.values, states, horizons=horizons, iterations=FIRST_ITERATIONS
+            )
+            self.tell("first fit", whole.figures())
+            best = self.take(whole)
+            if best.chi2 < EXPLAINED * self.bench.observations:
+                break
+        return best
 
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
@@ -371,6 +375,23 @@ class Search:
             again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
             if again.chi2 < trial.chi2 - ALIKE_FIT:
                 self.tell("settled", again.figures())
+            self.take(again)
+
+    def rivals(self, effects: int) -> None:
+        """Fit from the best's initial states what windows hardly tell from it, and whole runs seemed to: a fit that
+        went astray is no evidence."""
+        best = self.best(effects)
+        if best is None or self.on_windows is None:
+            return
+        alike = [t for t in self.on_windows.trials.values() if len(t.hypothesis.parts) == effects]
+        level = min((t.ebic for t in alike), default=np.inf)
+        horizons = profile.horizons_for(self.bench.design) if len(self.bench.design.world.objects) > 1 else (1.0,)
+        for trial in alike:
+            known = self.trials.get(identity(trial.hypothesis))
+            if trial.ebic > level + CLOSE or (known is not None and known.ebic <= best.ebic + self.settings.credible):
+                continue
+            again = self.bench.fit(trial.hypothesis, trial.values, best.fit.states, horizons=horizons)
+            self.tell("rival", again.figures())
             self.take(again)
 
     def twins(self, effects: int) -> None:

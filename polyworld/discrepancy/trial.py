@@ -20,6 +20,10 @@ from polyworld.discrepancy.noise import Noise
 
 Array = NDArray[np.float64]
 
+FINER = 4.0  # times shorter are the steps that are tried next
+FINEST = 16.0  # times shorter than a world's own are the shortest
+SAME_STEP = 0.8  # of the steps, from which on others are another fit
+UNMINDED = 1.0  # sum of squared whitened changes that decides nothing
 READY = 12  # forward models that keep their simulators: more would fill the memory
 
 
@@ -210,3 +214,30 @@ class Bench:
     def refit(self, trial: Trial, *, iterations: int = 12, target: float | None = None) -> Trial:
         """Go on from where a fit ended, under this bench's noise."""
         return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, iterations=iterations, target=target)
+
+
+def refined(trial: Trial, substep: float, shortest: float) -> Trial:
+    """A trial fitted with shorter steps, as long as longer ones leave errors that show: down to `substep` [s], and
+    where it then fails the gate, down to `shortest` [s]."""
+    while True:
+        now = trial.hypothesis.world.time.substep
+        coarse = now > substep / SAME_STEP
+        if not coarse and (now * SAME_STEP < shortest or trial.passes):
+            return trial
+        step = max(substep, now / FINER) if coarse else now / FINER
+        if step_error(trial, step) < UNMINDED:
+            return trial
+        trial = trial.bench.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
+
+
+def step_error(trial: Trial, step: float) -> float:
+    """Sum of squares of what a rollout with other steps [s] changes in the whitened residuals of a fit, less what the
+    initial states can take up."""
+    bench = trial.bench
+    settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in bench.design.runs]
+    finer = Forward(bench.design, trial.hypothesis.stepped(step).world, trial.hypothesis.unknowns, bench.cancelled)
+    total = 0.0
+    for r, raw in zip(bench.design.runs, finer.residuals(settings), strict=True):
+        change = bench.noise.whiten(r.index, raw)[0] - trial.fit.linear.r[r.index]
+        total += float(np.sum(trial.ground.off(r.index, change) ** 2)) if np.all(np.isfinite(change)) else np.inf
+    return total

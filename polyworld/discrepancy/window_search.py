@@ -18,6 +18,8 @@ ITERATIONS = 3  # of every contender, and once more of those worth it
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
 FAILED = 2.0  # chi2 per measurement, at a fit that has converged, that no better start mends
+PATIENCE = 3  # times as many contenders are tried where the first explain nothing: slopes can foretell too little
+BESIDE = 10.0  # EBIC behind the best within which a contender is kept, however little there is to gain
 FEW = 3  # contenders that are fitted on, however little they gain
 ONWARD = 0.01  # of chi2 that a fit has to gain to be thought under way
 
@@ -52,7 +54,8 @@ class WindowSearch:
         return self._led[key]
 
     def fitted(self, found: Sequence[tuple[Trial, Lead]], most: int, known: Collection[tuple[str, ...]]) -> list[Trial]:
-        """At most so many of the hypotheses that were found, fitted; those worth fitting to whole runs, best first.
+        """At most so many of the hypotheses that were found, fitted, or more where none of these explains the windows;
+        those worth fitting to whole runs, best first.
 
         known: hypotheses that whole runs were fitted with already, which are left out.
         """
@@ -63,12 +66,16 @@ class WindowSearch:
             ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
         share = {identity(p.lead.hypothesis): p.share for p in reversed(promises)}
         fits: list[Trial] = []
-        for key in list(ways)[:most]:
-            if key in known or (share[key] < HOPELESS and any(_nearly_all(t, before) for t in fits)):
-                continue
-            hypothesis, at = self.cut.nearest(ways[key])
-            fits.append(self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS))
-        wanted = [self.cut.bench.refit(t, iterations=ITERATIONS) for t in _worth_more(fits, before)]
+        wanted: list[Trial] = []
+        rest = [key for key in ways if key not in known]
+        for chosen in (rest[:most], rest[most : PATIENCE * most]):
+            for key in chosen:
+                if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
+                    hypothesis, at = self.cut.nearest(ways[key])
+                    fits.append(self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS))
+            wanted = [self.cut.bench.refit(t, iterations=ITERATIONS) for t in _worth_more(fits, before)]
+            if min((t.chi2 for t in wanted), default=np.inf) < FAILED * self.cut.bench.observations:
+                break
         for trial in (*fits, *wanted):
             self._keep(trial)
         ranked = _worth_more(wanted, before)
@@ -101,11 +108,15 @@ class WindowSearch:
 
 
 def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
-    """Of some trials all that gain at least a share of what the best of them does, and the best few, unless one gains
-    nearly all there is; best first."""
+    """Of some trials all that gain at least a share of what the best of them does, or are hardly behind it, and the
+    best few, unless one gains nearly all there is; best first."""
     ranked = sorted(trials, key=lambda t: t.ebic)
     few = 1 if any(_nearly_all(t, before) for t in ranked) else FEW
-    return [t for i, t in enumerate(ranked) if i < few or before - t.ebic >= HOPELESS * (before - ranked[0].ebic)]
+    return [
+        t
+        for i, t in enumerate(ranked)
+        if i < few or before - t.ebic >= HOPELESS * (before - ranked[0].ebic) or t.ebic <= ranked[0].ebic + BESIDE
+    ]
 
 
 def _nearly_all(trial: Trial, before: float) -> bool:

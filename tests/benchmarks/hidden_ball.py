@@ -295,7 +295,8 @@ def _on_floor(ball: Ball, t: float, y: Array, times: Array, tolerance: float) ->
             force, normal, _ = _contact_loads(ball, t, np.concatenate([y[:3], np.zeros(3), y[6:10], [0, 0, y[12]]]))
             if float(np.linalg.norm(force)) * ball.radius <= ball.rolling * normal:
                 y[3:6], y[10:12] = 0.0, 0.0
-                return end, y, y[None, :].repeat(len(times), axis=0), True
+                rows = _on_its_spot(ball, t, y, times, tolerance)
+                return end, rows[-1], rows, True
 
     def rate(time: float, s: Array) -> Array:
         if rolls:
@@ -335,6 +336,24 @@ def _on_floor(ball: Ball, t: float, y: Array, times: Array, tolerance: float) ->
     elif len(walls) <= which < len(walls) + len(ball.patches):  # step over the edge, on the side it is heading for
         state[:2] += 1e-9 * state[3:5] / max(float(np.hypot(state[3], state[4])), 1e-9)
     return stop, state, samples, True
+
+
+def _on_its_spot(ball: Ball, t: float, y: Array, times: Array, tolerance: float) -> Array:
+    """States (T, 13) of a ball that has stopped rolling: nothing on the floor brakes its spin about the vertical."""
+
+    def rate(time: float, s: Array) -> Array:
+        _, _, torque = _contact_loads(ball, time, np.concatenate([y[:6], s[:4], [0.0, 0.0, s[4]]]))
+        return np.concatenate([_turning(s[:4], np.array([0.0, 0.0, s[4]])), [torque[2] / ball.inertia]])
+
+    begin = np.concatenate([y[6:10], [y[12]]])
+    found = solve_ivp(
+        rate, (t, float(times[-1])), begin, method="DOP853", rtol=tolerance, atol=tolerance, dense_output=True
+    )
+    rows = np.repeat(y[None], len(times), axis=0)
+    turned = found.sol(times).T
+    rows[:, 6:10] = turned[:, :4] / np.linalg.norm(turned[:, :4], axis=1, keepdims=True)
+    rows[:, 12] = turned[:, 4]
+    return rows
 
 
 def _floor_events(ball: Ball, start: Array, rolls: bool) -> Sequence[Callable[[float, Array], float]]:

@@ -116,6 +116,16 @@ def test_ball_rolling_uphill_comes_to_rest_where_energy_says() -> None:
     assert np.linalg.norm(path.velocities[-1]) < 1e-4
 
 
+def test_ball_that_has_stopped_rolling_spins_on_about_the_vertical() -> None:
+    roll = Launch((0.0, 0.0, 0.1), (0.1, 0.0, 0.0), (0.0, 1.0, 3.0))
+    path = fly(Ball(rolling=0.002), roll, TIMES)
+    assert np.linalg.norm(path.velocities[-1]) < 1e-4
+    late = len(TIMES) // 10
+    (a, *u), (b, *v) = path.orientations[-1 - late], path.orientations[-1]
+    between = 2.0 * math.acos(min(abs(a * b + float(np.dot(u, v))), 1.0))
+    assert between == pytest.approx(3.0 * (TIMES[-1] - TIMES[-1 - late]), rel=1e-6)
+
+
 def test_patch_acts_inside_its_edge_only() -> None:
     ball = Ball(friction=0.0, patches=(Patch(1.0, 0.0, 0.25, 0.2),))
     path = fly(ball, Launch((0.0, 0.0, 0.1), (4.0, 0.0, 0.0), (0.0, -50.0, 0.0)), TIMES)
