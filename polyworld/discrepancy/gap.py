@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
-from polyworld.discrepancy.verdict import Verdict, decide, one_of_each_name
+from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
 from polyworld.recording import Recording
 from polyworld.world import World
 
@@ -238,7 +238,7 @@ def _searched(
         search.settle(effects)
         search.twins(effects)
         search.finely(effects)
-    verdict = _beside_fewer(decide(search.ranked(effects), settings.search.credible), parents, settings.search.credible)
+    verdict = _decided(search, effects, parents)
     if verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         told = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
         verdict = decide(told, max(settings.search.credible, BESIDE))
@@ -257,18 +257,13 @@ def _searched(
     return _Searched(verdict, bench, ground, near_misses, _near(search))
 
 
-def _beside_fewer(verdict: Verdict, parents: Sequence[Trial], credible: float) -> Verdict:
-    """The verdict with hypotheses of fewer effects beside one that betters them by less than would decide: that they
-    fail the gate, and it does not, is then no evidence for a further effect by that name."""
-    best = verdict.best
-    if best is None or verdict.kind == "unexplained":
-        return verdict
-    fewer = [p for p in parents if 0 < len(p.hypothesis.parts) < len(best.hypothesis.parts)]
-    fitted = [best.bench.refit(p) for p in fewer]
-    near = tuple(t for t in fitted if t.ebic - best.ebic <= credible)
-    if not near:
-        return verdict
-    return replace(verdict, kind="ambiguous", credible=(*verdict.credible, *one_of_each_name(near)))
+def _decided(search: Search, effects: int, parents: Sequence[Trial]) -> Verdict:
+    """The verdict on hypotheses of so many effects, held against those of fewer that they were made of."""
+    found = decide(search.ranked(effects), search.settings.credible)
+    if found.best is None or found.kind == "unexplained":
+        return found
+    fewer = [p for p in parents if 0 < len(p.hypothesis.parts) < len(found.best.hypothesis.parts)]
+    return beside_fewer(found, [found.best.bench.refit(p) for p in fewer], search.settings.credible)
 
 
 def _finer(ground: Trial, substep: float) -> Trial:

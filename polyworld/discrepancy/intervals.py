@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 LEVEL = float(norm.isf(0.025))  # standard deviations of a two-sided 95% interval
 ROUNDS = 3
 FOLLOWED = 3  # steps of all else after an unknown that was moved
-STRETCH = (0.3, 3.0)  # of the parabola's half width, beyond which a correction is not believed
+STRETCH = (0.8, 3.0)  # of the parabola's half width, beyond which a correction is not believed
 
 
 def intervals95(bench: Bench, trial: Trial) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -61,6 +61,18 @@ def decide(trials: Sequence[Trial], credible: float) -> Verdict:
     beside = one_of_each_name(beside)
     kind: Kind = "identified" if len(beside) == 1 else "ambiguous"
     return Verdict(kind, best, tuple(beside), _runner_up(best, ranked))
+
+
+def beside_fewer(verdict: Verdict, fewer: Sequence[Trial], credible: float) -> Verdict:
+    """The verdict with trials of fewer effects beside a best one that betters their EBIC by less than would decide.
+
+    That they fail the gate, and it does not, is no evidence for a further effect by that very name.
+    """
+    best = verdict.best
+    near = [] if best is None else [t for t in fewer if t.ebic - best.ebic <= credible]
+    if not near:
+        return verdict
+    return replace(verdict, kind="ambiguous", credible=(*verdict.credible, *one_of_each_name(near)))
 
 
 def _could_pass(trial: Trial, ranked: Sequence[Trial]) -> bool:

@@ -11,7 +11,7 @@ from polyworld.discrepancy.criteria import extended_bic, held_out, held_out_gain
 from polyworld.discrepancy.descent import Linearised
 from polyworld.discrepancy.profile import Fit
 from polyworld.discrepancy.trial import Trial
-from polyworld.discrepancy.verdict import Verdict, decide
+from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
 
 
 @dataclass
@@ -140,3 +140,24 @@ def test_the_gain_has_the_standard_error_of_a_mean() -> None:
     assert gain.gain == pytest.approx(3.0)
     assert gain.error == pytest.approx(1.0 / np.sqrt(3.0))
     assert gain.beyond_error
+
+
+def pair(chi2: float) -> _Trial:
+    made = trial("drag", chi2, extra=3)
+    made.hypothesis.names = ("drag", "shift")
+    return made
+
+
+def test_a_further_effect_that_hardly_betters_a_failing_fit_is_not_decisive() -> None:
+    """Two more unknowns, and a name to choose, cost some 20: a fall of chi2 by 25 does not decide."""
+    alone = trial("drag", 1000.0, passes=False)
+    result = beside_fewer(verdict(pair(975.0)), cast(list[Trial], [alone]), 10.0)
+    assert result.kind == "ambiguous"
+    assert names(result) == [("drag", "shift"), ("drag",)]
+
+
+def test_a_further_effect_that_betters_the_fit_clearly_is_named() -> None:
+    alone = trial("drag", 1000.0, passes=False)
+    result = beside_fewer(verdict(pair(900.0)), cast(list[Trial], [alone]), 10.0)
+    assert result.kind == "identified"
+    assert names(result) == [("drag", "shift")]
