@@ -15,6 +15,7 @@ from polyworld.discrepancy.trial import Trial
 
 BESIDE = 40.0  # difference of EBIC within which laws of one course stand side by side
 PLAIN = 1  # unknowns of an effect that is tried as one of two
+FIRSTS = 6  # plain effects that a second one is added to
 ITERATIONS = 8
 
 
@@ -28,19 +29,18 @@ def rivals(search: Search, ground: Trial, best: Trial) -> list[Trial]:
     recording = best.bench.design.recording
     if len(best.hypothesis.parts) != 1 or best.hypothesis.extra < 2 * PLAIN:
         return []
+    horizons = profile.horizons_for(best.bench.design)
     states = profile.start_states(best.bench.design)
-    parents = []
-    for candidate in search.candidates:
-        for way in extended(ground.hypothesis, candidate, recording):
-            if way.extra == PLAIN:
-                parents.append(
-                    best.bench.fit(
-                        way,
-                        way.starts(ground.values)[0],
-                        states,
-                        horizons=profile.horizons_for(best.bench.design),
-                        iterations=ITERATIONS,
-                    )
-                )
-    search.add_effect(sorted(parents, key=lambda t: (t.ebic, t.hypothesis.title)))
+
+    def plain(onto: Trial) -> list[Trial]:
+        return [
+            best.bench.fit(way, way.starts(onto.values)[0], states, horizons=horizons, iterations=ITERATIONS)
+            for candidate in search.candidates
+            for way in extended(onto.hypothesis, candidate, recording)
+            if way.extra == onto.hypothesis.extra + PLAIN
+        ]
+
+    firsts = sorted(plain(ground), key=lambda t: (t.ebic, t.hypothesis.title))[:FIRSTS]
+    for pair in (p for first in firsts for p in plain(first)):
+        search.take(best.bench.refit(pair))
     return [t for t in search.ranked(2) if t.hypothesis.extra <= best.hypothesis.extra]

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy import profile
+from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, labels, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
-from polyworld.discrepancy.window_search import FEW, HOPELESS, ONWARD, WindowSearch
+from polyworld.discrepancy.window_search import HOPELESS, ONWARD, WindowSearch
 from polyworld.discrepancy.windows import windows
 
 Array = NDArray[np.float64]
@@ -34,6 +34,8 @@ WORTH = 0.2  # share of the best gain promised below which a further effect is n
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
+FEW = 1000.0  # measurements below which all that was offered is fitted beside the best
+MANY = 40  # of these at most
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
@@ -209,7 +211,7 @@ class Search:
             return
         hopeless = self.hopeless(len(ranked[0].hypothesis.parts))
         chosen: list[Trial] = []
-        for trial in ranked[: FEW if hopeless else None]:
+        for trial in ranked[: window_search.FEW if hopeless else None]:
             explained = any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen)
             if explained and trial.chi2 > BEHIND * ranked[0].chi2:
                 break
@@ -385,12 +387,18 @@ class Search:
             return
         alike = [t for t in self.on_windows.trials.values() if len(t.hypothesis.parts) == effects]
         level = min((t.ebic for t in alike), default=np.inf)
+        asked = [(t.hypothesis, t.values) for t in alike if t.ebic <= level + CLOSE]
+        if self.bench.observations < FEW:  # so few data tell little, and slopes at a wrong fit foretell even less
+            others = sorted((lead for _, lead in self.promised.values()), key=lambda lead: lead.chi2)
+            there = {identity(h) for h, _ in asked}
+            named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
+            asked += [(x.hypothesis, x.values) for x in named[:MANY]]
         horizons = profile.horizons_for(self.bench.design) if len(self.bench.design.world.objects) > 1 else (1.0,)
-        for trial in alike:
-            known = self.trials.get(identity(trial.hypothesis))
-            if trial.ebic > level + CLOSE or (known is not None and known.ebic <= best.ebic + self.settings.credible):
+        for hypothesis, values in asked:
+            known = self.trials.get(identity(hypothesis))
+            if known is not None and known.ebic <= best.ebic + self.settings.credible:
                 continue
-            again = self.bench.fit(trial.hypothesis, trial.values, best.fit.states, horizons=horizons)
+            again = self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
             self.tell("rival", again.figures())
             self.take(again)
 

@@ -10,11 +10,13 @@ from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
+from polyworld.discrepancy.gap import GapSettings, find_gap
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Trial
 from polyworld.recording import Recording
 from polyworld.world import World
+from tests.benchmarks.real_gap import drops
 from tests.real_data import ball_drop, clevrer_slides, cube_flight, needs, pendulum_swings
 
 
@@ -46,6 +48,18 @@ def test_dropped_balls_meet_the_air_with_less_drag_the_denser_they_are_for_their
     # As a fit of the same law with SciPy has it: 0.50 of the whiffle ball, 0.2 of the volleyball.
     assert told["drag_coefficient_whiffle_ball_1"] == pytest.approx(0.505, abs=0.02)
     assert told["drag_coefficient_volleyball"] == pytest.approx(0.18, abs=0.03)
+
+
+@needs("ball_drop")
+@pytest.mark.parametrize("ball", ["baseball", "whiffle_ball_1"])
+def test_one_drop_of_one_ball_gets_no_single_name(ball: str) -> None:
+    """Its height alone over time: drag, a tilted camera and a slow force all write that."""
+    drop = drops((ball,))
+    settings = GapSettings(null_control=False, experiment=False, residual_force=False)
+    report = find_gap(drop.world, drop.recording, base=drop.base, settings=settings)
+    assert report.verdict.kind == "ambiguous"
+    named = {name for trial in report.verdict.credible for name in trial.hypothesis.names}
+    assert len(named) > 3
 
 
 @needs("ball_drop")
