@@ -34,7 +34,7 @@ WORTH = 0.2  # share of the best gain promised below which a further effect is n
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
-FEW = 1000.0  # measurements below which all that was offered is fitted beside the best
+SCARCE = 1000.0  # measurements below which all that was offered is fitted beside the best
 MANY = 40  # of these at most
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
@@ -388,7 +388,7 @@ class Search:
         alike = [t for t in self.on_windows.trials.values() if len(t.hypothesis.parts) == effects]
         level = min((t.ebic for t in alike), default=np.inf)
         asked = [(t.hypothesis, t.values) for t in alike if t.ebic <= level + CLOSE]
-        if self.bench.observations < FEW:  # so few data tell little, and slopes at a wrong fit foretell even less
+        if self.bench.observations < SCARCE:  # so few data tell little, and slopes at a wrong fit foretell even less
             others = sorted((lead for _, lead in self.promised.values()), key=lambda lead: lead.chi2)
             there = {identity(h) for h, _ in asked}
             named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
