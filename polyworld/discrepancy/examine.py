@@ -37,8 +37,8 @@ def fitted_base(
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
     turned = profile.turned_over(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=ITERATIONS))
-    if trial.passes:
-        return trial
+    if trial.passes or profile.horizons_for(plan) == profile.FINE_HORIZONS:
+        return trial  # or it was fitted so already
     other = bench.fit(nothing, starts, states, horizons=profile.FINE_HORIZONS, iterations=ITERATIONS)
     return _better(trial, with_refined_noise(other))
 

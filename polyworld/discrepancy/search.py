@@ -228,7 +228,7 @@ class Search:
         start = search.cut.start(trial.fit)
         starts = [start.states]
         horizons: tuple[float, ...] = (1.0,)
-        if len(self.bench.design.world.objects) > 1:
+        if self._collide:
             starts.append(profile.start_states(self.bench.design))
             horizons = profile.horizons_for(self.bench.design)
         for states in starts:
@@ -357,27 +357,31 @@ class Search:
     def restart(self, effects: int) -> None:
         """Fit the leaders anew from the data's own starts, a little more of each run at a time: out of minima behind a
         bounce, and of rolling that is turns ahead."""
-        states = profile.start_states(self.bench.design)
         for trial in self.ranked(effects)[:RESTARTED]:
-            coarse = trial.hypothesis.stepped(self.bench.design.world.time.substep)
-            again = self.bench.fit(coarse, trial.values, states, horizons=profile.FINE_HORIZONS)
-            if again.chi2 < trial.chi2 - ALIKE_FIT:
-                self.tell("restart", again.figures())
-            self.take(again)
+            self._anew("restart", trial.hypothesis.stepped(self.bench.design.world.time.substep), trial)
 
     def settle(self, effects: int) -> None:
         """Where bodies collide, fit what may be told anew, collision by collision: a fit can pass the gate in a minimum
         next to the right one, with values that are several standard errors off."""
         best = self.best(effects)
-        if best is None or len(self.bench.design.world.objects) < 2:
+        if best is None or not self._collide:
             return
-        states = profile.start_states(self.bench.design)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.finalists]:
-            again = self.bench.fit(trial.hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
-            if again.chi2 < trial.chi2 - ALIKE_FIT:
-                self.tell("settled", again.figures())
-            self.take(again)
+            self._anew("settled", trial.hypothesis, trial)
+
+    def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial) -> None:
+        """Fit a hypothesis from a trial's values and the data's own starts, a little more of each run at a time."""
+        states = profile.start_states(self.bench.design)
+        again = self.bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
+        if again.chi2 < trial.chi2 - ALIKE_FIT:
+            self.tell(step, again.figures())
+        self.take(again)
+
+    @property
+    def _collide(self) -> bool:
+        """Whether bodies may collide: a small change then makes another motion."""
+        return len(self.bench.design.world.objects) > 1
 
     def rivals(self, effects: int) -> None:
         """Fit from the best's initial states what windows hardly tell from it, and whole runs seemed to: a fit that
@@ -393,7 +397,7 @@ class Search:
             there = {identity(h) for h, _ in asked}
             named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
             asked += [(x.hypothesis, x.values) for x in named[:MANY]]
-        horizons = profile.horizons_for(self.bench.design) if len(self.bench.design.world.objects) > 1 else (1.0,)
+        horizons = profile.horizons_for(self.bench.design) if self._collide else (1.0,)
         for hypothesis, values in asked:
             known = self.trials.get(identity(hypothesis))
             if known is not None and known.ebic <= best.ebic + self.settings.credible:

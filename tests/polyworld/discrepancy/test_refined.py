@@ -1,4 +1,4 @@
-"""Fits with steps as short as they have to be, on bounces whose instants long steps get wrong."""
+"""Fits with steps as short as they have to be, on flights through air that long steps get a little wrong."""
 
 import numpy as np
 
