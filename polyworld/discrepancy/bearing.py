@@ -9,6 +9,7 @@ from polyworld import geometry
 from polyworld.closest_approach import gap_to_statics
 from polyworld.recording import Run
 from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Sphere, TriangleMesh
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or t
 RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
 STEEP = 4.0  # standard errors of its slope above which a height changes
 CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch what bears it
+TOUCHING = 1e-9  # gap that counts as none [m]
+MOST_STEPS = 100
 
 
 def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
@@ -62,6 +65,39 @@ def may_be_borne(world: World, item: RigidObject, run: Run) -> bool:
     turns = run.orientations[:, run.names.index(item.name)]
     seen = turns[np.all(np.isfinite(turns), axis=-1)]
     return gap_to_statics(world, item.shape, place, seen[0] if len(seen) else np.asarray(item.orientation)) <= close
+
+
+def rest_place(world: World, item: RigidObject, run: Run, axis: int) -> float | None:
+    """Where along the axis that gravity is parallel to a ball lies that may be borne by what is fixed below it [m].
+
+    A place fitted to noise would let it fall from there, or throw it out of the floor, and it would hop. None where
+    this is no ball, nothing fixed is near below it, or gravity leans. Triangle meshes tell no distance.
+    """
+    gravity = np.asarray(world.environment.gravity, dtype=float)
+    meshes = any(isinstance(s.shape, TriangleMesh) for s in world.statics)
+    if not isinstance(item.shape, Sphere) or world.deformables or meshes:
+        return None
+    if np.count_nonzero(gravity) != 1 or not gravity[axis]:
+        return None
+    place, noise = _first_place(run, item)
+    close = noise + CLOSE * item.shape.radius
+    down = np.zeros(3)
+    down[axis] = np.sign(gravity[axis])
+    falls = [_fall(world.model_copy(update={"statics": (s,)}), item, place - close * down, down) for s in world.statics]
+    fall = min(falls, default=np.inf)
+    return float(place[axis] + (fall - close) * down[axis]) if fall <= 2.0 * close else None
+
+
+def _fall(world: World, item: RigidObject, place: Array, down: Array) -> float:
+    """How far a ball at a place (3,) falls until it touches; infinite where it touches something at once, as a wall
+    beside it, or nothing soon."""
+    fallen = 0.0
+    for _ in range(MOST_STEPS):  # never further than the gap, so never past anything
+        gap = gap_to_statics(world, item.shape, place + fallen * down, np.asarray(item.orientation))
+        if gap < TOUCHING:
+            return fallen if fallen > 0.0 else np.inf
+        fallen += gap
+    return np.inf
 
 
 def _first_place(run: Run, item: RigidObject) -> tuple[Array, float]:

@@ -116,11 +116,14 @@ def _best_for(plan: Design, noise: Noise, contenders: Sequence[Contender], name:
     run = plan.runs[0]
     interval = float(np.median(np.diff(run.run.times)))
     count = len(run.run.times)
+    times = np.arange(count, dtype=np.float64) * interval
+    # A fall, so that no body is taken for one at rest, which has fewer coordinates.
+    fall = 0.5 * np.asarray(plan.world.environment.gravity) * times[:, None] ** 2
     blank = Run(
         "trial",
         run.run.names,
-        np.arange(count, dtype=np.float64) * interval,
-        np.zeros((count, len(run.run.names), 3)),
+        times,
+        np.repeat(fall[:, None], len(run.run.names), axis=1),
         np.where(np.isfinite(run.run.orientations), run.run.orientations, np.nan),
         symmetry=run.run.symmetry,
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from polyworld.discrepancy.forward import Settings
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.trial import Bench, Trial
 
 Array = NDArray[np.float64]
@@ -17,6 +19,9 @@ LEVEL = float(norm.isf(0.025))  # standard deviations of a two-sided 95% interva
 ROUNDS = 3
 FOLLOWED = 3  # steps of all else after an unknown that was moved
 STRETCH = (0.8, 3.0)  # of the parabola's half width, beyond which a correction is not believed
+FLAT = 0.5  # of the growth expected at twice the distance, below which a side is looked at farther out
+FIRST = 0.1  # of a typical change, at which one begins where the fit tells nothing
+DOUBLED = 40  # times a distance is doubled at most
 
 
 def intervals95(bench: Bench, trial: Trial) -> Array:
@@ -24,7 +29,7 @@ def intervals95(bench: Bench, trial: Trial) -> Array:
 
     Profile likelihood (Venzon & Moolgavkar 1988, Applied Statistics 37, 87): each unknown is moved, the other unknowns
     and the initial states follow, in steps of Gauss and Newton with the slopes at the fit, and the ends lie where chi2
-    has grown by the square of 1.96. Infinite where the data say nothing.
+    has grown by the square of 1.96. The bound where the data say nothing, or nothing on one side.
     """
     unknowns = trial.hypothesis.unknowns
     count = len(unknowns)
@@ -38,22 +43,81 @@ def intervals95(bench: Bench, trial: Trial) -> Array:
     index = np.tile(np.arange(count), 2)
     side = np.repeat([-1.0, 1.0], count)
     reach = np.full(2 * count, LEVEL)
-    known = np.array([s < 100.0 * (b - a) for s, a, b in zip(sd, lower, upper, strict=True)])
+    known = np.array([s < b - a for s, a, b in zip(sd, lower, upper, strict=True)])
     for _ in range(ROUNDS):
         moved = trial.values + (side * reach)[:, None] * direction[:, index].T
         moved = np.clip(moved, lower, upper)
         grown = _profiled(bench, trial, moved, index) - trial.chi2
         stretch = LEVEL / np.sqrt(np.maximum(grown, 1e-12))
         wanted = reach * np.clip(stretch, 0.5, 2.0)
-        sound = np.isfinite(grown) & (grown > 0.0) & known[index]
+        sound = np.isfinite(grown) & known[index]
         reach = np.where(sound, np.clip(wanted, STRETCH[0] * LEVEL, STRETCH[1] * LEVEL), reach)
         if np.all(np.abs(stretch[sound] - 1.0) < 0.03):
             break
     ends = trial.values[index] + side * reach * sd[index]
+    moved = np.clip(trial.values + (2.0 * side * reach)[:, None] * direction[:, index].T, lower, upper)
+    twice = moved[np.arange(2 * count), index]
+    grown = _profiled(bench, trial, moved, index) - trial.chi2
+    typical = np.array([u.typical for u in unknowns])[index]
+    ends = np.where(known[index], ends, trial.values[index] + FIRST * side * typical)
+    flat = (lower[index] < twice) & (twice < upper[index]) & (grown < FLAT * (2.0 * LEVEL) ** 2)
+    for k in np.flatnonzero(flat | ~known[index]):
+        ends[k] = _far_end(bench, trial, int(index[k]), float(ends[k]))
     result = np.stack([ends[:count], ends[count:]], axis=1)
-    result[~known] = np.array([-np.inf, np.inf])
     clipped: Array = np.clip(result, lower[:, None], upper[:, None])
     return clipped
+
+
+def _far_end(bench: Bench, trial: Trial, index: int, end: float) -> float:
+    """Where chi2 has grown by the square of 1.96 on a side on which it grows less and less: a grip that is enough to
+    stop all sliding tells of no greater one. All else is fitted anew at doubled distances; the bound where none will
+    do, and the end as it was where the first one does."""
+    unknown = trial.hypothesis.unknowns[index]
+    far, states = end, trial.fit.states
+    for _ in range(DOUBLED):
+        farther = trial.values[index] + 2.0 * (far - trial.values[index])
+        if not unknown.lower < farther < unknown.upper:
+            return unknown.upper if farther > trial.values[index] else unknown.lower
+        there = tuple(
+            replace(u, lower=farther, upper=farther) if i == index else u
+            for i, u in enumerate(trial.hypothesis.unknowns)
+        )
+        values = trial.values.copy()
+        values[index] = farther
+        forward = Forward(bench.design, trial.hypothesis.world, there)
+        fit = profile.fit(forward, bench.noise, values, states, iterations=FOLLOWED)
+        if not fit.chi2 < trial.chi2 + LEVEL**2:
+            return far if far == end else farther
+        far, states = farther, fit.states
+    return far
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """Shared values (K, S) and initial states[run] (K, N) after one unknown was moved.
+
+    What is left: chi2 (K,), infinite where a rollout diverges, and whitened residuals[run] (K, m), there 0.
+    """
+
+    values: Array
+    states: Sequence[Array]
+    chi2: Array
+    residuals: Sequence[Array]
+
+    def or_better(self, other: _Followed) -> _Followed:
+        """Of both the better, one by one."""
+        better = other.chi2 < self.chi2
+
+        def merged(new: Array, old: Array) -> Array:
+            chosen: Array = np.where(better[:, None], new, old)
+            return chosen
+
+        return _Followed(
+            merged(other.values, self.values),
+            [merged(new, old) for new, old in zip(other.states, self.states, strict=True)],
+            np.where(better, other.chi2, self.chi2),
+            [merged(new, old) for new, old in zip(other.residuals, self.residuals, strict=True)],
+        )
 
 
 def _profiled(bench: Bench, trial: Trial, moved: Array, index: NDArray[np.int64]) -> Array:
@@ -61,38 +125,37 @@ def _profiled(bench: Bench, trial: Trial, moved: Array, index: NDArray[np.int64]
     lower = np.array([u.lower for u in trial.hypothesis.unknowns])
     upper = np.array([u.upper for u in trial.hypothesis.unknowns])
     ground, slopes = trial.ground, trial.fit.linear.a
-    values = moved
+    count = len(moved)
     states = [
-        s + (values - trial.values) @ (answer @ a).T
+        s + (moved - trial.values) @ (answer @ a).T
         for s, answer, a in zip(trial.fit.states, ground.answers, slopes, strict=True)
     ]
-    least, residuals = _whitened(bench, trial, values, states)
-    information = sum((a.T @ a for a in ground.slopes), np.zeros((values.shape[1],) * 2))
+    # Beyond a kink, as where a grip suffices, all else stays as it is rather than following the slopes.
+    alone = np.repeat(trial.values[None], count, axis=0)
+    alone[np.arange(count), index] = moved[np.arange(count), index]
+    as_they_are = [np.repeat(s[None], count, axis=0) for s in trial.fit.states]
+    at = _followed(bench, trial, moved, states).or_better(_followed(bench, trial, alone, as_they_are))
+    information = sum((a.T @ a for a in ground.slopes), np.zeros((moved.shape[1],) * 2))
     for _ in range(FOLLOWED):
-        gradient = sum((r @ a for r, a in zip(residuals, ground.slopes, strict=True)), np.zeros_like(values))
-        step = np.zeros_like(values)
+        gradient = sum((r @ a for r, a in zip(at.residuals, ground.slopes, strict=True)), np.zeros_like(moved))
+        step = np.zeros_like(moved)
         for k, fixed in enumerate(index):
-            others = np.arange(values.shape[1]) != fixed
+            others = np.arange(moved.shape[1]) != fixed
             inverse = np.linalg.pinv(information[np.ix_(others, others)], rcond=1e-10, hermitian=True)
             step[k, others] = -inverse @ gradient[k, others]
-        to = np.clip(values + step, lower, upper)
+        to = np.clip(at.values + step, lower, upper)
         there = [
-            s + (r + (to - values) @ a.T) @ answer.T
-            for s, r, a, answer in zip(states, residuals, slopes, ground.answers, strict=True)
+            s + (r + (to - at.values) @ a.T) @ answer.T
+            for s, r, a, answer in zip(at.states, at.residuals, slopes, ground.answers, strict=True)
         ]
-        chi2, found = _whitened(bench, trial, to, there)
-        better = chi2 < least
-        least = np.where(better, chi2, least)
-        values = np.where(better[:, None], to, values)
-        states = [np.where(better[:, None], new, old) for new, old in zip(there, states, strict=True)]
-        residuals = [np.where(better[:, None], new, old) for new, old in zip(found, residuals, strict=True)]
-        if not better.any():
+        onward = at.or_better(_followed(bench, trial, to, there))
+        if not (onward.chi2 < at.chi2).any():
             break
-    return least
+        at = onward
+    return at.chi2
 
 
-def _whitened(bench: Bench, trial: Trial, values: Array, states: Sequence[Array]) -> tuple[Array, list[Array]]:
-    """chi2 (K,), infinite where a rollout diverges, and whitened residuals[run] (K, m), there 0."""
+def _followed(bench: Bench, trial: Trial, values: Array, states: Sequence[Array]) -> _Followed:
     settings = [Settings(r.index, values, states[r.index]) for r in bench.design.runs]
     total = np.zeros(len(values))
     found = []
@@ -101,4 +164,4 @@ def _whitened(bench: Bench, trial: Trial, values: Array, states: Sequence[Array]
         sound = np.all(np.isfinite(white), axis=1)
         found.append(np.where(sound[:, None], white, 0.0))
         total += np.where(sound, (found[-1] ** 2).sum(axis=1), np.inf)
-    return total, found
+    return _Followed(values, states, total, found)

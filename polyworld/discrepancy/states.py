@@ -6,14 +6,15 @@ that is fixed to the world has one angle and one rate: its position and velocity
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.discrepancy.bearing import is_borne, keeps_height, may_be_borne
+from polyworld.discrepancy.bearing import is_borne, keeps_height, may_be_borne, rest_place
 from polyworld.recording import Run
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.joint import Hinge
@@ -39,7 +40,8 @@ class StateCoordinates:
     pivot, axis (3,): of the hinge; arm (3,): from the pivot to the object's centre in the world's description.
     spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
     reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
-    samples, in case a body hits something right after the start.
+    samples, in case a body hits something right after the start. at_rest: components of the position that are known,
+    of a ball that lies on something.
     """
 
     name: str
@@ -53,11 +55,14 @@ class StateCoordinates:
     spread: Array
     reach: Array
     hasty: Array
+    at_rest: Mapping[str, float] = field(default_factory=dict)
 
     def overrides(self, values: Array) -> dict[str, Array]:
         """Parameter path -> values (k,) for coordinates (k, N)."""
         if self.kind == "free":
-            return {f"objects.{self.name}.{label}": values[:, i] for i, label in enumerate(self.labels)}
+            known = {label: np.full(len(values), v) for label, v in self.at_rest.items()}
+            found = {label: values[:, i] for i, label in enumerate(self.labels)}
+            return {f"objects.{self.name}.{label}": v for label, v in (known | found).items()}
         angle, rate = values[:, 0], values[:, 1]
         turn = angle[:, None] * self.axis
         rotation = geometry.quaternion_matrix(geometry.rotation_quaternion(turn))
@@ -70,8 +75,8 @@ class StateCoordinates:
             "angular_velocity": spin,
         }
         return {
-            f"objects.{self.name}.{field}.{axis}": vector[:, i]
-            for field, vector in vectors.items()
+            f"objects.{self.name}.{name}.{axis}": vector[:, i]
+            for name, vector in vectors.items()
             for i, axis in enumerate("xyz")
         }
 
@@ -105,6 +110,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     start: list[float] = []
     typical: list[float] = []
     reach: dict[str, float] = {}
+    at_rest: dict[str, float] = {}
     planar = item.representation == "rigid_planar"
     normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
     gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
@@ -118,6 +124,10 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         fall = float(gravity[axis])
         level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
         if level and may_be_borne(world, item, run):
+            known = rest_place(world, item, run, axis)
+            if known is not None:
+                at_rest[f"position.{letter}"] = known
+                continue
             labels.append(f"position.{letter}")
             start.append(float(np.mean(values[rows][:EARLY])))
             typical.append(LENGTH)
@@ -161,6 +171,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         spread,
         np.array([reach.get(label, 0.0) for label in labels]),
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
+        at_rest,
     )
 
 

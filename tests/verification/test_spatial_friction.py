@@ -117,6 +117,28 @@ def test_rolling_resistance_slows_a_rolling_body(shape: Sphere | Capsule) -> Non
     assert np.abs(held.positions[0] - held.positions[0, 0]).max() < 1e-6
 
 
+@pytest.mark.parametrize("spin", [21.0, 21.02, 21.04, 21.06])
+def test_rolling_resistance_of_a_spin_that_friction_reverses(spin: float) -> None:
+    """A ball thrown with backspin: both moments brake the spin, then the resistance alone opposes it.
+
+    The spin passes zero at different parts of a step; a step that left it there would lose 0.03 rad/s.
+    """
+    b, r, mu = 0.006, 0.1, 0.12
+    fields = {"friction": mu, "rolling_resistance": b}
+    out = run(
+        make_world(
+            body("b", Sphere(radius=r), (0, 0, r), velocity=(-2.5, 0, 0), angular_velocity=(0, spin, 0), **fields)
+        ),
+        0.7,
+    )
+    driven, braked = mu * GRAVITY / (0.4 * r), b * GRAVITY / (0.4 * r**2)
+    turn = spin / (driven + braked)
+    t = out.times[0]
+    expected = np.where(t < turn, spin - (driven + braked) * t, -(driven - braked) * (t - turn))
+    away = np.abs(t - turn) > 0.003
+    assert np.abs(out.angular_velocities[0, :, 0, 1] - expected)[away].max() < 1e-3
+
+
 def test_torsional_friction_stops_a_spinning_ball() -> None:
     """M = mu N r: the spin falls by mu g r m / I every second and stays at zero."""
     mu, patch, radius = 0.5, 0.01, 0.1

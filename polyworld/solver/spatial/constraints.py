@@ -18,6 +18,8 @@ CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts
 OVERLAP_SWEEPS = 3
 OVERLAP_SHARE = wp.float64(0.05)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
+NEAR_REST = wp.float64(4.0)  # times what it may change by in a step, below which a velocity may turn round
+BRAKE_PART = wp.float64(1.0 / 32.0)  # of a step, in which it then turns round
 NO_TARGET = wp.float64(-1.0e30)  # a normal velocity that is always reached
 ROWS = 6  # normal, two tangents, spin, two of rolling
 
@@ -63,6 +65,9 @@ def build_rows(state: State, w: int, half: int, lock: wp.vec3d) -> None:
             if m.rolling > wp.float64(0.0):
                 state.rows[w, r + 4] = make_row(wp.vec3d(), m.t1, m.t1, ia, ib, masses, lock)
                 state.rows[w, r + 5] = make_row(wp.vec3d(), m.t2, m.t2, ia, ib, masses, lock)
+                state.contacts[w, c].turning = wp.vec2d(
+                    velocity_along(state, w, m.a, m.b, r + 4), velocity_along(state, w, m.a, m.b, r + 5)
+                )
                 state.contacts[w, c].coupling_rolling = wp.dot(m.t1, state.rows[w, r + 5].wa) + wp.dot(
                     m.t1, state.rows[w, r + 5].wb
                 )
@@ -101,6 +106,54 @@ def solve_disc(
     push(state, w, a, b, r, sx - x)
     push(state, w, a, b, r + 1, sy - y)
     return wp.max(wp.abs(sx - x) * kx, wp.abs(sy - y) * ky)
+
+
+@wp.func
+def brake(
+    before: wp.vec2d, free: wp.vec2d, kx: wp.float64, ky: wp.float64, coupling: wp.float64, bound: wp.float64
+) -> wp.vec2d:
+    """The impulse of a brake of constant strength over a step, at most `bound`, on a velocity that would change evenly
+    from `before` to `free`; kx, ky, coupling: velocity per impulse.
+
+    The brake opposes the velocity as it is at the middle of the step; where this nearly stops or turns round, at each
+    of several parts of the step.
+    """
+    change = free - before
+    if wp.length(before) > NEAR_REST * (wp.length(change) + bound * wp.max(kx, ky)):
+        return -bound * wp.normalize(before + change * wp.float64(0.5))
+    det = kx * ky - coupling * coupling
+    v = before
+    most = bound * BRAKE_PART
+    total = wp.vec2d()
+    for _part in range(32):
+        v += change * BRAKE_PART
+        stop = wp.vec2d((coupling * v[1] - ky * v[0]) / det, (coupling * v[0] - kx * v[1]) / det)
+        if wp.length(stop) <= most:
+            total += stop
+            v = wp.vec2d()
+        else:
+            impulse = -most * wp.normalize(v)
+            total += impulse
+            v += wp.vec2d(kx * impulse[0] + coupling * impulse[1], ky * impulse[1] + coupling * impulse[0])
+    return total
+
+
+@wp.func
+def solve_rolling(
+    state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, before: wp.vec2d
+) -> wp.float64:
+    """Brake the two-dimensional angular velocity of rows r, r + 1, which was `before` at the start of the step, with an
+    impulse of at most `bound`. Returns the velocity changed."""
+    x = state.rows[w, r].impulse
+    y = state.rows[w, r + 1].impulse
+    kx = state.rows[w, r].k
+    ky = state.rows[w, r + 1].k
+    vx = velocity_along(state, w, a, b, r) - kx * x - coupling * y
+    vy = velocity_along(state, w, a, b, r + 1) - ky * y - coupling * x
+    impulse = brake(before, wp.vec2d(vx, vy), kx, ky, coupling, bound)
+    push(state, w, a, b, r, impulse[0] - x)
+    push(state, w, a, b, r + 1, impulse[1] - y)
+    return wp.max(wp.abs(impulse[0] - x) * kx, wp.abs(impulse[1] - y) * ky)
 
 
 @wp.func
@@ -258,7 +311,11 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
                         worst = wp.max(worst, wp.abs(wanted - spin) * state.rows[w, r + 3].k * torsion)
                     if rolling > wp.float64(0.0):
                         coupling = state.contacts[w, c].coupling_rolling
-                        changed = solve_disc(state, w, a, b, r + 4, coupling, rolling * normal, wp.vec2d())
+                        bound = rolling * normal
+                        turning = state.contacts[w, c].turning
+                        if h <= wp.float64(0.0):
+                            turning = wp.vec2d()
+                        changed = solve_rolling(state, w, a, b, r + 4, coupling, bound, turning)
                         worst = wp.max(worst, changed * rolling)
             worst = wp.max(worst, hold(joints, state, w, h, last - first))
             if worst < converged:

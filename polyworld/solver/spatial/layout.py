@@ -143,6 +143,7 @@ class Contact:
     grip: wp.float64  # tangential impulse allowed whatever Coulomb's limit
     coupling: wp.float64  # off-diagonal of the tangential effective mass
     coupling_rolling: wp.float64
+    turning: wp.vec2d  # relative angular velocity along the tangents at the start of the step
     force_n: wp.float64
     force_t: wp.vec3d
     force_spin: wp.float64

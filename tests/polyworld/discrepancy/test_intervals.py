@@ -1,4 +1,4 @@
-"""Intervals of unknowns where the initial states follow on a curve: discs that collide."""
+"""Intervals of unknowns where chi2 is no parabola: discs that collide, a ball that grips the floor."""
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from polyworld.discrepancy.trial import Bench
 from polyworld.parameters import with_parameters
 from polyworld.recording import Recording, Run
 from polyworld.world import World
+from tests.benchmarks.hidden_ball import Ball, Launch, fly
 from tests.benchmarks.hidden_cases import Case
 from tests.benchmarks.hidden_disc_cases import draw_discs
 
@@ -47,3 +48,36 @@ def test_an_interval_ends_where_the_best_fit_with_that_value_is_worse_by_its_lev
         fixed = Forward(plan, told, ())
         worse = profile.fit(fixed, bench.noise, np.zeros(0), trial.fit.states)
         assert worse.chi2 - trial.chi2 == pytest.approx(LEVEL**2, rel=0.15)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1])
+def test_a_grip_that_was_enough_tells_of_no_greater_one(start: float) -> None:
+    """A ball that bounces at 1 m/s sideways leaves the floor rolling if mu > 2 v / (7 (1 + e) u), here 0.04.
+
+    The data hold no upper bound: chi2 is steep below 0.04 and level above.
+    """
+    restitution, drop, sideways, true = 0.8, 0.5, 1.0, 0.5
+    enough = 2.0 * sideways / (7.0 * (1.0 + restitution) * np.sqrt(2.0 * 9.81 * drop))
+    times = np.arange(90) / 120.0
+    rng = np.random.default_rng(2)
+    runs = []
+    for k in range(3):
+        launch = Launch((0.0, 0.0, 0.1 + drop), (sideways * np.cos(k), sideways * np.sin(k), 0.0))
+        path = fly(Ball(friction=true, restitution=lambda _: restitution), launch, times)
+        places = path.positions + rng.normal(0.0, 0.001, path.positions.shape)
+        runs.append(Run(f"run {k}", ("ball",), times, places[:, None], np.full((len(times), 1, 4), np.nan)))
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "mass": 0.5, "position": [0, 0, 0.6]}
+    world = World.model_validate(
+        {
+            "objects": [ball | {"friction": 0.02, "restitution": restitution}],
+            "statics": [{"name": "floor", "shape": {"kind": "plane"}}],
+        }
+    )
+    data = Recording(tuple(runs))
+    plan = design(coarsened(world, data), data)
+    bench = Bench(plan, measured_noise(plan), 1)
+    (hypothesis,) = extended(Hypothesis(plan.world, ()), catalogue()["friction_error"], data)
+    trial = bench.fit(hypothesis, np.array([start]), profile.start_states(plan))
+    ((low, high),) = intervals95(bench, bench.refit(trial))
+    assert high == hypothesis.unknowns[0].upper
+    assert 0.25 * enough < low < enough * 1.02
