@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -89,6 +90,10 @@ class RunDesign:
         """Names (N,) of the coordinates, for readers."""
         return tuple(f"{s.name}.{label}" for s in self.states for label in s.labels)
 
+    def counted(self, index: int) -> RunDesign:
+        """The same as run number `index`."""
+        return replace(self, index=index, series=tuple(replace(s, run=index) for s in self.series))
+
     @cached_property
     def layout(self) -> tuple[object, ...]:
         """What runs have in common whose residual vectors are laid out alike."""
@@ -138,6 +143,11 @@ class Design:
     def nuisances(self) -> int:
         """Number of initial-state coordinates in all."""
         return sum(r.count for r in self.runs)
+
+    def only(self, chosen: Sequence[int]) -> Design:
+        """The design of some of the runs, which are counted anew."""
+        runs = tuple(self.runs[k].counted(i) for i, k in enumerate(chosen))
+        return Design(self.world, Recording(tuple(r.run for r in runs)), runs)
 
     @property
     def series(self) -> tuple[Series, ...]:

@@ -7,7 +7,7 @@ dt is exp(-dt / tau). tau is shared by all positions, and by all rotations; leve
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -92,6 +92,16 @@ class Noise:
     def outlier_share(self) -> float:
         """Share of the components that were set aside."""
         return 1.0 - self.count / max(sum(len(k) for k in self.kept), 1)
+
+    def only(self, chosen: Sequence[int]) -> Noise:
+        """The noise of some of the runs, which are counted anew."""
+        return replace(
+            self,
+            sigma=tuple(self.sigma[k] for k in chosen),
+            kept=tuple(self.kept[k] for k in chosen),
+            previous=tuple(self.previous[k] for k in chosen),
+            rho=tuple(self.rho[k] for k in chosen),
+        )
 
     def whiten(self, run: int, values: Array) -> Array:
         """Residuals or derivatives (..., m) in units in which the noise is white with unit variance.

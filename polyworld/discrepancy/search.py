@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
+from polyworld.discrepancy.mending import mended
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, labels, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
@@ -236,7 +237,7 @@ class Search:
                 trial.hypothesis, start.values, states, horizons=horizons, iterations=FIRST_ITERATIONS
             )
             self.tell("first fit", whole.figures())
-            best = self.take(whole)
+            best = self.take(whole if whole.chi2 < EXPLAINED * self.bench.observations else mended(whole))
             if best.chi2 < EXPLAINED * self.bench.observations:
                 break
         return best
@@ -415,6 +416,8 @@ class Search:
         if best is None or told is None:
             return
         level, own = told
+        if own.chi2 > (1.0 - ALIKE) * level:
+            return  # nothing was foretold of it, as of much else
         states = profile.start_states(self.bench.design)
         for key, (before, lead) in list(self.promised.items()):
             known = self.trials.get(key)

@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 
 from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.mending import mended
 from polyworld.discrepancy.promises import identity, in_turn, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.windows import Windows
+from polyworld.discrepancy.zoom import closer
 
 ITERATIONS = 3  # of every contender, and once more of those worth it
 HOPELESS = 0.5  # share of the leader's gain below which a contender is left after its first iterations
 LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
 FAILED = 2.0  # chi2 per measurement, at a fit that has converged, that no better start mends
+SETTLED = 1.05  # chi2 per measurement above which effects with a place are looked for in closer places
+CLOSER, TRIED = 6, 2  # iterations from each of so many of these
 PATIENCE = 3  # times as many contenders are tried where the first explain nothing: slopes can foretell too little
 BESIDE = 10.0  # EBIC behind the best within which a contender is kept, however little there is to gain
 FEW = 3  # contenders that are fitted on, however little they gain
@@ -50,7 +54,8 @@ class WindowSearch:
                 self.trials[key] = self.cut.ground(parent.hypothesis, parent.values)
             ground = self.trials[key]
             found = leads(self.cut.bench, ground, [h for h in more(ground) if self.cut.holds(h)], self.starts)
-            self._led[key] = [(ground, lead) for lead in found]
+            found = [self.cut.seen(ground, x) if _stands(x.hypothesis) else x for x in found]
+            self._led[key] = [(ground, lead) for lead in sorted(found, key=lambda lead: lead.chi2)]
         return self._led[key]
 
     def fitted(self, found: Sequence[tuple[Trial, Lead]], most: int, known: Collection[tuple[str, ...]]) -> list[Trial]:
@@ -72,14 +77,30 @@ class WindowSearch:
             for key in chosen:
                 if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
                     hypothesis, at = self.cut.nearest(ways[key])
-                    fits.append(self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS))
-            wanted = [self.cut.bench.refit(t, iterations=ITERATIONS) for t in _worth_more(fits, before)]
+                    trial = self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
+                    leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
+                    fits.append(mended(trial) if leads_so_far else trial)
+            wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
+            if min((t.chi2 for t in wanted), default=np.inf) > SETTLED * self.cut.bench.observations:
+                wanted = [self._closer(t, ways[identity(t.hypothesis)]) for t in wanted]
             if min((t.chi2 for t in wanted), default=np.inf) < FAILED * self.cut.bench.observations:
                 break
         for trial in (*fits, *wanted):
             self._keep(trial)
         ranked = _worth_more(wanted, before)
         return self._to_the_end(ranked) if ranked else []
+
+    def _closer(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
+        """A trial, or a better one from closer starts where the effect has a place or a rhythm."""
+        if not trial.hypothesis.parts[-1].variant.idle:
+            return trial
+        ground = ways[0][0]
+        own = [lead for parent, lead in ways if parent is ground]
+        found = closer(self.cut.bench, ground, trial.hypothesis, own)
+        tried = [
+            self.cut.bench.fit(x.hypothesis, x.values, ground.fit.states, iterations=CLOSER) for x in found[:TRIED]
+        ]
+        return min([trial, *tried], key=lambda t: t.chi2)
 
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
@@ -93,7 +114,7 @@ class WindowSearch:
             level = min((t.chi2 for t in done), default=np.inf) / self.cut.bench.observations
             if level < FAILED or len(done) == FEW:
                 break
-            onward = self.cut.bench.refit(trial)
+            onward = mended(self.cut.bench.refit(trial))
             settled = settled and (onward.fit.converged or onward.chi2 > (1.0 - ONWARD) * trial.chi2)
             self._keep(onward)
             done.append(onward)
@@ -105,6 +126,11 @@ class WindowSearch:
     def _keep(self, trial: Trial) -> None:
         self.trials[identity(trial.hypothesis)] = trial
         self.tell("windows", trial.figures())
+
+
+def _stands(hypothesis: Hypothesis) -> bool:
+    """Whether the last effect is something that stands in the way."""
+    return hypothesis.parts[-1].candidate.group == "structure"
 
 
 def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:

@@ -61,6 +61,15 @@ class Windows:
     def nearest(self, ways: Sequence[tuple[Trial, Lead]]) -> tuple[Hypothesis, Start]:
         """Of leads to one hypothesis, as the score test foretells or not yet moved, the one nearest to the data: with
         the parent's states, or in each window where that is nearer, those that the data's first samples tell."""
+        _, hypothesis, start = self._nearest(ways)
+        return hypothesis, start
+
+    def seen(self, parent: Trial, lead: Lead) -> Lead:
+        """A lead with the chi2 that it has there, if that is less than what the slope foretells: of a wall that the
+        path has not come to, no slope tells."""
+        return replace(lead, chi2=min(lead.chi2, self._nearest([(parent, lead)])[0]))
+
+    def _nearest(self, ways: Sequence[tuple[Trial, Lead]]) -> tuple[float, Hypothesis, Start]:
         data = profile.start_states(self.bench.design)
         found: list[tuple[float, Hypothesis, Start]] = []
         for parent, lead in ways:
@@ -69,8 +78,7 @@ class Windows:
                 costs = self.bench.run_costs(lead.hypothesis, [Start(values, states) for states in both])
                 states = tuple(both[k][i] for i, k in enumerate(np.argmin(costs, axis=0)))
                 found.append((float(costs.min(axis=0).sum()), lead.hypothesis, Start(values, states)))
-        _, hypothesis, start = min(found, key=lambda f: f[0])
-        return hypothesis, start
+        return min(found, key=lambda f: f[0])
 
     def start(self, fit: profile.Fit) -> Start:
         """Where a fit to whole runs begins: the windows' shared values, and the states of the first windows."""

@@ -25,7 +25,7 @@ def contact_laws(kinds: NDArray[np.int32]) -> int:
 
 
 @wp.func
-def _same_friction(_kind: int, _p: Vec8, mu: wp.float64, _x: wp.vec3d) -> wp.float64:
+def _same_friction(_kind: int, _p: Vec8, mu: wp.float64, _x: wp.vec3d, _way: wp.vec3d) -> wp.float64:
     return mu
 
 
@@ -43,10 +43,10 @@ def _with_friction(others: Any, law: EffectLaw) -> Any:
     friction, index = law.friction, KIND_INDEX[law.kind]
 
     @wp.func
-    def apply(kind: int, p: Vec8, mu: wp.float64, x: wp.vec3d) -> wp.float64:
+    def apply(kind: int, p: Vec8, mu: wp.float64, x: wp.vec3d, way: wp.vec3d) -> wp.float64:
         if kind == index:
-            return friction(p, mu, x)
-        return others(kind, p, mu, x)
+            return friction(p, mu, x, way)
+        return others(kind, p, mu, x, way)
 
     return apply
 
@@ -110,8 +110,10 @@ def contact_friction(
     b: int,
     mu: wp.float64,
     x: wp.vec3d,
+    way: wp.vec3d,
 ) -> wp.float64:
-    """Coulomb coefficient of a contact of a and b at x (world axes) that would be mu without effects.
+    """Coulomb coefficient of a contact of a and b at x (world axes) that would be mu without effects: mean over the way
+    that it goes in a step, with its middle at x.
 
     kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `polyworld.solver.arrays.RigidArrays`; a is an object, b
     an object, a static (from n on) or the supporting plane (-1).
@@ -119,7 +121,7 @@ def contact_friction(
     coefficient = mu
     for e in range(kinds.shape[0]):
         if _acts_on(acts, e, a, b):
-            coefficient = _friction(kinds[e], _values(parameters, world, e), coefficient, x)
+            coefficient = _friction(kinds[e], _values(parameters, world, e), coefficient, x, way)
     return coefficient
 
 

@@ -23,7 +23,6 @@ from tests.benchmarks.hidden_strength import flights, hidden_world
 # Effects whose law the engine keeps under another name, or in the base world's own numbers.
 KINDS = {"tilt": "uniform_acceleration"}
 EXACT = 1e-3  # [m]; the engine steps by 2 ms, the generator from event to event
-LOOSE = {"friction_patch": 0.03}  # the engine's patch has an edge a tenth of its radius wide
 
 
 def told_world(hidden: Hidden) -> dict[str, Any]:
@@ -67,7 +66,7 @@ def test_engine_moves_as_the_generator_does(name: str) -> None:
         world = World.model_validate(told | {"objects": [told["objects"][0] | start]})
         moved = simulator(world, hidden.design.stamps).run().positions[0, :, 0]
         worst.append(float(np.linalg.norm(moved - motion.positions, axis=1).max()))
-    assert max(worst) < LOOSE.get(name, EXACT), worst
+    assert max(worst) < EXACT, worst
 
 
 @pytest.mark.parametrize("name", ["", "tilt", "linear_drag", "coriolis", "friction_error", "spring"])

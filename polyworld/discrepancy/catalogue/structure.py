@@ -20,9 +20,10 @@ from polyworld.world import StaticObject, World
 Array = NDArray[np.float64]
 
 MOST_STARTS = 6
+MOST_HITS = 6  # the sharpest
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
 SKEW = 0.15  # error of a wall's direction that noise may make [rad]
-SAME_WALL = 0.3  # angle [rad] within which kinks belong to one wall
+SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
 HEAVIEST = 20.0  # times the mass of what struck it
 
 
@@ -92,7 +93,11 @@ def _turn(normal: Array, axis: int, turning: int) -> float:
 
 
 def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tuple[Array, float]]:
-    """Upright planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the plainest first."""
+    """Upright planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the surest first.
+
+    Two hits tell where a wall runs. One tells only a place of it: friction bends the jump away from the normal, by an
+    angle up to that of the friction cone.
+    """
     points, radii = [], []
     for track in tracks(world, recording):
         seen = np.all(np.isfinite(track.places[:, flat]), axis=1)
@@ -100,13 +105,7 @@ def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tupl
         radii.append(np.full(int(seen.sum()), reach(world, world.object(track.name)) - 4.0 * track.noise))
     everywhere, radius = np.concatenate(points), np.concatenate(radii)
     found: list[tuple[Array, float]] = []
-    for kink in kinks(world, recording):
-        jump = np.zeros(3)
-        jump[flat] = kink.jump[flat]
-        size = float(np.linalg.norm(jump))
-        if size < 0.7 * float(np.linalg.norm(kink.jump)):
-            continue  # up or down: that is no upright wall
-        normal = jump / size
+    for normal, kink in _faces(world, [k for k in kinks(world, recording) if _level(k, flat)][:MOST_HITS], flat):
         if kink.before @ normal > 0.0:
             continue  # it was pushed on, not turned back
         own = reach(world, world.object(kink.name))
@@ -117,11 +116,43 @@ def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tupl
         slack = BEYOND * own + SKEW * along
         if np.any(everywhere @ normal - radius < touched - slack):
             continue
-        if any(n @ normal > np.cos(SAME_WALL) and abs(o - touched) < own for n, o in found):
+        if any(n @ normal > np.cos(SAME_FACE) and abs(o - touched) < SAME_FACE * own for n, o in found):
             continue
         found.append((normal, touched))
         if len(found) == MOST_STARTS:
             break
+    return found
+
+
+def _level(kink: Kink, flat: Sequence[int]) -> bool:
+    """Whether a jump is not up or down, as an upright wall's cannot be."""
+    return float(np.linalg.norm(kink.jump[flat])) >= 0.7 * float(np.linalg.norm(kink.jump))
+
+
+def _faces(world: World, hits: Sequence[Kink], flat: Sequence[int]) -> list[tuple[Array, Kink]]:
+    """Normals (3,) that walls may have, and a hit that tells where each stands: through two hits, the farthest apart
+    first; then of single hits, as the jump has it, or bent by friction to either side."""
+    through: list[tuple[float, Array, Kink]] = []
+    for i, one in enumerate(hits):
+        for other in hits[i + 1 :]:
+            if one.name != other.name:
+                continue  # places are those of centres
+            run = (other.place - one.place)[flat]
+            apart = float(np.linalg.norm(run))
+            normal = np.zeros(3)
+            normal[flat] = np.array([-run[1], run[0]]) / max(apart, 1e-12)
+            normal *= np.sign(normal @ one.jump)
+            cone = np.arctan(world.object(one.name).friction) + SKEW
+            if all(normal @ k.jump > np.cos(cone) * np.linalg.norm(k.jump[flat]) for k in (one, other)):
+                through.append((apart, normal, one))
+    found = [(normal, kink) for _, normal, kink in sorted(through, key=lambda t: -t[0])]
+    for kink in hits:
+        angle = float(np.arctan(world.object(kink.name).friction))
+        x, y = kink.jump[flat] / np.linalg.norm(kink.jump[flat])
+        for turn in (0.0, angle, -angle):
+            normal = np.zeros(3)
+            normal[flat] = np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y
+            found.append((normal, kink))
     return found
 
 

@@ -14,24 +14,32 @@ ONE = wp.float64(1.0)
 
 @wp.func(inline=False)
 def friction_at(
-    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32, mu: wp.float64, x: wp.vec3d
+    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32, mu: wp.float64, x: wp.vec3d, way: wp.vec3d
 ) -> wp.float64:
-    """Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1) at x, plane coordinates."""
-    place = wp.transpose(scene.axes) * x
-    return contact_friction(scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, a, b, mu, place)
+    """Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1).
+
+    It is the mean over the way that it goes in a step, with its middle at x; plane coordinates.
+    """
+    turn = wp.transpose(scene.axes)
+    return contact_friction(
+        scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, a, b, mu, turn * x, turn * way
+    )
 
 
 # Functions of their own, not inlined: worlds without such effects then run as fast as if there were none.
 @wp.func(inline=False)
 def rub_on_plane(scene: Scene, bodies: Bodies, w: wp.int32, segment: wp.int32, h: wp.float64) -> None:
-    """Set what the supporting plane can hold, where each body will be at the middle of a step of length h."""
+    """Set what the supporting plane can hold over the way that each body goes in a step of length h."""
     load = -bodies.gravity[w][2]
     if scene.supports == 0 or load <= ZERO:
         return
     for i in range(scene.bodies):
         if scene.joins[i] <= segment:
-            x = bodies.pose[w, i] + bodies.rate[w, i] * (HALF * h)
-            mu = friction_at(scene, bodies, w, i, -1, bodies.support[w, i], wp.vec3d(x[0], x[1], scene.level))
+            ahead = bodies.rate[w, i] * h
+            x = bodies.pose[w, i] + ahead * HALF
+            place = wp.vec3d(x[0], x[1], scene.level)
+            way = wp.vec3d(ahead[0], ahead[1], ZERO)
+            mu = friction_at(scene, bodies, w, i, -1, bodies.support[w, i], place, way)
             bodies.hold[w, i] = load * mu
 
 
@@ -45,7 +53,7 @@ def rub_rows(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half
         pose = bodies.pose[w, a]
         place = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies.height[w, a])
         mu = contacts.rows[w, half, k].friction
-        contacts.rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, place)
+        contacts.rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, place, wp.vec3d())
 
 
 @wp.func(inline=False)

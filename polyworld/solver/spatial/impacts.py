@@ -255,21 +255,22 @@ def rub_as_effects_have_it(
     """Give all touching pairs the friction that effects have at the middle of where they touch.
 
     Pairs that approach faster than the threshold collide now; the others are rubbed over a step of length h, in which
-    the place moves on with the first of them: it is taken at the middle of the step.
+    the place moves on with the first of them.
     """
     base = half * state.max_manifolds
     for i in range(base, base + state.manifold_count[w, half]):
         centre = wp.vec3d()
         touching = wp.float64(0.0)
-        ahead = wp.float64(0.5) * h
+        time = h
         start = state.manifolds[w, i].first
         for c in range(start, start + state.manifolds[w, i].count):
             if state.contacts[w, c].gap <= state.manifolds[w, i].close:
                 centre += state.contacts[w, c].point
                 touching += wp.float64(1.0)
                 if state.contacts[w, c].speed < -threshold:
-                    ahead = wp.float64(0.0)
+                    time = wp.float64(0.0)
         if touching > wp.float64(0.0):
+            ahead = state.bodies[w, state.manifolds[w, i].a].v * time
             friction = contact_friction(
                 parameters.effect_kind,
                 parameters.effect_acts,
@@ -278,7 +279,8 @@ def rub_as_effects_have_it(
                 state.manifolds[w, i].a,
                 state.manifolds[w, i].b,
                 state.manifolds[w, i].friction,
-                centre / touching + state.bodies[w, state.manifolds[w, i].a].v * ahead,
+                centre / touching + ahead * wp.float64(0.5),
+                ahead,
             )
             state.manifolds[w, i].friction = friction
             if friction <= wp.float64(0.0):  # nothing to begin with from the last step
