@@ -23,6 +23,7 @@ from polyworld.discrepancy.descent import (
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.noise import Noise
+from polyworld.discrepancy.runs_apart import descend_apart
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,10 @@ def fit(
         loose = tolerance if horizon >= 1.0 else 10.0
         aim = target if horizon >= 1.0 else None
         hold = held(forward, start, horizon)
-        at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
+        if len(at.values):
+            at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
+        else:
+            at, steps, used, converged = descend_apart(forward, noise, at, horizon, steps, iterations, loose)
         total += used
         if len(horizons) > 1:
             if horizon <= OPENING:

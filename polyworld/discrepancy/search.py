@@ -35,7 +35,7 @@ WORTH = 0.2  # share of the best gain promised below which a further effect is n
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
-SCARCE = 1000.0  # measurements below which all that was offered is fitted beside the best
+SCARCE = 2000.0  # measurements below which all that was offered is fitted beside the best
 MANY = 40  # of these at most
 SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
@@ -113,6 +113,8 @@ class Search:
         further = len(parents[0].hypothesis.parts) > 0
         most = self.settings.further if further else self.settings.contenders
         far = level > FAR * self.bench.observations
+        if far and not further and self._of_few_runs(parents[0]):
+            return
         on_windows = self._windows if far else None
         cut = on_windows.cut if on_windows is not None else None
         if on_windows is not None:
@@ -144,6 +146,21 @@ class Search:
             others = [p for p in promises if identity(p.lead.hypothesis) in chosen and all(p is not f for f in firsts)]
             self._fit_leads([p for p in others if p.share >= HOPELESS][:most], level)
             self._nested(parents)
+
+    def _of_few_runs(self, parent: Trial) -> bool:
+        """Whether most runs are explained, and the others by what happens to one run alone."""
+        costs = self.bench.run_costs(parent.hypothesis, [Start(parent.values, parent.fit.states)])[0]
+        counts = np.array([max(int(kept.sum()), 1) for kept in self.bench.noise.kept])
+        if np.median(costs / counts) > EXPLAINED:
+            return False
+        local = [h for h in self._more(parent) if h.parts[-1].candidate.leads is not None]
+        own = self._scored(parent, parent, local, 1.0) if local else []
+        self._promised(parent, own)
+        self._fit_leads(
+            first_of_each(shares([(parent, x) for x in own], parent.chi2, self.bench.observations), 1, 0.0), parent.chi2
+        )
+        best = self.best(len(parent.hypothesis.parts) + 1)
+        return best is not None and best.passes
 
     def _more(self, parent: Trial) -> list[Hypothesis]:
         """What one more effect makes of a hypothesis, stepped as the design's world is."""

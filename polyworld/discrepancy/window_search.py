@@ -22,7 +22,7 @@ LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there i
 FAILED = 2.0  # chi2 per measurement, at a fit that has converged, that no better start mends
 SETTLED = 1.05  # chi2 per measurement above which effects with a place are looked for in closer places
 CLOSER, TRIED = 6, 2  # iterations from each of so many of these
-PATIENCE = 3  # times as many contenders are tried where the first explain nothing: slopes can foretell too little
+SEEN = 12  # starts of an effect at contacts at which chi2 is looked at
 BESIDE = 10.0  # EBIC behind the best within which a contender is kept, however little there is to gain
 FEW = 3  # contenders that are fitted on, however little they gain
 ONWARD = 0.01  # of chi2 that a fit has to gain to be thought under way
@@ -53,14 +53,17 @@ class WindowSearch:
             if key not in self.trials:
                 self.trials[key] = self.cut.ground(parent.hypothesis, parent.values)
             ground = self.trials[key]
-            found = leads(self.cut.bench, ground, [h for h in more(ground) if self.cut.holds(h)], self.starts)
-            found = [self.cut.seen(ground, x) if _stands(x.hypothesis) else x for x in found]
+            held = [h for h in more(ground) if self.cut.holds(h)]
+            found = leads(self.cut.bench, ground, [h for h in held if not _at_contacts(h)], self.starts)
+            for hypothesis in held:
+                if _at_contacts(hypothesis):  # no slope tells of a wall that the path has not come to
+                    seen = [self.cut.seen(ground, x) for x in leads(self.cut.bench, ground, [hypothesis], SEEN)]
+                    found += sorted(seen, key=lambda lead: lead.chi2)[: self.starts]
             self._led[key] = [(ground, lead) for lead in sorted(found, key=lambda lead: lead.chi2)]
         return self._led[key]
 
     def fitted(self, found: Sequence[tuple[Trial, Lead]], most: int, known: Collection[tuple[str, ...]]) -> list[Trial]:
-        """At most so many of the hypotheses that were found, fitted, or more where none of these explains the windows;
-        those worth fitting to whole runs, best first.
+        """At most so many of the hypotheses that were found, fitted; those worth fitting to whole runs, best first.
 
         known: hypotheses that whole runs were fitted with already, which are left out.
         """
@@ -71,20 +74,17 @@ class WindowSearch:
             ways.setdefault(identity(p.lead.hypothesis), []).append((p.parent, p.lead))
         share = {identity(p.lead.hypothesis): p.share for p in reversed(promises)}
         fits: list[Trial] = []
-        wanted: list[Trial] = []
         rest = [key for key in ways if key not in known]
-        for chosen in (rest[:most], rest[most : PATIENCE * most]):
-            for key in chosen:
-                if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
-                    hypothesis, at = self.cut.nearest(ways[key])
-                    trial = self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
-                    leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
-                    fits.append(mended(trial) if leads_so_far else trial)
-            wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
-            if min((t.chi2 for t in wanted), default=np.inf) > SETTLED * self.cut.bench.observations:
-                wanted = [self._closer(t, ways[identity(t.hypothesis)]) for t in wanted]
-            if min((t.chi2 for t in wanted), default=np.inf) < FAILED * self.cut.bench.observations:
-                break
+        unforeseen = [key for key in rest[most:] if _unforeseen(ways[key][0][1].hypothesis)]
+        for key in (*rest[:most], *unforeseen):
+            if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
+                hypothesis, at = self.cut.nearest(ways[key])
+                trial = self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
+                leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
+                fits.append(mended(trial) if leads_so_far else trial)
+        wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
+        if min((t.chi2 for t in wanted), default=np.inf) > SETTLED * self.cut.bench.observations:
+            wanted = [self._closer(t, ways[identity(t.hypothesis)]) for t in wanted]
         for trial in (*fits, *wanted):
             self._keep(trial)
         ranked = _worth_more(wanted, before)
@@ -128,9 +128,16 @@ class WindowSearch:
         self.tell("windows", trial.figures())
 
 
-def _stands(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect is something that stands in the way."""
-    return hypothesis.parts[-1].candidate.group == "structure"
+def _at_contacts(hypothesis: Hypothesis) -> bool:
+    """Whether the last effect acts where bodies touch, as what stands in the way or another law of contact."""
+    return hypothesis.parts[-1].candidate.group in ("structure", "contact")
+
+
+def _unforeseen(hypothesis: Hypothesis) -> bool:
+    """Whether the last effect cannot be switched off, so that no slope tells what it would do, nor chi2 before all
+    initial states have followed."""
+    variant = hypothesis.parts[-1].variant
+    return _at_contacts(hypothesis) and variant.strength is None and len(variant.starts) > 1
 
 
 def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
