@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-SHOWN = 4  # most names of a credible set in a sentence
+SHOWN = 4  # most names of a credible set, or pairs of it, in a sentence
+SAME_MOTION = 1.0  # standard deviations between forecasts below which nothing would be told
 
 
 def verdict_text(told: dict[str, Any]) -> str:
@@ -62,6 +63,10 @@ def experiment_text(experiment: dict[str, Any] | None) -> str:
     speed = ", ".join(_number(v) for v in experiment["velocity"])
     spin = ", ".join(_number(v) for v in experiment["angular_velocity"])
     least = min(item["sigmas"] for item in experiment["separations"])
+    if least < SAME_MOTION:
+        alike = [x for x in experiment["separations"] if x["sigmas"] < SAME_MOTION]
+        pairs = "; ".join(f"{' + '.join(x['first'])} from {' + '.join(x['second'])}" for x in alike[:SHOWN])
+        return f"No start of one object was found that would tell {pairs}: they move these objects in the same way"
     head = "To decide" if experiment["decides"] else "The best experiment found, which may not decide"
     expected = "; ".join(f"{_number(value)} if {name}" for name, value in experiment["forecasts"].items())
     return (

@@ -1,0 +1,87 @@
+"""Runs that a fit has lost, runs that share nothing, and places that a coarse grid misses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.design import design
+from polyworld.discrepancy.hypothesis import Hypothesis, extended
+from polyworld.discrepancy.mending import mended
+from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.score import leads
+from polyworld.discrepancy.trial import Bench
+from polyworld.discrepancy.zoom import closer
+from tests.polyworld.discrepancy.scenes import (
+    Bouncing,
+    G,
+    ball_recording,
+    ball_world,
+    launches,
+    puck_recording,
+    puck_world,
+)
+
+SIGMA = 0.002
+CENTRE, RADIUS, ROUGH, SMOOTH = np.array([0.25, -0.2]), 0.3, 0.3, 0.1
+
+
+def bouncing() -> tuple[Bench, Hypothesis]:
+    rng = np.random.default_rng(4)
+    plan = design(ball_world(), ball_recording(Bouncing(), launches(rng, 6), rng, SIGMA))
+    return Bench(plan, measured_noise(plan), 1), Hypothesis(plan.world, ())
+
+
+def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
+    bench, base = bouncing()
+    right = bench.fit(base, np.zeros(0), profile.start_states(bench.design))
+    bent = list(right.fit.states)
+    bent[2] = bent[2] + np.where([".velocity." in label for label in bench.design.runs[2].labels], 3.0, 0.4)
+    lost = bench.fit(base, np.zeros(0), bent, iterations=0)
+    assert lost.chi2 > 100.0 * right.chi2
+    again = mended(lost)
+    assert again.chi2 == pytest.approx(right.chi2, abs=1.0)
+    for k in (0, 1, 3, 4, 5):
+        assert again.fit.states[k] == pytest.approx(right.fit.states[k], abs=1e-3)
+    assert mended(right) is right
+
+
+def test_runs_that_share_no_unknown_are_fitted_as_each_is_by_itself() -> None:
+    bench, base = bouncing()
+    starts = list(profile.start_states(bench.design))
+    starts[1] = starts[1] + 0.8  # a bounce too late, and the way back is steep
+    together = bench.fit(base, np.zeros(0), starts, iterations=30)
+    for k in range(len(starts)):
+        few = Bench(bench.design.only([k]), bench.noise.only([k]), 1)
+        alone = few.fit(base, np.zeros(0), [starts[k]], iterations=30)
+        own = float(together.fit.linear.r[k] @ together.fit.linear.r[k])
+        assert own <= alone.chi2 + 0.1
+
+
+def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:
+    def deceleration(place: np.ndarray, _speed: float) -> float:
+        return G * (ROUGH if np.hypot(*(place - CENTRE)) < RADIUS else SMOOTH)
+
+    rng = np.random.default_rng(5)
+    data = puck_recording(deceleration, rng, SIGMA, runs=12, duration=0.8)
+    plan = design(puck_world(SMOOTH), data)
+    bench = Bench(plan, measured_noise(plan), 1)
+    base = Hypothesis(plan.world, ())
+    ground = bench.fit(base, np.zeros(0), profile.start_states(plan))
+    (patch,) = extended(base, catalogue()["friction_patch"], data)
+    part = patch.parts[-1]
+    coarse = (
+        {"friction": 0.0, "radius": 0.5, "x": 0.0, "y": 0.1},
+        {"friction": 0.0, "radius": 0.5, "x": 0.6, "y": 0.0},
+    )
+    few = replace(patch, parts=(replace(part, variant=replace(part.variant, starts=coarse)),))
+    found = leads(bench, ground, [few], 2)
+    best = closer(bench, ground, few, found)[0]
+    assert best.chi2 < min(lead.chi2 for lead in found)
+    fit = bench.fit(few, best.values, ground.fit.states)
+    told = few.of_part(0, fit.values)
+    assert np.hypot(told["x"] - CENTRE[0], told["y"] - CENTRE[1]) < 0.06
+    assert told["radius"] == pytest.approx(RADIUS, abs=0.06)
+    assert told["friction"] == pytest.approx(ROUGH - SMOOTH, abs=0.06)
