@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
-from polyworld.discrepancy.hypothesis import Hypothesis, extended, without_part
+from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
 from polyworld.discrepancy.mending import mended
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, labels, promise, shares
 from polyworld.discrepancy.score import Lead, leads
@@ -121,6 +121,11 @@ class Search:
             self.on_windows = on_windows
             self._through_windows(on_windows, parents, most, level)
             best = self.best(len(parents[0].hypothesis.parts) + 1)
+            unclear = best is None or best.chi2 > EXPLAINED * self.bench.observations
+            if unclear and not further and self._longer is not None and self._longer is not on_windows:
+                self.on_windows = self._longer
+                self._through_windows(self._longer, parents, most, level)
+                best = self.best(len(parents[0].hypothesis.parts) + 1)
             if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
                 return
         found: list[tuple[Trial, Lead]] = []
@@ -213,6 +218,11 @@ class Search:
             if ground.chi2 > EXPLAINED * short.bench.observations:
                 known = {identity(ground.hypothesis): ground}
                 return WindowSearch(short, self.settings.starts, self.tell, known)
+        return self._longer
+
+    @cached_property
+    def _longer(self) -> WindowSearch | None:
+        """The search on long windows, which tell more where slopes still lead anywhere."""
         cut = windows(self.bench, LONG)
         return None if cut is None else WindowSearch(cut, self.settings.starts, self.tell)
 
@@ -224,7 +234,8 @@ class Search:
             if own:
                 self._promised(own[0][0], [lead for _, lead in own])
             found += own
-        ranked = search.fitted(found, most, self.trials) if found else []
+        known = self.trials if parents[0].hypothesis.parts else ()
+        ranked = search.fitted(found, most, known) if found else []
         if not ranked:
             return
         hopeless = self.hopeless(len(ranked[0].hypothesis.parts))
@@ -379,10 +390,12 @@ class Search:
             self._anew("restart", trial.hypothesis.stepped(self.bench.design.world.time.substep), trial)
 
     def settle(self, effects: int) -> None:
-        """Where bodies collide, fit what may be told anew, collision by collision: a fit can pass the gate in a minimum
-        next to the right one, with values that are several standard errors off."""
+        """Fit what may be told anew, a little more of each run at a time, where bodies collide or a place has an edge.
+
+        A fit can pass the gate in a minimum next to the right one, with values that are several standard errors off.
+        """
         best = self.best(effects)
-        if best is None or not self._collide:
+        if best is None or not (self._collide or (effects and _edged(best.hypothesis.parts[-1]))):
             return
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.finalists]:
@@ -504,6 +517,11 @@ class Search:
             trial = min(good, key=lambda t: t.ebic)
             self.tell("backward", trial.figures())
         return trial
+
+
+def _edged(part: Part) -> bool:
+    """Whether an effect is one of contacts within a place: with an edge that paths cross."""
+    return part.candidate.group == "contact" and bool(part.variant.idle)
 
 
 def _unlike(parents: Sequence[Trial]) -> list[Trial]:

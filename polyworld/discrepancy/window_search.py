@@ -10,7 +10,7 @@ import numpy as np
 
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.mending import mended
-from polyworld.discrepancy.promises import identity, in_turn, shares
+from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.windows import Windows
@@ -21,7 +21,7 @@ HOPELESS = 0.5  # share of the leader's gain below which a contender is left aft
 LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
 FAILED = 2.0  # chi2 per measurement, at a fit that has converged, that no better start mends
 SETTLED = 1.05  # chi2 per measurement above which effects with a place are looked for in closer places
-CLOSER, TRIED = 6, 2  # iterations from each of so many of these
+CLOSER, TRIED = 6, 4  # iterations from each of so many of these
 SEEN = 12  # starts of an effect at contacts at which chi2 is looked at
 BESIDE = 10.0  # EBIC behind the best within which a contender is kept, however little there is to gain
 FEW = 3  # contenders that are fitted on, however little they gain
@@ -94,8 +94,9 @@ class WindowSearch:
         """A trial, or a better one from closer starts where the effect has a place or a rhythm."""
         if not trial.hypothesis.parts[-1].variant.idle:
             return trial
-        ground = ways[0][0]
-        own = [lead for parent, lead in ways if parent is ground]
+        same = [(p, lead) for p, lead in ways if labels(lead.hypothesis) == labels(trial.hypothesis)]
+        ground = same[0][0]
+        own = [lead for parent, lead in same if parent is ground]
         found = closer(self.cut.bench, ground, trial.hypothesis, own)
         tried = [
             self.cut.bench.fit(x.hypothesis, x.values, ground.fit.states, iterations=CLOSER) for x in found[:TRIED]

@@ -29,6 +29,7 @@ SEALED_RUNS = 2
 SMALLEST, LARGEST = 0.03, 0.15
 ROUNDS = 7
 ATTEMPTS = 30
+NUDGE = 1e-4  # [m], [m/s] or [rad/s]
 
 
 @dataclass(frozen=True)
@@ -308,10 +309,20 @@ def _laws(scene: Scene, effect: DiscEffect | None, strength: float) -> tuple[Dis
 
 
 def _strength(scene: Scene, effect: DiscEffect, target: float) -> tuple[float, float]:
+    """The strength that leaves about `target` of the path scale once the starts are refitted, and what it leaves.
+
+    The refit is linear, at the base world's motion: collisions make much of little, and a solver would take that up.
+    """
+    taken_up = [_taken_up(scene, k) for k in range(scene.fitted)]
+
     def size(s: float) -> float:
         discs, fault = _laws(scene, effect, s)
-        paths = np.array([slide(discs, b, scene.stamps, tolerance=1e-7)[..., :2] for b in scene.starts[: scene.fitted]])
-        return float(np.sqrt(np.mean((fault.scale * paths - scene.paths[: scene.fitted]) ** 2))) / scene.path_scale
+        left = []
+        for k, basis in enumerate(taken_up):
+            path = slide(discs, scene.starts[k], scene.stamps, tolerance=1e-7)[..., :2]
+            moved = (fault.scale * path - scene.paths[k]).ravel()
+            left.append(moved - basis @ (basis.T @ moved))
+        return float(np.sqrt(np.mean(np.square(left)))) / scene.path_scale
 
     s = min(effect.guess, effect.most)
     got = size(s)
@@ -321,6 +332,22 @@ def _strength(scene: Scene, effect: DiscEffect, target: float) -> tuple[float, f
         s = min(s * float(np.clip(target / max(got, 1e-9), 0.2, 5.0)), effect.most)
         got = size(s)
     return s, got
+
+
+def _taken_up(scene: Scene, k: int) -> Array:
+    """Orthonormal basis (m, 5 n) of what small changes of a run's start do to its positions in the base world."""
+    start = scene.starts[k]
+    columns = []
+    for name in ("positions", "velocities", "spins"):
+        value = getattr(start, name)
+        for index in np.ndindex(value.shape):
+            changed = value.copy()
+            changed[index] += NUDGE
+            path = slide(scene.discs, replace(start, **{name: changed}), scene.stamps, tolerance=1e-7)[..., :2]
+            columns.append((path - scene.paths[k]).ravel() / NUDGE)
+    basis, size, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
+    found: Array = basis[:, size > 1e-6 * size.max()]
+    return found
 
 
 def _scene(rng: np.random.Generator, bodies: int, runs: int) -> Scene:
