@@ -283,16 +283,7 @@ def _step(forward: Forward, normal: _Normal, at: Point, damping: float) -> Point
     return Point(values, states)
 
 
-def changes_of_states(forward: Forward, linear: Linearised, damping: Array) -> tuple[Array, ...]:
-    """Damped Gauss-Newton steps [run] (N,), to be subtracted, of initial states alone; damping (R,)."""
-    normal = _Normal(forward, linear)
-    inverse = _inverse(normal.bb, normal.typical, damping[:, None])
-    change = np.einsum("rnm,rm->rn", inverse, normal.br)
-    change = np.clip(change, -LONGEST * normal.typical, LONGEST * normal.typical)
-    return tuple(change[i, :n] for i, n in enumerate(normal.counts))
-
-
-def _inverse(matrix: Array, typical: Array, damping: float | Array) -> Array:
+def _inverse(matrix: Array, typical: Array, damping: float) -> Array:
     """Inverses of damped matrices (..., N, N); typical (..., N)."""
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0)) + PRIOR / typical
     outer = scale[..., :, None] * scale[..., None, :]

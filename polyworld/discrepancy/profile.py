@@ -23,7 +23,6 @@ from polyworld.discrepancy.descent import (
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.noise import Noise
-from polyworld.discrepancy.runs_apart import descend_apart
 
 Array = NDArray[np.float64]
 
@@ -83,10 +82,7 @@ def fit(
         loose = tolerance if horizon >= 1.0 else 10.0
         aim = target if horizon >= 1.0 else None
         hold = held(forward, start, horizon)
-        if len(at.values):
-            at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
-        else:
-            at, steps, used, converged = descend_apart(forward, noise, at, horizon, steps, iterations, loose)
+        at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
         total += used
         if len(horizons) > 1:
             if horizon <= OPENING:

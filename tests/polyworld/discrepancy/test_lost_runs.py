@@ -1,4 +1,4 @@
-"""Runs that a fit has lost, runs that share nothing, and places that a coarse grid misses."""
+"""Runs that a fit has lost, and places that a coarse grid misses."""
 
 from dataclasses import replace
 
@@ -46,18 +46,6 @@ def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
     for k in (0, 1, 3, 4, 5):
         assert again.fit.states[k] == pytest.approx(right.fit.states[k], abs=1e-3)
     assert mended(right) is right
-
-
-def test_runs_that_share_no_unknown_are_fitted_as_each_is_by_itself() -> None:
-    bench, base = bouncing()
-    starts = list(profile.start_states(bench.design))
-    starts[1] = starts[1] + 0.8  # a bounce too late, and the way back is steep
-    together = bench.fit(base, np.zeros(0), starts, iterations=30)
-    for k in range(len(starts)):
-        few = Bench(bench.design.only([k]), bench.noise.only([k]), 1)
-        alone = few.fit(base, np.zeros(0), [starts[k]], iterations=30)
-        own = float(together.fit.linear.r[k] @ together.fit.linear.r[k])
-        assert own <= alone.chi2 + 0.1
 
 
 def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:
