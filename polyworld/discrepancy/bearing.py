@@ -55,23 +55,32 @@ def may_be_borne(world: World, item: RigidObject, run: Run) -> bool:
     if world.deformables:
         return True
     place, noise = _first_place(run, item)
+    close = noise + CLOSE * geometry.circumscribed_radius(item.shape)
+    if _beside_another(world, item, run, close):
+        return True
+    turns = run.orientations[:, run.names.index(item.name)]
+    seen = turns[np.all(np.isfinite(turns), axis=-1)]
+    return gap_to_statics(world, item.shape, place, seen[0] if len(seen) else np.asarray(item.orientation)) <= close
+
+
+def _beside_another(world: World, item: RigidObject, run: Run, close: float) -> bool:
+    """Whether another body begins so near that it may bear an object."""
+    place, _ = _first_place(run, item)
     size = geometry.circumscribed_radius(item.shape)
-    close = noise + CLOSE * size
     for other in world.objects:
         if other.name != item.name:
             there = _first_place(run, other)[0] if other.name in run.names else np.asarray(other.position)
             if np.linalg.norm(place - there) <= size + geometry.circumscribed_radius(other.shape) + close:
                 return True
-    turns = run.orientations[:, run.names.index(item.name)]
-    seen = turns[np.all(np.isfinite(turns), axis=-1)]
-    return gap_to_statics(world, item.shape, place, seen[0] if len(seen) else np.asarray(item.orientation)) <= close
+    return False
 
 
 def rest_place(world: World, item: RigidObject, run: Run, axis: int) -> float | None:
     """Where along the axis that gravity is parallel to a ball lies that may be borne by what is fixed below it [m].
 
     A place fitted to noise would let it fall from there, or throw it out of the floor, and it would hop. None where
-    this is no ball, nothing fixed is near below it, or gravity leans. Triangle meshes tell no distance.
+    this is no ball, nothing fixed is near below it, another body may bear it, or gravity leans. Triangle meshes tell
+    no distance.
     """
     gravity = np.asarray(world.environment.gravity, dtype=float)
     meshes = any(isinstance(s.shape, TriangleMesh) for s in world.statics)
@@ -81,6 +90,8 @@ def rest_place(world: World, item: RigidObject, run: Run, axis: int) -> float | 
         return None
     place, noise = _first_place(run, item)
     close = noise + CLOSE * item.shape.radius
+    if _beside_another(world, item, run, close):
+        return None
     down = np.zeros(3)
     down[axis] = np.sign(gravity[axis])
     falls = [_fall(world.model_copy(update={"statics": (s,)}), item, place - close * down, down) for s in world.statics]

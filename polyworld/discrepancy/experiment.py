@@ -187,7 +187,8 @@ def _sigma(noise: Noise, plan: Design, own: RunDesign) -> Array:
 def _starts(plan: Design, own: RunDesign, name: str) -> Array:
     """Initial-state coordinates (E, N) of the experiments tried with one object."""
     labels = list(own.labels)
-    states = [dict(zip(r.labels, r.start, strict=True)) for r in plan.runs]
+    at_rest = [{f"{s.name}.{k}": v for s in r.states for k, v in s.at_rest.items()} for r in plan.runs]
+    states = [known | dict(zip(r.labels, r.start, strict=True)) for known, r in zip(at_rest, plan.runs, strict=True)]
     first = np.array([states[0].get(label, 0.0) for label in labels])
     speeds = [np.linalg.norm([s.get(f"{name}.velocity.{a}", 0.0) for a in "xyz"]) for s in states]
     fastest = max(float(np.max(speeds)), 0.5)

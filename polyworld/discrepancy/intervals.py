@@ -60,7 +60,8 @@ def intervals95(bench: Bench, trial: Trial) -> Array:
     grown = _profiled(bench, trial, moved, index) - trial.chi2
     typical = np.array([u.typical for u in unknowns])[index]
     ends = np.where(known[index], ends, trial.values[index] + FIRST * side * typical)
-    flat = (lower[index] < twice) & (twice < upper[index]) & (grown < FLAT * (2.0 * LEVEL) ** 2)
+    far = np.abs(twice - trial.values[index]) / np.maximum(sd[index], 1e-300)  # the bounds may be nearer than twice
+    flat = grown < FLAT * np.maximum(far, LEVEL) ** 2
     for k in np.flatnonzero(flat | ~known[index]):
         ends[k] = _far_end(bench, trial, int(index[k]), float(ends[k]))
     result = np.stack([ends[:count], ends[count:]], axis=1)
@@ -70,8 +71,8 @@ def intervals95(bench: Bench, trial: Trial) -> Array:
 
 def _far_end(bench: Bench, trial: Trial, index: int, end: float) -> float:
     """Where chi2 has grown by the square of 1.96 on a side on which it grows less and less: a grip that is enough to
-    stop all sliding tells of no greater one. All else is fitted anew at doubled distances; the bound where none will
-    do, and the end as it was where the first one does."""
+    stop all sliding tells of no greater one. All else is fitted anew at doubled distances, so that the end may lie up
+    to twice as far as it should; the bound where none will do, and the end as it was where the first one does."""
     unknown = trial.hypothesis.unknowns[index]
     far, states = end, trial.fit.states
     for _ in range(DOUBLED):
@@ -84,8 +85,9 @@ def _far_end(bench: Bench, trial: Trial, index: int, end: float) -> float:
         )
         values = trial.values.copy()
         values[index] = farther
-        forward = Forward(bench.design, trial.hypothesis.world, there)
+        forward = Forward(bench.design, trial.hypothesis.world, there, bench.cancelled)
         fit = profile.fit(forward, bench.noise, values, states, iterations=FOLLOWED)
+        bench.forward(trial.hypothesis).rollouts += fit.rollouts
         if not fit.chi2 < trial.chi2 + LEVEL**2:
             return far if far == end else farther
         far, states = farther, fit.states

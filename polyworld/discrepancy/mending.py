@@ -26,7 +26,8 @@ def mended(trial: Trial) -> Trial:
     bench = trial.bench
     costs = bench.run_costs(trial.hypothesis, [Start(trial.values, trial.fit.states)])[0]
     relative = costs / np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
-    lost = np.flatnonzero(relative > max(ILL, WORSE * float(np.median(relative))))
+    middle = float(np.sort(relative)[(len(relative) - 1) // 2])  # of two the better one
+    lost = np.flatnonzero(relative > max(ILL, WORSE * middle))
     if not len(lost):
         return trial
     few, noise = bench.design.only(lost.tolist()), bench.noise.only(lost.tolist())

@@ -123,7 +123,7 @@ class Search:
             best = self.best(len(parents[0].hypothesis.parts) + 1)
             unclear = best is None or best.chi2 > EXPLAINED * self.bench.observations
             if unclear and not further and self._longer is not None and self._longer is not on_windows:
-                self.on_windows = self._longer
+                self.on_windows, cut = self._longer, self._longer.cut
                 self._through_windows(self._longer, parents, most, level)
                 best = self.best(len(parents[0].hypothesis.parts) + 1)
             if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
@@ -395,7 +395,7 @@ class Search:
         A fit can pass the gate in a minimum next to the right one, with values that are several standard errors off.
         """
         best = self.best(effects)
-        if best is None or not (self._collide or (effects and _edged(best.hypothesis.parts[-1]))):
+        if best is None or not (self._collide or any(_edged(p) for p in best.hypothesis.parts)):
             return
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.finalists]:

@@ -47,7 +47,7 @@ def closer(bench: Bench, ground: Trial, hypothesis: Hypothesis, found: Sequence[
                 starts.append(fixed | dict(zip([u.name for u in placed], place.tolist(), strict=True)))
         around = replace(part, variant=replace(variant, starts=tuple(starts)))
         moved = replace(hypothesis, parts=(*hypothesis.parts[:-1], around))
-        best = _apart(leads(bench, ground, [moved], len(starts)), at, typical)
+        best = _apart([*best, *leads(bench, ground, [moved], len(starts))], at, typical)
     return [replace(lead, hypothesis=hypothesis) for lead in best]
 
 

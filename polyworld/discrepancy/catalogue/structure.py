@@ -23,6 +23,8 @@ MOST_STARTS = 6
 MOST_HITS = 6  # the sharpest
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
 SKEW = 0.15  # error of a wall's direction that noise may make [rad]
+NEARBY = 0.5  # of a body's radius, within which two hits are too near to tell how a wall runs
+WIDEST = 1.4  # angle of a jump to a wall's normal [rad]
 SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
 HEAVIEST = 20.0  # times the mass of what struck it
 
@@ -139,10 +141,12 @@ def _faces(world: World, hits: Sequence[Kink], flat: Sequence[int]) -> list[tupl
                 continue  # places are those of centres
             run = (other.place - one.place)[flat]
             apart = float(np.linalg.norm(run))
+            if apart < NEARBY * reach(world, world.object(one.name)):
+                continue  # noise would turn it
             normal = np.zeros(3)
-            normal[flat] = np.array([-run[1], run[0]]) / max(apart, 1e-12)
+            normal[flat] = np.array([-run[1], run[0]]) / apart
             normal *= np.sign(normal @ one.jump)
-            cone = np.arctan(world.object(one.name).friction) + SKEW
+            cone = min(np.arctan(world.object(one.name).friction) + SKEW, WIDEST)
             if all(normal @ k.jump > np.cos(cone) * np.linalg.norm(k.jump[flat]) for k in (one, other)):
                 through.append((apart, normal, one))
     found = [(normal, kink) for _, normal, kink in sorted(through, key=lambda t: -t[0])]

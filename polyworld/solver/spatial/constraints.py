@@ -146,6 +146,8 @@ def solve_rolling(
     impulse of at most `bound`. Returns the velocity changed."""
     x = state.rows[w, r].impulse
     y = state.rows[w, r + 1].impulse
+    if bound <= wp.float64(0.0) and x == wp.float64(0.0) and y == wp.float64(0.0):
+        return wp.float64(0.0)
     kx = state.rows[w, r].k
     ky = state.rows[w, r + 1].k
     vx = velocity_along(state, w, a, b, r) - kx * x - coupling * y

@@ -255,7 +255,7 @@ def rub_as_effects_have_it(
     """Give all touching pairs the friction that effects have at the middle of where they touch.
 
     Pairs that approach faster than the threshold collide now; the others are rubbed over a step of length h, in which
-    the place moves on with the first of them.
+    the place moves on with the first of them. (Where an impact elsewhere cuts the step, its way was taken as whole.)
     """
     base = half * state.max_manifolds
     for i in range(base, base + state.manifold_count[w, half]):
