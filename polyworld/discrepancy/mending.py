@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.forward import Forward
-from polyworld.discrepancy.trial import Start, Trial
+from polyworld.discrepancy.trial import Trial
 
 Array = NDArray[np.float64]
 
@@ -24,10 +24,9 @@ def mended(trial: Trial) -> Trial:
     """The trial, with runs that fit much worse than the better half fitted anew, and all of it fitted on where that
     was of use."""
     bench = trial.bench
-    costs = bench.run_costs(trial.hypothesis, [Start(trial.values, trial.fit.states)])[0]
-    relative = costs / np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
-    middle = float(np.sort(relative)[(len(relative) - 1) // 2])  # of two the better one
-    lost = np.flatnonzero(relative > max(ILL, WORSE * middle))
+    misfits = trial.misfits
+    middle = float(np.sort(misfits)[(len(misfits) - 1) // 2])  # of two the better one
+    lost = np.flatnonzero(misfits > max(ILL, WORSE * middle))
     if not len(lost):
         return trial
     few, noise = bench.design.only(lost.tolist()), bench.noise.only(lost.tolist())
@@ -39,7 +38,8 @@ def mended(trial: Trial) -> Trial:
     )
     bench.forward(trial.hypothesis).rollouts += found.rollouts
     states = list(trial.fit.states)
-    better = [float(r @ r) < costs[k] - 1.0 for k, r in zip(lost, found.linear.r, strict=True)]
+    before = [trial.fit.linear.r[k] for k in lost]
+    better = [float(r @ r) < float(old @ old) - 1.0 for old, r in zip(before, found.linear.r, strict=True)]
     if not any(better):
         return trial
     for k, own, use in zip(lost, found.states, better, strict=True):

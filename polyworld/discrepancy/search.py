@@ -154,9 +154,7 @@ class Search:
 
     def _of_few_runs(self, parent: Trial) -> bool:
         """Whether most runs are explained, and the others by what happens to one run alone."""
-        costs = self.bench.run_costs(parent.hypothesis, [Start(parent.values, parent.fit.states)])[0]
-        counts = np.array([max(int(kept.sum()), 1) for kept in self.bench.noise.kept])
-        if np.median(costs / counts) > EXPLAINED:
+        if np.median(parent.misfits) > EXPLAINED:
             return False
         local = [h for h in self._more(parent) if h.parts[-1].candidate.leads is not None]
         own = self._scored(parent, parent, local, 1.0) if local else []

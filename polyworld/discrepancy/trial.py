@@ -79,6 +79,12 @@ class Trial:
         """Shared unknowns (S,)."""
         return self.fit.values
 
+    @property
+    def misfits(self) -> Array:
+        """chi2 per measurement (R,) of each run, infinite where its rollout diverges."""
+        counts = [max(int(kept.sum()), 1) for kept in self.bench.noise.kept]
+        return np.array([float(r @ r) / count for r, count in zip(self.fit.linear.r, counts, strict=True)])
+
     def figures(self) -> dict[str, Any]:
         """What is told of a fit as a search goes on, JSON-ready."""
         return {
