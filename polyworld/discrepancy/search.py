@@ -110,7 +110,8 @@ class Search:
         if not parents:
             return
         level = min(p.chi2 for p in parents)
-        further = len(parents[0].hypothesis.parts) > 0
+        effects = len(parents[0].hypothesis.parts) + 1
+        further = effects > 1
         most = self.settings.further if further else self.settings.contenders
         far = level > FAR * self.bench.observations
         if far and not further and self._of_few_runs(parents[0]):
@@ -120,12 +121,12 @@ class Search:
         if on_windows is not None:
             self.on_windows = on_windows
             self._through_windows(on_windows, parents, most, level)
-            best = self.best(len(parents[0].hypothesis.parts) + 1)
+            best = self.best(effects)
             unclear = best is None or best.chi2 > EXPLAINED * self.bench.observations
             if unclear and not further and self._longer is not None and self._longer is not on_windows:
                 self.on_windows, cut = self._longer, self._longer.cut
                 self._through_windows(self._longer, parents, most, level)
-                best = self.best(len(parents[0].hypothesis.parts) + 1)
+                best = self.best(effects)
             if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
                 return
         found: list[tuple[Trial, Lead]] = []
@@ -144,7 +145,6 @@ class Search:
         promises.sort(key=lambda p: -p.share)
         firsts = first_of_each(promises, most, WORTH if further else 0.0)
         self._fit_leads(firsts, level)
-        effects = len(parents[0].hypothesis.parts) + 1
         best = self.best(effects)
         if best is None or not (best.passes or self.hopeless(effects)):
             chosen = {identity(p.lead.hypothesis) for p in firsts}

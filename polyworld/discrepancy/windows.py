@@ -70,6 +70,7 @@ class Windows:
         return replace(lead, chi2=min(lead.chi2, self._nearest([(parent, lead)])[0]))
 
     def _nearest(self, ways: Sequence[tuple[Trial, Lead]]) -> tuple[float, Hypothesis, Start]:
+        """As `nearest`, with the chi2 there."""
         data = profile.start_states(self.bench.design)
         found: list[tuple[float, Hypothesis, Start]] = []
         for parent, lead in ways:
