@@ -26,6 +26,7 @@ from polyworld.solver.coupled.contact_search import (
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface import SurfacePairs
+from polyworld.solver.spatial.buffers import passed
 from polyworld.solver.spatial.layout import Body, Geometry
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
@@ -50,7 +51,7 @@ class Contacts:
         self.n_worlds = nodes.x.shape[0]
         w, n = nodes.x.shape
         if carried is None or rigid is None:
-            self._geometry = Geometry()
+            self._solid = Geometry()
             self._bodies: Any = _zeros((w, 1), Body)
             self._acceleration: Any = _zeros((w, 1), wp.vec3d)
             self._before: Any = self._acceleration
@@ -65,10 +66,11 @@ class Contacts:
             self._before = carried.carried.before
             self._flying = carried.carried.flying
             self._inverse_inertia = carried.carried.inverse_inertia
-            self._geometry = rigid.geometry
+            self._solid = rigid.geometry
             self.obstacles = build_obstacles(rigid.geometry)
             rigid.reset()
-            excluded = excluded_bodies(world, meshes, nodes, self._geometry, self.obstacles, self._bodies)
+            excluded = excluded_bodies(world, meshes, nodes, self._solid, self.obstacles, self._bodies)
+        self._geometry = passed(self._solid, Geometry)
         self.surface = build_surface(world, meshes, nodes.first, excluded)
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)

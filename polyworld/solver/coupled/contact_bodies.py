@@ -90,7 +90,7 @@ def begin_step(
         carried.flying[w, i] = wp.where(held and wp.length(b.push) * b.inverse_mass <= most, 0, 1)
     else:
         carried.flying[w, i] = 1
-    carried.inverse_inertia[w, i] = world_inverse_inertia(b)
+    carried.inverse_inertia[w, i] = world_inverse_inertia(bodies, w, i)
     carried.seen[w, i] = b.active
     carried.x[w, i] = b.x
     carried.q[w, i] = b.q

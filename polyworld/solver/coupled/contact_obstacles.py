@@ -16,6 +16,7 @@ from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
 from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.spatial import layout
+from polyworld.solver.spatial.buffers import passed
 from polyworld.world import World
 
 # Of its radius. A rope that lay on a wheel with the middles of its segments could swing in zigzag about them; where
@@ -158,7 +159,7 @@ def excluded_bodies(
             nodes.radius,
             nodes.owner,
             wp.array(linked, dtype=wp.int32, device="cpu"),
-            geometry,
+            passed(geometry, layout.Geometry),
             obstacles,
             bodies,
             marked,

@@ -69,7 +69,7 @@ def swept(bodies: wp.array2d[Body], w: int, part: Part, h: wp.float64) -> wp.flo
 def near_parts(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     radius: wp.array[wp.float64],
@@ -88,10 +88,10 @@ def near_parts(
     reach += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h[w] + wp.float64(1.0e-5)
     low = bounds.low[w, d]
     high = bounds.high[w, d]
-    kind = geometry.shapes[part.shape].kind
+    kind = geometry[0].shapes[part.shape].kind
     if kind == PLANE:
-        n = geometry.shapes[part.shape].size
-        lowest = -geometry.shapes[part.shape].bound
+        n = geometry[0].shapes[part.shape].size
+        lowest = -geometry[0].shapes[part.shape].bound
         for k in range(3):
             lowest += wp.min(n[k] * low[k], n[k] * high[k])
         if lowest <= reach:
@@ -148,7 +148,7 @@ def against_body(
 def touch_node(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     x: wp.array2d[wp.vec3d],
@@ -180,11 +180,11 @@ def touch_node(
         b = part.body
         if surface.excluded[i, b] != 0:
             continue
-        kind = geometry.shapes[part.shape].kind
+        kind = geometry[0].shapes[part.shape].kind
         reach = slack + swept(bodies, w, part, h[w])
         if kind == PLANE:
-            n = geometry.shapes[part.shape].size
-            if wp.dot(n, p) - geometry.shapes[part.shape].bound <= reach:
+            n = geometry[0].shapes[part.shape].size
+            if wp.dot(n, p) - geometry[0].shapes[part.shape].bound <= reach:
                 c = against_body(bodies, friction, restitution, w, d, b)
                 c.kind = ON_SHAPE
                 c.n0 = i
@@ -198,11 +198,11 @@ def touch_node(
             half = wp.float32(reach)
             centre = wp.vec3(wp.float32(local[0]), wp.float32(local[1]), wp.float32(local[2]))
             box = wp.vec3(half, half, half) * wp.float32(1.0001)
-            query = wp.bvh_query_aabb(geometry.tree[part.shape], centre - box, centre + box)
+            query = wp.bvh_query_aabb(geometry[0].tree[part.shape], centre - box, centre + box)
             triangle = wp.int32(0)
             while wp.bvh_query_next(query, triangle):
-                face = geometry.shapes[part.shape].first_face + triangle
-                first_vertex = geometry.shapes[part.shape].first_vertex + 3 * triangle
+                face = geometry[0].shapes[part.shape].first_face + triangle
+                first_vertex = geometry[0].shapes[part.shape].first_vertex + 3 * triangle
                 found_at = triangle_distance(geometry, first_vertex, face, local)
                 if wp.abs(found_at[3]) <= reach:
                     c = against_body(bodies, friction, restitution, w, d, b)
@@ -217,7 +217,7 @@ def touch_node(
         far = part.bound + reach
         if wp.length_sq(local) > far * far:
             continue
-        if shape_distance(geometry, kind, geometry.shapes[part.shape], local)[3] <= reach:
+        if shape_distance(geometry, kind, geometry[0].shapes[part.shape], local)[3] <= reach:
             c = against_body(bodies, friction, restitution, w, d, b)
             c.kind = ON_SHAPE
             c.n0 = i
@@ -231,7 +231,7 @@ def touch_node(
 def search_nodes(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     x: wp.array2d[wp.vec3d],
@@ -273,7 +273,7 @@ def search_nodes(
 def touch_edge(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     x: wp.array2d[wp.vec3d],
@@ -307,7 +307,7 @@ def touch_edge(
             continue
         part = obstacles.parts[s]
         b = part.body
-        kind = geometry.shapes[part.shape].kind
+        kind = geometry[0].shapes[part.shape].kind
         if kind == PLANE:
             continue
         if kind == MESH or surface.excluded[i, b] != 0 or surface.excluded[j, b] != 0:
@@ -320,7 +320,7 @@ def touch_edge(
         far = part.bound + reach + half
         if wp.length_sq(begin + way * wp.float64(0.5)) > far * far:
             continue
-        shape = geometry.shapes[part.shape]
+        shape = geometry[0].shapes[part.shape]
         at_begin = shape_distance(geometry, kind, shape, begin)
         at_end = shape_distance(geometry, kind, shape, begin + way)
         if (at_begin[3] + at_end[3]) * wp.float64(0.5) - half > reach:
@@ -359,7 +359,7 @@ def touch_edge(
 def search_edges(
     h: wp.array[wp.float64],
     gravity: wp.array[wp.vec3d],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     x: wp.array2d[wp.vec3d],
@@ -493,7 +493,7 @@ def mark_overlaps(
     radius: wp.array[wp.float64],
     owner: wp.array[wp.int32],
     linked: wp.array2d[wp.int32],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     excluded: wp.array2d[wp.int32],
@@ -505,8 +505,8 @@ def mark_overlaps(
         return
     local = wp.transpose(bodies[0, part.body].rotation) * (places[i] - bodies[0, part.body].x) - part.position
     local = wp.transpose(part.rotation) * local
-    kind = geometry.shapes[part.shape].kind
-    if shape_distance(geometry, kind, geometry.shapes[part.shape], local)[3] < radius[i]:
+    kind = geometry[0].shapes[part.shape].kind
+    if shape_distance(geometry, kind, geometry[0].shapes[part.shape], local)[3] < radius[i]:
         excluded[i, part.body] = 1
 
 

@@ -11,7 +11,7 @@ FAR = wp.float64(1.0e30)
 
 
 @wp.func(inline=False)
-def shape_distance(geometry: Geometry, kind: int, shape: Shape, p: wp.vec3d) -> wp.vec4d:
+def shape_distance(geometry: wp.array[Geometry], kind: int, shape: Shape, p: wp.vec3d) -> wp.vec4d:
     """Outward normal and, as fourth value, signed distance of p from the surface (body axes).
 
     Beside an edge or a corner of a convex mesh the distance is that to the farther face's plane, which is less than
@@ -22,8 +22,8 @@ def shape_distance(geometry: Geometry, kind: int, shape: Shape, p: wp.vec3d) -> 
         best = wp.vec3d()
         highest = -FAR
         for f in range(shape.first_face, shape.first_face + shape.faces):
-            n = geometry.face_normals[f]
-            height = wp.dot(n, p - geometry.vertices[geometry.face_corners[geometry.face_starts[f]]])
+            n = geometry[0].face_normals[f]
+            height = wp.dot(n, p - geometry[0].vertices[geometry[0].face_corners[geometry[0].face_starts[f]]])
             if height > highest:
                 highest = height
                 best = n
@@ -40,12 +40,12 @@ def shape_distance(geometry: Geometry, kind: int, shape: Shape, p: wp.vec3d) -> 
 
 
 @wp.func(inline=False)
-def triangle_distance(geometry: Geometry, first_vertex: int, face: int, p: wp.vec3d) -> wp.vec4d:
+def triangle_distance(geometry: wp.array[Geometry], first_vertex: int, face: int, p: wp.vec3d) -> wp.vec4d:
     """The same for a triangle of a mesh that is touched from its front; FAR where a neighbour is closer."""
-    a = geometry.vertices[first_vertex]
-    b = geometry.vertices[first_vertex + 1]
-    c = geometry.vertices[first_vertex + 2]
-    n = geometry.face_normals[face]
+    a = geometry[0].vertices[first_vertex]
+    b = geometry[0].vertices[first_vertex + 1]
+    c = geometry[0].vertices[first_vertex + 2]
+    n = geometry[0].face_normals[face]
     weights = triangle_weights(a - p, b - p, c - p)
     away = p - (a * weights[0] + b * weights[1] + c * weights[2])
     height = wp.dot(n, away)

@@ -70,7 +70,7 @@ def closest_on_segments(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d) -> w
 @wp.func
 def follow(
     c: Contact,
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     bodies: wp.array2d[Body],
     across: wp.vec3d,
@@ -87,18 +87,18 @@ def follow(
         at = wp.vec4d()
         rotation = bodies[w, c.body].rotation
         if c.kind == ON_TRIANGLE:
-            first = geometry.face_corners[geometry.face_starts[c.part]]
+            first = geometry[0].face_corners[geometry[0].face_starts[c.part]]
             at = triangle_distance(geometry, first, c.part, wp.transpose(rotation) * c.arm)
         else:
             shape = obstacles.parts[c.part].shape
-            kind = geometry.shapes[shape].kind
+            kind = geometry[0].shapes[shape].kind
             if kind == PLANE:
-                c.normal = geometry.shapes[shape].size
-                c.gap = wp.dot(c.normal, p) - geometry.shapes[shape].bound - c.reach
+                c.normal = geometry[0].shapes[shape].size
+                c.gap = wp.dot(c.normal, p) - geometry[0].shapes[shape].bound - c.reach
                 return c
             local = wp.transpose(rotation) * c.arm - obstacles.parts[c.part].position
             local = wp.transpose(obstacles.parts[c.part].rotation) * local
-            at = shape_distance(geometry, kind, geometry.shapes[shape], local)
+            at = shape_distance(geometry, kind, geometry[0].shapes[shape], local)
             rotation = rotation * obstacles.parts[c.part].rotation
         c.normal = rotation * wp.vec3d(at[0], at[1], at[2])
         c.gap = at[3] - c.reach
@@ -458,7 +458,7 @@ def solve_contacts(
     clock_dt: wp.array[wp.float64],
     inner: wp.array[wp.int32],
     gravity: wp.array[wp.vec3d],
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     obstacles: Obstacles,
     across: wp.vec3d,
     bodies: wp.array2d[Body],

@@ -44,11 +44,11 @@ def stepping(joining: Joining) -> Any:
 
     @wp.func
     def advance(
-        geometry: Geometry,
-        parameters: Parameters,
-        joints: Joints,
-        state: State,
-        log: Log,
+        geometry: wp.array[Geometry],
+        parameters: wp.array[Parameters],
+        joints: wp.array[Joints],
+        state: wp.array[State],
+        log: wp.array[Log],
         w: int,
         k: int,
         previous_half: int,
@@ -69,10 +69,10 @@ def stepping(joining: Joining) -> Any:
         while left > wp.float64(0.0):
             sweep_bodies(geometry, state, k, fall, left)
             half = 1 - half
-            settle(joints, state, k, geometry.lock)
+            settle(joints, state, k, geometry[0].lock)
             find_contacts(geometry, state, k, half)
-            build_rows(state, k, half, geometry.lock)
-            if parameters.contact_laws > 0:
+            build_rows(state, k, half, geometry[0].lock)
+            if parameters[0].contact_laws > 0:
                 rub_as_effects_have_it(parameters, state, w, k, half, threshold, left)
             part = longest_part(joints, state, k, h, left)
             slowest = threshold
@@ -93,14 +93,14 @@ def stepping(joining: Joining) -> Any:
             solve(joints, state, k, half, part)
             note_forces(state, k, half, part)
             separate_overlaps(state, k, half, part)
-            for i in range(state.objects):
-                if state.bodies[k, i].active == 1 and not carries(joints, i):
-                    b = state.bodies[k, i]
-                    state.bodies[k, i] = place(b, end_position(b, part), end_orientation(b, part))
-            finish(joints, state, k, half, part, geometry.lock)
-            if parameters.effect_kind.shape[0] > 0 and wp.float64(2.0) * part >= h:
+            for i in range(state[0].objects):
+                if state[0].bodies[k, i].active == 1 and not carries(joints, i):
+                    bodies = state[0].bodies
+                    place(bodies, k, i, end_position(bodies, k, i, part), end_orientation(bodies, k, i, part))
+            finish(joints, state, k, half, part, geometry[0].lock)
+            if parameters[0].effect_kind.shape[0] > 0 and wp.float64(2.0) * part >= h:
                 note_reactions(state, k, part)
-            if log.record == 1:
+            if log[0].record == 1:
                 record_contacts(log, state, w, k, half, time, part)
             left -= part
             time += part

@@ -56,6 +56,19 @@ def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
     return wp.zeros(shape, dtype=dtype, device="cpu")
 
 
+def passed(record: Any, kind: Any, before: Any = None) -> Any:
+    """A record as kernels take it, an array of one: structs are passed by value from function to function, and to copy
+    those of a whole world would take longer than a step does.
+
+    kind: the record's struct. before: an array to write it to. The record has to live as long as the array is used.
+    """
+    found: Any = wp.array([record], dtype=kind, device="cpu")
+    if before is None:
+        return found
+    before.numpy()[:] = found.numpy()
+    return before
+
+
 def allocate_state(world: World, rows: int) -> layout.State:
     """Room to work in for `rows` worlds at a time."""
     n, s = len(world.objects), len(world.statics)

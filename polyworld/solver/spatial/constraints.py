@@ -25,71 +25,71 @@ ROWS = 6  # normal, two tangents, spin, two of rolling
 
 
 @wp.func
-def build_rows(state: State, w: int, half: int, lock: wp.vec3d) -> None:
+def build_rows(state: wp.array[State], w: int, half: int, lock: wp.vec3d) -> None:
     """Write the rows of all contacts in this half. Friction acts at the anchors, normal forces at the points."""
-    base = half * state.max_manifolds
-    offset = half * state.max_contacts
-    for i in range(base, base + state.manifold_count[w, half]):
-        m = state.manifolds[w, i]
-        a = state.bodies[w, m.a]
-        b = state.bodies[w, m.b]
-        ia = world_inverse_inertia(a)
-        ib = world_inverse_inertia(b)
-        masses = a.inverse_mass + b.inverse_mass
+    base = half * state[0].max_manifolds
+    offset = half * state[0].max_contacts
+    for i in range(base, base + state[0].manifold_count[w, half]):
+        m = state[0].manifolds[w, i]
+        xa = state[0].bodies[w, m.a].x
+        xb = state[0].bodies[w, m.b].x
+        ia = world_inverse_inertia(state[0].bodies, w, m.a)
+        ib = world_inverse_inertia(state[0].bodies, w, m.b)
+        masses = state[0].bodies[w, m.a].inverse_mass + state[0].bodies[w, m.b].inverse_mass
         centre = wp.vec3d()
         touching = wp.int32(0)
         for c in range(m.first, m.first + m.count):
-            if state.contacts[w, c].gap <= m.close:
-                centre += state.contacts[w, c].point
+            if state[0].contacts[w, c].gap <= m.close:
+                centre += state[0].contacts[w, c].point
                 touching += 1
         if touching > 0:
             centre = centre / wp.float64(touching)
         for c in range(m.first, m.first + m.count):
             r = ROWS * (c - offset)
-            p = state.contacts[w, c].point
-            state.rows[w, r] = make_row(
-                m.normal, wp.cross(p - a.x, m.normal), wp.cross(p - b.x, m.normal), ia, ib, masses, lock
+            p = state[0].contacts[w, c].point
+            state[0].rows[w, r] = make_row(
+                m.normal, wp.cross(p - xa, m.normal), wp.cross(p - xb, m.normal), ia, ib, masses, lock
             )
             if touching > 1:
                 p = centre + (p - centre) * m.anchor
-            pa = p - a.x
-            pb = p - b.x
-            state.rows[w, r + 1] = make_row(m.t1, wp.cross(pa, m.t1), wp.cross(pb, m.t1), ia, ib, masses, lock)
-            state.rows[w, r + 2] = make_row(m.t2, wp.cross(pa, m.t2), wp.cross(pb, m.t2), ia, ib, masses, lock)
-            state.contacts[w, c].speed = velocity_along(state, w, m.a, m.b, r)
-            state.contacts[w, c].coupling = wp.dot(state.rows[w, r + 1].ja, state.rows[w, r + 2].wa) + wp.dot(
-                state.rows[w, r + 1].jb, state.rows[w, r + 2].wb
+            pa = p - xa
+            pb = p - xb
+            state[0].rows[w, r + 1] = make_row(m.t1, wp.cross(pa, m.t1), wp.cross(pb, m.t1), ia, ib, masses, lock)
+            state[0].rows[w, r + 2] = make_row(m.t2, wp.cross(pa, m.t2), wp.cross(pb, m.t2), ia, ib, masses, lock)
+            state[0].contacts[w, c].speed = velocity_along(state, w, m.a, m.b, r)
+            state[0].contacts[w, c].coupling = wp.dot(state[0].rows[w, r + 1].ja, state[0].rows[w, r + 2].wa) + wp.dot(
+                state[0].rows[w, r + 1].jb, state[0].rows[w, r + 2].wb
             )
             if m.torsion > wp.float64(0.0):
-                state.rows[w, r + 3] = make_row(wp.vec3d(), m.normal, m.normal, ia, ib, masses, lock)
+                state[0].rows[w, r + 3] = make_row(wp.vec3d(), m.normal, m.normal, ia, ib, masses, lock)
             if m.rolling > wp.float64(0.0):
-                state.rows[w, r + 4] = make_row(wp.vec3d(), m.t1, m.t1, ia, ib, masses, lock)
-                state.rows[w, r + 5] = make_row(wp.vec3d(), m.t2, m.t2, ia, ib, masses, lock)
-                state.contacts[w, c].turning = wp.vec2d(
+                state[0].rows[w, r + 4] = make_row(wp.vec3d(), m.t1, m.t1, ia, ib, masses, lock)
+                state[0].rows[w, r + 5] = make_row(wp.vec3d(), m.t2, m.t2, ia, ib, masses, lock)
+                state[0].contacts[w, c].turning = wp.vec2d(
                     velocity_along(state, w, m.a, m.b, r + 4), velocity_along(state, w, m.a, m.b, r + 5)
                 )
-                state.contacts[w, c].coupling_rolling = wp.dot(m.t1, state.rows[w, r + 5].wa) + wp.dot(
-                    m.t1, state.rows[w, r + 5].wb
+                state[0].contacts[w, c].coupling_rolling = wp.dot(m.t1, state[0].rows[w, r + 5].wa) + wp.dot(
+                    m.t1, state[0].rows[w, r + 5].wb
                 )
 
 
 @wp.func
 def solve_disc(
-    state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, aim: wp.vec2d
+    state: wp.array[State], w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, aim: wp.vec2d
 ) -> wp.float64:
     """Bring the two-dimensional velocity of rows r, r + 1 towards `aim` with an impulse of at most `bound`.
 
     Sticks if it can. Else steps along the velocity by the same factor in both directions and projects on the
     disc: at the fixed point the impulse then opposes the velocity. Returns the velocity changed.
     """
-    x = state.rows[w, r].impulse
-    y = state.rows[w, r + 1].impulse
+    x = state[0].rows[w, r].impulse
+    y = state[0].rows[w, r + 1].impulse
     if bound <= wp.float64(0.0) and x == wp.float64(0.0) and y == wp.float64(0.0):
         return wp.float64(0.0)
     vx = velocity_along(state, w, a, b, r) - aim[0]
     vy = velocity_along(state, w, a, b, r + 1) - aim[1]
-    kx = state.rows[w, r].k
-    ky = state.rows[w, r + 1].k
+    kx = state[0].rows[w, r].k
+    ky = state[0].rows[w, r + 1].k
     det = kx * ky - coupling * coupling
     sx = x - (ky * vx - coupling * vy) / det
     sy = y - (kx * vy - coupling * vx) / det
@@ -140,16 +140,16 @@ def brake(
 
 @wp.func
 def solve_rolling(
-    state: State, w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, before: wp.vec2d
+    state: wp.array[State], w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, before: wp.vec2d
 ) -> wp.float64:
     """Brake the two-dimensional angular velocity of rows r, r + 1, which was `before` at the start of the step, with an
     impulse of at most `bound`. Returns the velocity changed."""
-    x = state.rows[w, r].impulse
-    y = state.rows[w, r + 1].impulse
+    x = state[0].rows[w, r].impulse
+    y = state[0].rows[w, r + 1].impulse
     if bound <= wp.float64(0.0) and x == wp.float64(0.0) and y == wp.float64(0.0):
         return wp.float64(0.0)
-    kx = state.rows[w, r].k
-    ky = state.rows[w, r + 1].k
+    kx = state[0].rows[w, r].k
+    ky = state[0].rows[w, r + 1].k
     vx = velocity_along(state, w, a, b, r) - kx * x - coupling * y
     vy = velocity_along(state, w, a, b, r + 1) - ky * y - coupling * x
     impulse = brake(before, wp.vec2d(vx, vy), kx, ky, coupling, bound)
@@ -159,101 +159,101 @@ def solve_rolling(
 
 
 @wp.func
-def clear_impulses(state: State, w: int, r: int) -> None:
+def clear_impulses(state: wp.array[State], w: int, r: int) -> None:
     for k in range(ROWS):
-        state.rows[w, r + k].impulse = wp.float64(0.0)
+        state[0].rows[w, r + k].impulse = wp.float64(0.0)
 
 
 @wp.func
-def aim_contacts(state: State, w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
+def aim_contacts(state: wp.array[State], w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
     """What velocities the contacts aim at, at the end of a step of length h; the last step's forces to begin with.
 
     Open contacts that close faster than the threshold are left to the impact that follows.
     """
-    base = half * state.max_manifolds
-    offset = half * state.max_contacts
-    last = base + state.manifold_count[w, half]
+    base = half * state[0].max_manifolds
+    offset = half * state[0].max_contacts
+    last = base + state[0].manifold_count[w, half]
     for i in range(base, last):
-        m = state.manifolds[w, i]
+        m = state[0].manifolds[w, i]
         for c in range(m.first, m.first + m.count):
             r = ROWS * (c - offset)
             # The gap closes by the mean of the velocities before and after; what approaches at no gap just stops.
-            needed = -wp.max(state.contacts[w, c].gap, wp.float64(0.0)) / h
-            state.contacts[w, c].target = wp.min(needed, wp.float64(2.0) * needed - state.contacts[w, c].speed)
-            if state.contacts[w, c].gap > m.close and state.contacts[w, c].speed < -threshold:
-                state.contacts[w, c].target = NO_TARGET
+            needed = -wp.max(state[0].contacts[w, c].gap, wp.float64(0.0)) / h
+            state[0].contacts[w, c].target = wp.min(needed, wp.float64(2.0) * needed - state[0].contacts[w, c].speed)
+            if state[0].contacts[w, c].gap > m.close and state[0].contacts[w, c].speed < -threshold:
+                state[0].contacts[w, c].target = NO_TARGET
             clear_impulses(state, w, r)
-            normal = state.contacts[w, c].force_n * h
+            normal = state[0].contacts[w, c].force_n * h
             if normal > wp.float64(0.0):
                 push(state, w, m.a, m.b, r, normal)
-                f = state.contacts[w, c].force_t * h
+                f = state[0].contacts[w, c].force_t * h
                 push(state, w, m.a, m.b, r + 1, wp.dot(f, m.t1))
                 push(state, w, m.a, m.b, r + 2, wp.dot(f, m.t2))
                 if m.torsion > wp.float64(0.0):
-                    push(state, w, m.a, m.b, r + 3, state.contacts[w, c].force_spin * h)
+                    push(state, w, m.a, m.b, r + 3, state[0].contacts[w, c].force_spin * h)
                 if m.rolling > wp.float64(0.0):
-                    g = state.contacts[w, c].force_roll * h
+                    g = state[0].contacts[w, c].force_roll * h
                     push(state, w, m.a, m.b, r + 4, wp.dot(g, m.t1))
                     push(state, w, m.a, m.b, r + 5, wp.dot(g, m.t2))
 
 
 @wp.func
-def note_forces(state: State, w: int, half: int, h: wp.float64) -> None:
+def note_forces(state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
     """Keep what the contacts did in a step of length h for the next."""
-    base = half * state.max_manifolds
-    offset = half * state.max_contacts
-    last = base + state.manifold_count[w, half]
+    base = half * state[0].max_manifolds
+    offset = half * state[0].max_contacts
+    last = base + state[0].manifold_count[w, half]
     rate = wp.float64(1.0) / h
     for i in range(base, last):
-        m = state.manifolds[w, i]
+        m = state[0].manifolds[w, i]
         for c in range(m.first, m.first + m.count):
             r = ROWS * (c - offset)
-            state.contacts[w, c].force_n = state.rows[w, r].impulse * rate
-            state.contacts[w, c].force_t = (
-                m.t1 * state.rows[w, r + 1].impulse + m.t2 * state.rows[w, r + 2].impulse
+            state[0].contacts[w, c].force_n = state[0].rows[w, r].impulse * rate
+            state[0].contacts[w, c].force_t = (
+                m.t1 * state[0].rows[w, r + 1].impulse + m.t2 * state[0].rows[w, r + 2].impulse
             ) * rate
-            state.contacts[w, c].force_spin = state.rows[w, r + 3].impulse * rate
-            state.contacts[w, c].force_roll = (
-                m.t1 * state.rows[w, r + 4].impulse + m.t2 * state.rows[w, r + 5].impulse
+            state[0].contacts[w, c].force_spin = state[0].rows[w, r + 3].impulse * rate
+            state[0].contacts[w, c].force_roll = (
+                m.t1 * state[0].rows[w, r + 4].impulse + m.t2 * state[0].rows[w, r + 5].impulse
             ) * rate
 
 
 @wp.func
-def separate_overlaps(state: State, w: int, half: int, h: wp.float64) -> None:
+def separate_overlaps(state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
     """Move overlapping bodies apart by a fraction of the overlap, without giving them velocity.
 
     Contacts keep what is within the touching distance, so bodies at rest are not moved at all.
     """
-    base = half * state.max_manifolds
-    offset = half * state.max_contacts
-    last = base + state.manifold_count[w, half]
+    base = half * state[0].max_manifolds
+    offset = half * state[0].max_contacts
+    last = base + state[0].manifold_count[w, half]
     deepest = wp.float64(0.0)
     for i in range(base, last):
-        close = state.manifolds[w, i].close
-        start = state.manifolds[w, i].first
-        for c in range(start, start + state.manifolds[w, i].count):
-            deepest = wp.max(deepest, -close - state.contacts[w, c].gap)
+        close = state[0].manifolds[w, i].close
+        start = state[0].manifolds[w, i].first
+        for c in range(start, start + state[0].manifolds[w, i].count):
+            deepest = wp.max(deepest, -close - state[0].contacts[w, c].gap)
     if deepest <= wp.float64(0.0):
         return
     for _sweep in range(OVERLAP_SWEEPS):
         for i in range(base, last):
-            m = state.manifolds[w, i]
+            m = state[0].manifolds[w, i]
             for c in range(m.first, m.first + m.count):
                 r = ROWS * (c - offset)
                 gap = (
-                    state.contacts[w, c].gap
-                    + wp.max(state.contacts[w, c].speed, wp.float64(0.0)) * h  # it opens by itself
-                    + wp.dot(m.normal, state.bodies[w, m.a].shift - state.bodies[w, m.b].shift)
-                    + wp.dot(state.rows[w, r].ja, state.bodies[w, m.a].turn)
-                    - wp.dot(state.rows[w, r].jb, state.bodies[w, m.b].turn)
+                    state[0].contacts[w, c].gap
+                    + wp.max(state[0].contacts[w, c].speed, wp.float64(0.0)) * h  # it opens by itself
+                    + wp.dot(m.normal, state[0].bodies[w, m.a].shift - state[0].bodies[w, m.b].shift)
+                    + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, m.a].turn)
+                    - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, m.b].turn)
                 )
                 depth = -m.close - gap
                 if depth > wp.float64(0.0):
-                    move = wp.min(depth * OVERLAP_SHARE, OVERLAP_SPEED * h) / state.rows[w, r].k
-                    state.bodies[w, m.a].shift += m.normal * (move * state.bodies[w, m.a].inverse_mass)
-                    state.bodies[w, m.a].turn += state.rows[w, r].wa * move
-                    state.bodies[w, m.b].shift -= m.normal * (move * state.bodies[w, m.b].inverse_mass)
-                    state.bodies[w, m.b].turn -= state.rows[w, r].wb * move
+                    move = wp.min(depth * OVERLAP_SHARE, OVERLAP_SPEED * h) / state[0].rows[w, r].k
+                    state[0].bodies[w, m.a].shift += m.normal * (move * state[0].bodies[w, m.a].inverse_mass)
+                    state[0].bodies[w, m.a].turn += state[0].rows[w, r].wa * move
+                    state[0].bodies[w, m.b].shift -= m.normal * (move * state[0].bodies[w, m.b].inverse_mass)
+                    state[0].bodies[w, m.b].turn -= state[0].rows[w, r].wb * move
 
 
 def contact_solver(hold: Any) -> tuple[Any, Any]:
@@ -265,8 +265,8 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
 
     @wp.func(inline=False)
     def solve_manifolds(
-        joints: Joints,
-        state: State,
+        joints: wp.array[Joints],
+        state: wp.array[State],
         w: int,
         first: int,
         last: int,
@@ -283,38 +283,38 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
         for _iteration in range(iterations):
             worst = wp.float64(0.0)
             for i in range(first, last):
-                a = state.manifolds[w, i].a
-                b = state.manifolds[w, i].b
-                friction = state.manifolds[w, i].friction
-                torsion = state.manifolds[w, i].torsion
-                rolling = state.manifolds[w, i].rolling
-                start = state.manifolds[w, i].first
-                for c in range(start, start + state.manifolds[w, i].count):
+                a = state[0].manifolds[w, i].a
+                b = state[0].manifolds[w, i].b
+                friction = state[0].manifolds[w, i].friction
+                torsion = state[0].manifolds[w, i].torsion
+                rolling = state[0].manifolds[w, i].rolling
+                start = state[0].manifolds[w, i].first
+                for c in range(start, start + state[0].manifolds[w, i].count):
                     r = ROWS * (c - offset)
-                    k = state.rows[w, r].k
-                    before = state.rows[w, r].impulse
-                    lack = state.contacts[w, c].target - velocity_along(state, w, a, b, r)
+                    k = state[0].rows[w, r].k
+                    before = state[0].rows[w, r].impulse
+                    lack = state[0].contacts[w, c].target - velocity_along(state, w, a, b, r)
                     normal = wp.max(before + lack / k, wp.float64(0.0))
                     if normal != before:
                         push(state, w, a, b, r, normal - before)
                         worst = wp.max(worst, wp.abs(normal - before) * k)
-                    grip = state.contacts[w, c].grip
+                    grip = state[0].contacts[w, c].grip
                     if friction > wp.float64(0.0) or grip > wp.float64(0.0):
-                        coupling = state.contacts[w, c].coupling
+                        coupling = state[0].contacts[w, c].coupling
                         bound = wp.max(friction * normal, grip)
-                        aim = state.contacts[w, c].aim
+                        aim = state[0].contacts[w, c].aim
                         worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, bound, aim))
                     if torsion > wp.float64(0.0):
                         bound = friction * normal * torsion
-                        spin = state.rows[w, r + 3].impulse
+                        spin = state[0].rows[w, r + 3].impulse
                         rate = velocity_along(state, w, a, b, r + 3)
-                        wanted = wp.clamp(spin - rate / state.rows[w, r + 3].k, -bound, bound)
+                        wanted = wp.clamp(spin - rate / state[0].rows[w, r + 3].k, -bound, bound)
                         push(state, w, a, b, r + 3, wanted - spin)
-                        worst = wp.max(worst, wp.abs(wanted - spin) * state.rows[w, r + 3].k * torsion)
+                        worst = wp.max(worst, wp.abs(wanted - spin) * state[0].rows[w, r + 3].k * torsion)
                     if rolling > wp.float64(0.0):
-                        coupling = state.contacts[w, c].coupling_rolling
+                        coupling = state[0].contacts[w, c].coupling_rolling
                         bound = rolling * normal
-                        turning = state.contacts[w, c].turning
+                        turning = state[0].contacts[w, c].turning
                         if h <= wp.float64(0.0):
                             turning = wp.vec2d()
                         changed = solve_rolling(state, w, a, b, r + 4, coupling, bound, turning)
@@ -324,11 +324,11 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
                 break
 
     @wp.func
-    def solve_contacts(joints: Joints, state: State, w: int, half: int, h: wp.float64) -> None:
+    def solve_contacts(joints: wp.array[Joints], state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
         """Change the bodies' velocities at the end of a step of length h into admissible ones."""
-        base = half * state.max_manifolds
-        offset = half * state.max_contacts
-        last = base + state.manifold_count[w, half]
+        base = half * state[0].max_manifolds
+        offset = half * state[0].max_contacts
+        last = base + state[0].manifold_count[w, half]
         solve_manifolds(joints, state, w, base, last, offset, ITERATIONS, CONVERGED, h)
 
     return solve_manifolds, solve_contacts

@@ -10,47 +10,51 @@ from polyworld.solver.spatial.layout import State
 
 
 @wp.func
-def hold(_joints: Joints, _state: State, _k: int, _h: wp.float64, _contacts: int) -> wp.float64:
+def hold(_joints: wp.array[Joints], _state: wp.array[State], _k: int, _h: wp.float64, _contacts: int) -> wp.float64:
     return wp.float64(0.0)
 
 
 @wp.func
-def energy(_joints: Joints, state: State, k: int, a: int, b: int) -> wp.float64:
-    return kinetic_energy(state.bodies[k, a]) + kinetic_energy(state.bodies[k, b])
+def energy(_joints: wp.array[Joints], state: wp.array[State], k: int, a: int, b: int) -> wp.float64:
+    return kinetic_energy(state[0].bodies[k, a]) + kinetic_energy(state[0].bodies[k, b])
 
 
 @wp.func
-def take_back(_joints: Joints, _state: State, _k: int) -> None:
+def take_back(_joints: wp.array[Joints], _state: wp.array[State], _k: int) -> None:
     pass
 
 
 @wp.func
-def settle(_joints: Joints, _state: State, _k: int, _lock: wp.vec3d) -> None:
+def settle(_joints: wp.array[Joints], _state: wp.array[State], _k: int, _lock: wp.vec3d) -> None:
     pass
 
 
 @wp.func
-def all_left(_joints: Joints, _state: State, _k: int, _h: wp.float64, left: wp.float64) -> wp.float64:
+def all_left(
+    _joints: wp.array[Joints], _state: wp.array[State], _k: int, _h: wp.float64, left: wp.float64
+) -> wp.float64:
     return left
 
 
 @wp.func
-def whole(_joints: Joints, _state: State, _k: int, h: wp.float64) -> wp.float64:
+def whole(_joints: wp.array[Joints], _state: wp.array[State], _k: int, h: wp.float64) -> wp.float64:
     return h
 
 
 @wp.func
-def begin(_joints: Joints, _state: State, _k: int, _time: wp.float64, _h: wp.float64) -> None:
+def begin(_joints: wp.array[Joints], _state: wp.array[State], _k: int, _time: wp.float64, _h: wp.float64) -> None:
     pass
 
 
 @wp.func
-def carries(_joints: Joints, _i: int) -> bool:
+def carries(_joints: wp.array[Joints], _i: int) -> bool:
     return False
 
 
 @wp.func
-def finish(_joints: Joints, _state: State, _k: int, _half: int, _h: wp.float64, _lock: wp.vec3d) -> None:
+def finish(
+    _joints: wp.array[Joints], _state: wp.array[State], _k: int, _half: int, _h: wp.float64, _lock: wp.vec3d
+) -> None:
     pass
 
 

@@ -28,7 +28,7 @@ def kinetic_energy(b: Body) -> wp.float64:
 
 @wp.func
 def time_to_impact(
-    state: State, w: int, half: int, h: wp.float64, threshold: wp.float64, gravity: wp.vec3d
+    state: wp.array[State], w: int, half: int, h: wp.float64, threshold: wp.float64, gravity: wp.vec3d
 ) -> wp.float64:
     """Time until the first open contact closes faster than the threshold, at most h.
 
@@ -36,19 +36,19 @@ def time_to_impact(
     passed over; where the first guess falls short the next part of the step brings the rest.
     """
     zero = wp.float64(0.0)
-    base = half * state.max_manifolds
+    base = half * state[0].max_manifolds
     earliest = h
-    for i in range(base, base + state.manifold_count[w, half]):
-        b = state.manifolds[w, i].b
-        close = state.manifolds[w, i].close
+    for i in range(base, base + state[0].manifold_count[w, half]):
+        b = state[0].manifolds[w, i].b
+        close = state[0].manifolds[w, i].close
         pull = zero
-        if b >= state.objects:
-            pull = wp.dot(gravity, state.manifolds[w, i].normal)
-        start = state.manifolds[w, i].first
-        for c in range(start, start + state.manifolds[w, i].count):
-            gap = state.contacts[w, c].gap
+        if b >= state[0].objects:
+            pull = wp.dot(gravity, state[0].manifolds[w, i].normal)
+        start = state[0].manifolds[w, i].first
+        for c in range(start, start + state[0].manifolds[w, i].count):
+            gap = state[0].contacts[w, c].gap
             if gap > close:
-                speed = state.contacts[w, c].speed
+                speed = state[0].contacts[w, c].speed
                 distance = gap - AIM * close
                 # distance + speed t + pull t^2 / 2 = 0, in the form that does not cancel
                 root = speed * speed - wp.float64(2.0) * pull * distance
@@ -68,20 +68,27 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
     """
 
     @wp.func(inline=False)
-    def undo(joints: Joints, state: State, w: int, i: int, last: int, offset: int) -> None:
+    def undo(joints: wp.array[Joints], state: wp.array[State], w: int, i: int, last: int, offset: int) -> None:
         """Take back the impulses of an impact whose manifolds are [i, last)."""
-        a = state.manifolds[w, i].a
-        b = state.manifolds[w, i].b
-        start = state.manifolds[w, i].first
-        end = state.manifolds[w, last - 1].first + state.manifolds[w, last - 1].count
+        a = state[0].manifolds[w, i].a
+        b = state[0].manifolds[w, i].b
+        start = state[0].manifolds[w, i].first
+        end = state[0].manifolds[w, last - 1].first + state[0].manifolds[w, last - 1].count
         for r in range(ROWS * (start - offset), ROWS * (end - offset)):
-            if state.rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
-                push(state, w, a, b, r, -state.rows[w, r].impulse)
+            if state[0].rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
+                push(state, w, a, b, r, -state[0].rows[w, r].impulse)
         take_back(joints, state, w)
 
     @wp.func(inline=False)
     def rebound(
-        joints: Joints, state: State, w: int, i: int, last: int, offset: int, e: wp.float64, tangential: wp.float64
+        joints: wp.array[Joints],
+        state: wp.array[State],
+        w: int,
+        i: int,
+        last: int,
+        offset: int,
+        e: wp.float64,
+        tangential: wp.float64,
     ) -> wp.float64:
         """Resolve the impact of one pair, whose manifolds are [i, last); returns its normal impulse [N s].
 
@@ -90,28 +97,28 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         oblique impacts of slender bodies (Kane 1984; Stronge 1990, Proc. R. Soc. A 431, 169): the restitution is
         then lowered until it does not. tangential: restitution along the contact, -1 for Coulomb friction.
         """
-        a = state.manifolds[w, i].a
-        b = state.manifolds[w, i].b
-        start = state.manifolds[w, i].first
-        end = state.manifolds[w, last - 1].first + state.manifolds[w, last - 1].count
+        a = state[0].manifolds[w, i].a
+        b = state[0].manifolds[w, i].b
+        start = state[0].manifolds[w, i].first
+        end = state[0].manifolds[w, last - 1].first + state[0].manifolds[w, last - 1].count
         restitution = e
         returned = tangential
         allowed = energy(joints, state, w, a, b) * ENERGY_ROUNDING
         for trial in range(TRIALS):
             for m in range(i, last):
-                close = state.manifolds[w, m].close
-                first = state.manifolds[w, m].first
-                for c in range(first, first + state.manifolds[w, m].count):
+                close = state[0].manifolds[w, m].close
+                first = state[0].manifolds[w, m].first
+                for c in range(first, first + state[0].manifolds[w, m].count):
                     r = ROWS * (c - offset)
                     clear_impulses(state, w, r)
-                    state.contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
-                    if state.contacts[w, c].gap > close:
-                        state.contacts[w, c].target = NO_TARGET
+                    state[0].contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
+                    if state[0].contacts[w, c].gap > close:
+                        state[0].contacts[w, c].target = NO_TARGET
                     elif tangential > wp.float64(-1.0):
                         x = velocity_along(state, w, a, b, r + 1)
                         y = velocity_along(state, w, a, b, r + 2)
-                        state.contacts[w, c].aim = wp.vec2d(-returned * x, -returned * y)
-                        state.contacts[w, c].grip = UNLIMITED
+                        state[0].contacts[w, c].aim = wp.vec2d(-returned * x, -returned * y)
+                        state[0].contacts[w, c].grip = UNLIMITED
             solve_manifolds(joints, state, w, i, last, offset, ITERATIONS, CONVERGED, wp.float64(0.0))
             if energy(joints, state, w, a, b) <= allowed or trial == TRIALS - 1:
                 break
@@ -120,16 +127,16 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
             undo(joints, state, w, i, last, offset)
         impulse = wp.float64(0.0)
         for c in range(start, end):
-            impulse += state.rows[w, ROWS * (c - offset)].impulse
-            state.contacts[w, c].aim = wp.vec2d()
-            state.contacts[w, c].grip = wp.float64(0.0)
+            impulse += state[0].rows[w, ROWS * (c - offset)].impulse
+            state[0].contacts[w, c].aim = wp.vec2d()
+            state[0].contacts[w, c].grip = wp.float64(0.0)
         return impulse
 
     @wp.func(inline=False)
     def rebound_with_effects(
-        parameters: Parameters,
-        joints: Joints,
-        state: State,
+        parameters: wp.array[Parameters],
+        joints: wp.array[Joints],
+        state: wp.array[State],
         world: int,
         w: int,
         i: int,
@@ -145,12 +152,12 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         """
         zero = wp.float64(0.0)
         one = wp.float64(1.0)
-        a = state.manifolds[w, i].a
-        b = state.manifolds[w, i].b
-        kinds = parameters.effect_kind
-        acts = parameters.effect_acts
-        values = parameters.effect_parameters
-        e = contact_restitution(kinds, acts, values, world, a, b, state.manifolds[w, i].restitution, fastest)
+        a = state[0].manifolds[w, i].a
+        b = state[0].manifolds[w, i].b
+        kinds = parameters[0].effect_kind
+        acts = parameters[0].effect_acts
+        values = parameters[0].effect_parameters
+        e = contact_restitution(kinds, acts, values, world, a, b, state[0].manifolds[w, i].restitution, fastest)
         law = contact_tangential(kinds, acts, values, world, a, b)
         grip = law[2]
         impulse = zero
@@ -158,32 +165,32 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
             impulse = rebound(joints, state, w, i, last, offset, e, -one)
         if grip > zero:
             if grip < one:
-                for k in range(state.objects):
-                    state.bodies[w, k].v_free = state.bodies[w, k].v  # free for use until the step is predicted
-                    state.bodies[w, k].w_free = state.bodies[w, k].w
+                for k in range(state[0].objects):
+                    state[0].bodies[w, k].v_free = state[0].bodies[w, k].v  # free for use until the step is predicted
+                    state[0].bodies[w, k].w_free = state[0].bodies[w, k].w
                 undo(joints, state, w, i, last, offset)
             gripped = rebound(joints, state, w, i, last, offset, e, law[1])
             impulse = impulse * (one - grip) + gripped * grip
             if grip < one:
-                for k in range(state.objects):
-                    v = state.bodies[w, k].v_free * (one - grip)
-                    spin = state.bodies[w, k].w_free * (one - grip)
-                    state.bodies[w, k].v = v + state.bodies[w, k].v * grip
-                    state.bodies[w, k].w = spin + state.bodies[w, k].w * grip
+                for k in range(state[0].objects):
+                    v = state[0].bodies[w, k].v_free * (one - grip)
+                    spin = state[0].bodies[w, k].w_free * (one - grip)
+                    state[0].bodies[w, k].v = v + state[0].bodies[w, k].v * grip
+                    state[0].bodies[w, k].w = spin + state[0].bodies[w, k].w * grip
         if law[0] > zero:
-            ma = state.bodies[w, a].inverse_mass
-            mb = state.bodies[w, b].inverse_mass
-            u = state.bodies[w, a].v - state.bodies[w, b].v
+            ma = state[0].bodies[w, a].inverse_mass
+            mb = state[0].bodies[w, b].inverse_mass
+            u = state[0].bodies[w, a].v - state[0].bodies[w, b].v
             lost = (u - normal * wp.dot(normal, u)) * (law[0] / (ma + mb))
-            state.bodies[w, a].v -= lost * ma
-            state.bodies[w, b].v += lost * mb
+            state[0].bodies[w, a].v -= lost * ma
+            state[0].bodies[w, b].v += lost * mb
         return impulse
 
     @wp.func
     def resolve_impacts(
-        parameters: Parameters,
-        joints: Joints,
-        state: State,
+        parameters: wp.array[Parameters],
+        joints: wp.array[Joints],
+        state: wp.array[State],
         world: int,
         w: int,
         half: int,
@@ -194,18 +201,18 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
         of one pair are resolved together, each rebounding with the pair's restitution times its own approach speed.
         """
-        base = half * state.max_manifolds
-        offset = half * state.max_contacts
-        count = state.manifold_count[w, half]
+        base = half * state[0].max_manifolds
+        offset = half * state[0].max_contacts
+        count = state[0].manifold_count[w, half]
         resolved = wp.int32(0)
         sweep = wp.int32(0)
         active = wp.int32(0)
         for i in range(base, base + count):
-            start = state.manifolds[w, i].first
-            for c in range(start, start + state.manifolds[w, i].count):
-                if state.contacts[w, c].gap <= state.manifolds[w, i].close:
-                    fast = -state.contacts[w, c].speed
-                    state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fast)
+            start = state[0].manifolds[w, i].first
+            for c in range(start, start + state[0].manifolds[w, i].count):
+                if state[0].contacts[w, c].gap <= state[0].manifolds[w, i].close:
+                    fast = -state[0].contacts[w, c].speed
+                    state[0].manifolds[w, i].approach = wp.max(state[0].manifolds[w, i].approach, fast)
                     if fast > threshold:
                         active = 1
         while active == 1 and sweep < 8 + 4 * count:
@@ -214,15 +221,15 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
             last = wp.int32(base)
             while last < base + count:
                 i = last  # the pair's manifolds, one of each piece or triangle, are [i, last)
-                a = state.manifolds[w, i].a
-                b = state.manifolds[w, i].b
+                a = state[0].manifolds[w, i].a
+                b = state[0].manifolds[w, i].b
                 fastest = wp.float64(0.0)
                 hardest = wp.int32(i)  # the manifold that approaches fastest
-                while last < base + count and state.manifolds[w, last].a == a and state.manifolds[w, last].b == b:
-                    close = state.manifolds[w, last].close
-                    start = state.manifolds[w, last].first
-                    for c in range(start, start + state.manifolds[w, last].count):
-                        if state.contacts[w, c].gap <= close:
+                while last < base + count and state[0].manifolds[w, last].a == a and state[0].manifolds[w, last].b == b:
+                    close = state[0].manifolds[w, last].close
+                    start = state[0].manifolds[w, last].first
+                    for c in range(start, start + state[0].manifolds[w, last].count):
+                        if state[0].contacts[w, c].gap <= close:
                             fast = -velocity_along(state, w, a, b, ROWS * (c - offset))
                             if fast > fastest:
                                 fastest = fast
@@ -230,19 +237,19 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
                     last += 1
                 if fastest <= threshold:
                     continue
-                state.manifolds[w, i].approach = wp.max(state.manifolds[w, i].approach, fastest)
+                state[0].manifolds[w, i].approach = wp.max(state[0].manifolds[w, i].approach, fastest)
                 active = wp.int32(1)
                 resolved += 1
                 impulse = wp.float64(0.0)
-                if parameters.contact_laws > 0:
-                    normal = state.manifolds[w, hardest].normal
+                if parameters[0].contact_laws > 0:
+                    normal = state[0].manifolds[w, hardest].normal
                     impulse = rebound_with_effects(
                         parameters, joints, state, world, w, i, last, offset, fastest, normal
                     )
                 else:
-                    e = state.manifolds[w, i].restitution
+                    e = state[0].manifolds[w, i].restitution
                     impulse = rebound(joints, state, w, i, last, offset, e, wp.float64(-1.0))
-                state.manifolds[w, i].impact += impulse
+                state[0].manifolds[w, i].impact += impulse
         return resolved
 
     return resolve_impacts
@@ -250,40 +257,46 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
 
 @wp.func(inline=False)
 def rub_as_effects_have_it(
-    parameters: Parameters, state: State, world: int, w: int, half: int, threshold: wp.float64, h: wp.float64
+    parameters: wp.array[Parameters],
+    state: wp.array[State],
+    world: int,
+    w: int,
+    half: int,
+    threshold: wp.float64,
+    h: wp.float64,
 ) -> None:
     """Give all touching pairs the friction that effects have at the middle of where they touch.
 
     Pairs that approach faster than the threshold collide now; the others are rubbed over a step of length h, in which
     the place moves on with the first of them. (Where an impact elsewhere cuts the step, its way was taken as whole.)
     """
-    base = half * state.max_manifolds
-    for i in range(base, base + state.manifold_count[w, half]):
+    base = half * state[0].max_manifolds
+    for i in range(base, base + state[0].manifold_count[w, half]):
         centre = wp.vec3d()
         touching = wp.float64(0.0)
         time = h
-        start = state.manifolds[w, i].first
-        for c in range(start, start + state.manifolds[w, i].count):
-            if state.contacts[w, c].gap <= state.manifolds[w, i].close:
-                centre += state.contacts[w, c].point
+        start = state[0].manifolds[w, i].first
+        for c in range(start, start + state[0].manifolds[w, i].count):
+            if state[0].contacts[w, c].gap <= state[0].manifolds[w, i].close:
+                centre += state[0].contacts[w, c].point
                 touching += wp.float64(1.0)
-                if state.contacts[w, c].speed < -threshold:
+                if state[0].contacts[w, c].speed < -threshold:
                     time = wp.float64(0.0)
         if touching > wp.float64(0.0):
-            ahead = state.bodies[w, state.manifolds[w, i].a].v * time
+            ahead = state[0].bodies[w, state[0].manifolds[w, i].a].v * time
             friction = contact_friction(
-                parameters.effect_kind,
-                parameters.effect_acts,
-                parameters.effect_parameters,
+                parameters[0].effect_kind,
+                parameters[0].effect_acts,
+                parameters[0].effect_parameters,
                 world,
-                state.manifolds[w, i].a,
-                state.manifolds[w, i].b,
-                state.manifolds[w, i].friction,
+                state[0].manifolds[w, i].a,
+                state[0].manifolds[w, i].b,
+                state[0].manifolds[w, i].friction,
                 centre / touching + ahead * wp.float64(0.5),
                 ahead,
             )
-            state.manifolds[w, i].friction = friction
+            state[0].manifolds[w, i].friction = friction
             if friction <= wp.float64(0.0):  # nothing to begin with from the last step
-                for c in range(start, start + state.manifolds[w, i].count):
-                    state.contacts[w, c].force_t = wp.vec3d()
-                    state.contacts[w, c].force_spin = wp.float64(0.0)
+                for c in range(start, start + state[0].manifolds[w, i].count):
+                    state[0].contacts[w, c].force_t = wp.vec3d()
+                    state[0].contacts[w, c].force_spin = wp.float64(0.0)

@@ -41,23 +41,23 @@ def rubbing_torque(c: wp.mat33d, free: wp.vec3d, bound: wp.float64) -> wp.vec3d:
 
 
 @wp.func(inline=False)
-def rub_ball(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
+def rub_ball(joints: wp.array[Joints], k: int, j: int, h: wp.float64) -> wp.float64:
     """Friction and damping of a ball joint: a torque against the turning, of a bounded length and of its rate."""
-    first = joints.kinds[j].axis
-    joint = joints.joint[k, j]
+    first = joints[0].kinds[j].axis
+    joint = joints[0].joint[k, j]
     c = wp.mat33d()
     v = wp.vec3d()
     for i in range(3):
-        v[i] = joints.rate[k, first + i]
+        v[i] = joints[0].rate[k, first + i]
         for m in range(3):
-            c[i, m] = joints.yields[k, (first + i) * joints.axes + first + m]
+            c[i, m] = joints[0].yields[k, (first + i) * joints[0].axes + first + m]
     if c[0, 0] <= wp.float64(0.0) or c[1, 1] <= wp.float64(0.0) or c[2, 2] <= wp.float64(0.0):
         return wp.float64(0.0)
     share = damped_share(joint.damping * h * wp.trace(c))
     wanted = (v * share + joint.speed * (wp.float64(1.0) - share)) * (-joint.damping * h)
     unit = wp.identity(n=3, dtype=wp.float64)
     change = wp.inverse(unit + c * (joint.damping * h * share)) * (wanted - joint.damped)
-    joints.joint[k, j].damped = joint.damped + change
+    joints[0].joint[k, j].damped = joint.damped + change
     free = v + c * (change - joint.rubbing)  # without friction
     bound = joint.friction * h
     rubbing = wp.vec3d()
@@ -66,24 +66,24 @@ def rub_ball(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
         if wp.length(rubbing) > bound:
             rubbing = rubbing_torque(c, free, bound)
     change += rubbing - joint.rubbing
-    joints.joint[k, j].rubbing = rubbing
+    joints[0].joint[k, j].rubbing = rubbing
     for i in range(3):
         push_axis(joints, k, first + i, change[i])
     return wp.length(c * change)
 
 
 @wp.func(inline=False)
-def move_axis(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
+def move_axis(joints: wp.array[Joints], k: int, j: int, h: wp.float64) -> wp.float64:
     """One visit of the axis of a hinge, slider or spring. Returns the velocity changed."""
     zero = wp.float64(0.0)
-    axis = joints.kinds[j].axis
-    c = joints.yields[k, axis * joints.axes + axis]
+    axis = joints[0].kinds[j].axis
+    c = joints[0].yields[k, axis * joints[0].axes + axis]
     if c <= zero:
         return zero
-    joint = joints.joint[k, j]
-    v = joints.rate[k, axis]
+    joint = joints[0].joint[k, j]
+    v = joints[0].rate[k, axis]
     total = zero
-    if joints.kinds[j].kind == SPRING:
+    if joints[0].kinds[j].kind == SPRING:
         if joint.settled == 1:
             return zero
         total = spring_lack(joint, v, h) / (wp.float64(1.0) + spring_slope(joint, h) * c)
@@ -97,10 +97,10 @@ def move_axis(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
             joint.damped[0] = joint.damped[0] + change
             total += change
             v += change * c
-        if joints.kinds[j].driven > 0:
+        if joints[0].kinds[j].driven > 0:
             most = wp.abs(joint.effort) * joint.drive
             wanted = joint.effort * joint.drive
-            if joints.kinds[j].driven == 2:
+            if joints[0].kinds[j].driven == 2:
                 wanted = wp.clamp(joint.driving + (joint.target_speed - v) / c, -most, most)
             total += wanted - joint.driving
             v += (wanted - joint.driving) * c
@@ -119,31 +119,31 @@ def move_axis(joints: Joints, k: int, j: int, h: wp.float64) -> wp.float64:
                 total += change
                 v += change * c
                 joint.stopped[s] = wanted
-    joints.joint[k, j] = joint
+    joints[0].joint[k, j] = joint
     if total != zero:
         push_axis(joints, k, axis, total)
     return wp.abs(total) * c
 
 
 @wp.func(inline=False)
-def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+def move_axes(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> wp.float64:
     """Find the impulses along all axes while the joints hold. Returns the largest velocity changed."""
     zero = wp.float64(0.0)
     acting = wp.int32(0)
-    first = joints.base + joints.equalities
-    for j in range(joints.count):
-        acting += joints.resists[k, j]
+    first = joints[0].base + joints[0].equalities
+    for j in range(joints[0].count):
+        acting += joints[0].resists[k, j]
     if acting == 0:
         return zero
-    for i in range(joints.axes):
-        r = joints.equalities + i
-        joints.pushed[k, i] = zero
-        joints.rate[k, i] = velocity_along(state, k, joints.row_a[r], joints.row_b[r], first + i)
+    for i in range(joints[0].axes):
+        r = joints[0].equalities + i
+        joints[0].pushed[k, i] = zero
+        joints[0].rate[k, i] = velocity_along(state, k, joints[0].row_a[r], joints[0].row_b[r], first + i)
     for sweep in range(SWEEPS):
         worst = zero
-        for j in range(joints.count):
-            if joints.resists[k, j] == 1:
-                if joints.kinds[j].kind == BALL:
+        for j in range(joints[0].count):
+            if joints[0].resists[k, j] == 1:
+                if joints[0].kinds[j].kind == BALL:
                     worst = wp.max(worst, rub_ball(joints, k, j, h))
                 else:
                     worst = wp.max(worst, move_axis(joints, k, j, h))
@@ -152,37 +152,37 @@ def move_axes(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64
         if sweep % TOGETHER == TOGETHER - 1:
             solve_together(joints, k, h)
     largest = zero
-    for i in range(joints.axes):
-        p = joints.pushed[k, i]
+    for i in range(joints[0].axes):
+        p = joints[0].pushed[k, i]
         if p != zero:
-            r = joints.equalities + i
-            push(state, k, joints.row_a[r], joints.row_b[r], first + i, p)
-            largest = wp.max(largest, wp.abs(p) * joints.yields[k, i * joints.axes + i])
+            r = joints[0].equalities + i
+            push(state, k, joints[0].row_a[r], joints[0].row_b[r], first + i, p)
+            largest = wp.max(largest, wp.abs(p) * joints[0].yields[k, i * joints[0].axes + i])
     if largest > zero:
         hold_joints(joints, state, k)
     return largest
 
 
 @wp.func
-def forget(joints: Joints, k: int, j: int) -> None:
+def forget(joints: wp.array[Joints], k: int, j: int) -> None:
     """Set the impulses of a joint's axes to zero, and its motor's time."""
-    joints.joint[k, j].rubbing = wp.vec3d()
-    joints.joint[k, j].damped = wp.vec3d()
-    joints.joint[k, j].driving = wp.float64(0.0)
-    joints.joint[k, j].stopped = wp.vec2d()
-    joints.joint[k, j].pulled = wp.float64(0.0)
-    joints.joint[k, j].drive = wp.float64(0.0)
+    joints[0].joint[k, j].rubbing = wp.vec3d()
+    joints[0].joint[k, j].damped = wp.vec3d()
+    joints[0].joint[k, j].driving = wp.float64(0.0)
+    joints[0].joint[k, j].stopped = wp.vec2d()
+    joints[0].joint[k, j].pulled = wp.float64(0.0)
+    joints[0].joint[k, j].drive = wp.float64(0.0)
 
 
 @wp.func
-def let_go(joints: Joints, state: State, k: int) -> None:
+def let_go(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Take back the impulses along all axes."""
-    for j in range(joints.count):
-        d = joints.kinds[j]
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
         for i in range(d.axes):
-            r = joints.base + joints.equalities + d.axis + i
-            if state.rows[k, r].impulse != wp.float64(0.0):
-                push(state, k, d.a, d.b, r, -state.rows[k, r].impulse)
+            r = joints[0].base + joints[0].equalities + d.axis + i
+            if state[0].rows[k, r].impulse != wp.float64(0.0):
+                push(state, k, d.a, d.b, r, -state[0].rows[k, r].impulse)
         forget(joints, k, j)
 
 
@@ -195,42 +195,42 @@ def gap_to_stop(d: JointKind, place: wp.float64, s: int) -> wp.float64:
 
 
 @wp.func
-def aim_at_stops(joints: Joints, k: int, h: wp.float64) -> None:
+def aim_at_stops(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
     """Velocities away from the stops that end the step of length h where it may end; for h = 0, now."""
     zero = wp.float64(0.0)
-    for j in range(joints.count):
-        d = joints.kinds[j]
-        joints.joint[k, j].stop_aim = wp.vec2d(UNREACHED, UNREACHED)
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
+        joints[0].joint[k, j].stop_aim = wp.vec2d(UNREACHED, UNREACHED)
         if d.axes == 1 and d.kind != SPRING:
             for s in range(2):
-                gap = gap_to_stop(d, joints.joint[k, j].place, s)
+                gap = gap_to_stop(d, joints[0].joint[k, j].place, s)
                 side = wp.float64(1 - 2 * s)
                 if gap <= STOPPED:
-                    joints.joint[k, j].stop_aim[s] = zero
+                    joints[0].joint[k, j].stop_aim[s] = zero
                 elif h > zero and gap < wp.float64(0.5 * NEVER):
-                    speed = side * joints.joint[k, j].speed[0]
-                    joints.joint[k, j].stop_aim[s] = wp.min(zero, -wp.float64(2.0) * gap / h - speed)
+                    speed = side * joints[0].joint[k, j].speed[0]
+                    joints[0].joint[k, j].stop_aim[s] = wp.min(zero, -wp.float64(2.0) * gap / h - speed)
 
 
 @wp.func
-def stop_joints(joints: Joints, state: State, k: int) -> None:
+def stop_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Joints at a stop lose the speed with which they run into it, at once and for good."""
     aim_at_stops(joints, k, wp.float64(0.0))
     move_axes(joints, state, k, wp.float64(0.0))
-    for j in range(joints.count):
+    for j in range(joints[0].count):
         forget(joints, k, j)
 
 
 @wp.func
-def time_to_stop(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+def time_to_stop(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> wp.float64:
     """Time until the first joint reaches a stop at its present speed, at most h."""
     earliest = h
-    for j in range(joints.count):
-        d = joints.kinds[j]
-        if d.axes == 1 and d.kind != SPRING and joints.joint[k, j].active == 1:
-            v = velocity_along(state, k, d.a, d.b, joints.base + joints.equalities + d.axis)
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
+        if d.axes == 1 and d.kind != SPRING and joints[0].joint[k, j].active == 1:
+            v = velocity_along(state, k, d.a, d.b, joints[0].base + joints[0].equalities + d.axis)
             for s in range(2):
-                gap = gap_to_stop(d, joints.joint[k, j].place, s)
+                gap = gap_to_stop(d, joints[0].joint[k, j].place, s)
                 speed = -v * wp.float64(1 - 2 * s)
                 if gap > STOPPED and speed * h > gap:
                     earliest = wp.min(earliest, (gap - wp.float64(0.5) * STOPPED) / speed)

@@ -43,119 +43,119 @@ def axis_error(fa: wp.mat33d, fb: wp.mat33d) -> wp.vec3d:
 
 
 @wp.func(inline=False)
-def write_rows(joints: Joints, state: State, k: int, j: int, lock: wp.vec3d) -> None:
+def write_rows(joints: wp.array[Joints], state: wp.array[State], k: int, j: int, lock: wp.vec3d) -> None:
     """Rows that joint j holds at its bodies' pose, and those along which it moves; and its place there."""
-    d = joints.kinds[j]
-    ia = joints.inverse_inertia[k, d.a]
-    ib = joints.inverse_inertia[k, d.b]
-    masses = state.bodies[k, d.a].inverse_mass + state.bodies[k, d.b].inverse_mass
-    ra = state.bodies[k, d.a].rotation
-    rb = state.bodies[k, d.b].rotation
-    pa = ra * joints.joint[k, j].arm_a
-    from_b = pa + state.bodies[k, d.a].x - state.bodies[k, d.b].x
-    frame = rb * joints.joint[k, j].frame_b
+    d = joints[0].kinds[j]
+    ia = joints[0].inverse_inertia[k, d.a]
+    ib = joints[0].inverse_inertia[k, d.b]
+    masses = state[0].bodies[k, d.a].inverse_mass + state[0].bodies[k, d.b].inverse_mass
+    ra = state[0].bodies[k, d.a].rotation
+    rb = state[0].bodies[k, d.b].rotation
+    pa = ra * joints[0].joint[k, j].arm_a
+    from_b = pa + state[0].bodies[k, d.a].x - state[0].bodies[k, d.b].x
+    frame = rb * joints[0].joint[k, j].frame_b
     zero = wp.vec3d()
-    r = joints.base + d.first
+    r = joints[0].base + d.first
     for i in range(d.point, d.point + d.points):
         along = column(frame, i)
-        state.rows[k, r] = make_row(along, wp.cross(pa, along), wp.cross(from_b, along), ia, ib, masses, lock)
+        state[0].rows[k, r] = make_row(along, wp.cross(pa, along), wp.cross(from_b, along), ia, ib, masses, lock)
         r += 1
     for i in range(d.turn, d.turn + d.turns):
         about = column(frame, i)
-        state.rows[k, r] = make_row(zero, about, about, ia, ib, masses, lock)
+        state[0].rows[k, r] = make_row(zero, about, about, ia, ib, masses, lock)
         r += 1
-    r = joints.base + joints.equalities + d.axis
+    r = joints[0].base + joints[0].equalities + d.axis
     axis = column(frame, 0)
     if d.kind == HINGE:
-        state.rows[k, r] = make_row(zero, axis, axis, ia, ib, masses, lock)
-        found = angle_between(ra * joints.joint[k, j].frame_a, frame)
+        state[0].rows[k, r] = make_row(zero, axis, axis, ia, ib, masses, lock)
+        found = angle_between(ra * joints[0].joint[k, j].frame_a, frame)
         whole = wp.float64(6.283185307179586)
-        before = joints.joint[k, j].place
-        joints.joint[k, j].place = found + whole * wp.round((before - found) / whole)
+        before = joints[0].joint[k, j].place
+        joints[0].joint[k, j].place = found + whole * wp.round((before - found) / whole)
     elif d.kind == SLIDER:
-        state.rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(from_b, axis), ia, ib, masses, lock)
-        joints.joint[k, j].place = wp.dot(from_b - rb * joints.joint[k, j].arm_b, axis)
+        state[0].rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(from_b, axis), ia, ib, masses, lock)
+        joints[0].joint[k, j].place = wp.dot(from_b - rb * joints[0].joint[k, j].arm_b, axis)
     elif d.kind == BALL:
         for i in range(3):
             about = column(frame, i)
-            state.rows[k, r + i] = make_row(zero, about, about, ia, ib, masses, lock)
+            state[0].rows[k, r + i] = make_row(zero, about, about, ia, ib, masses, lock)
     elif d.kind == SPRING:
-        pb = rb * joints.joint[k, j].arm_b
+        pb = rb * joints[0].joint[k, j].arm_b
         apart = from_b - pb
         length = wp.length(apart)
         axis = zero
         if length > wp.float64(1.0e-12):
             axis = apart / length
-        state.rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(pb, axis), ia, ib, masses, lock)
-        joints.joint[k, j].place = length
+        state[0].rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(pb, axis), ia, ib, masses, lock)
+        joints[0].joint[k, j].place = length
 
 
 @wp.func
-def coupling(joints: Joints, state: State, k: int, r: int, c: int) -> wp.float64:
+def coupling(joints: wp.array[Joints], state: wp.array[State], k: int, r: int, c: int) -> wp.float64:
     """Velocity along row r for a unit impulse along row c, through the bodies that both act on."""
-    p = joints.base + r
-    q = joints.base + c
-    across = wp.dot(state.rows[k, p].d, state.rows[k, q].d)
+    p = joints[0].base + r
+    q = joints[0].base + c
+    across = wp.dot(state[0].rows[k, p].d, state[0].rows[k, q].d)
     total = wp.float64(0.0)
-    a = joints.row_a[r]
-    b = joints.row_b[r]
-    if a == joints.row_a[c]:
-        total += across * state.bodies[k, a].inverse_mass + wp.dot(state.rows[k, p].ja, state.rows[k, q].wa)
-    if a == joints.row_b[c]:
-        total -= across * state.bodies[k, a].inverse_mass + wp.dot(state.rows[k, p].ja, state.rows[k, q].wb)
-    if b == joints.row_a[c]:
-        total -= across * state.bodies[k, b].inverse_mass + wp.dot(state.rows[k, p].jb, state.rows[k, q].wa)
-    if b == joints.row_b[c]:
-        total += across * state.bodies[k, b].inverse_mass + wp.dot(state.rows[k, p].jb, state.rows[k, q].wb)
+    a = joints[0].row_a[r]
+    b = joints[0].row_b[r]
+    if a == joints[0].row_a[c]:
+        total += across * state[0].bodies[k, a].inverse_mass + wp.dot(state[0].rows[k, p].ja, state[0].rows[k, q].wa)
+    if a == joints[0].row_b[c]:
+        total -= across * state[0].bodies[k, a].inverse_mass + wp.dot(state[0].rows[k, p].ja, state[0].rows[k, q].wb)
+    if b == joints[0].row_a[c]:
+        total -= across * state[0].bodies[k, b].inverse_mass + wp.dot(state[0].rows[k, p].jb, state[0].rows[k, q].wa)
+    if b == joints[0].row_b[c]:
+        total += across * state[0].bodies[k, b].inverse_mass + wp.dot(state[0].rows[k, p].jb, state[0].rows[k, q].wb)
     return total
 
 
 @wp.func
-def factorise(joints: Joints, state: State, k: int) -> None:
+def factorise(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Fill the matrix and turn it into its Cholesky factor, row by row."""
     zero = wp.float64(0.0)
-    for r in range(joints.equalities):
-        first = joints.column[r]
-        at = joints.start[r] - first
+    for r in range(joints[0].equalities):
+        first = joints[0].column[r]
+        at = joints[0].start[r] - first
         for c in range(first, r + 1):
             value = coupling(joints, state, k, r, c)
             whole = value
-            under = joints.start[c] - joints.column[c]
-            for i in range(wp.max(first, joints.column[c]), c):
-                value -= joints.matrix[k, at + i] * joints.matrix[k, under + i]
+            under = joints[0].start[c] - joints[0].column[c]
+            for i in range(wp.max(first, joints[0].column[c]), c):
+                value -= joints[0].matrix[k, at + i] * joints[0].matrix[k, under + i]
             if c < r:
-                joints.matrix[k, at + c] = value * joints.inverse[k, c]
+                joints[0].matrix[k, at + c] = value * joints[0].inverse[k, c]
             elif value > DEPENDENT * whole:
-                joints.matrix[k, at + c] = wp.sqrt(value)
-                joints.inverse[k, c] = wp.float64(1.0) / wp.sqrt(value)
+                joints[0].matrix[k, at + c] = wp.sqrt(value)
+                joints[0].inverse[k, c] = wp.float64(1.0) / wp.sqrt(value)
             else:
-                joints.matrix[k, at + c] = zero
-                joints.inverse[k, c] = zero
+                joints[0].matrix[k, at + c] = zero
+                joints[0].inverse[k, c] = zero
 
 
 @wp.func
-def forward(joints: Joints, k: int) -> None:
+def forward(joints: wp.array[Joints], k: int) -> None:
     """work := L^-1 work."""
-    for r in range(joints.equalities):
-        first = joints.column[r]
-        at = joints.start[r] - first
-        value = joints.work[k, r]
+    for r in range(joints[0].equalities):
+        first = joints[0].column[r]
+        at = joints[0].start[r] - first
+        value = joints[0].work[k, r]
         for i in range(first, r):
-            value -= joints.matrix[k, at + i] * joints.work[k, i]
-        joints.work[k, r] = value * joints.inverse[k, r]
+            value -= joints[0].matrix[k, at + i] * joints[0].work[k, i]
+        joints[0].work[k, r] = value * joints[0].inverse[k, r]
 
 
 @wp.func
-def backward(joints: Joints, k: int) -> None:
+def backward(joints: wp.array[Joints], k: int) -> None:
     """work := L^-T work."""
-    for s in range(joints.equalities):
-        r = joints.equalities - 1 - s
-        first = joints.column[r]
-        at = joints.start[r] - first
-        value = joints.work[k, r] * joints.inverse[k, r]
-        joints.work[k, r] = value
+    for s in range(joints[0].equalities):
+        r = joints[0].equalities - 1 - s
+        first = joints[0].column[r]
+        at = joints[0].start[r] - first
+        value = joints[0].work[k, r] * joints[0].inverse[k, r]
+        joints[0].work[k, r] = value
         for i in range(first, r):
-            joints.work[k, i] -= joints.matrix[k, at + i] * value
+            joints[0].work[k, i] -= joints[0].matrix[k, at + i] * value
 
 
 @wp.func
@@ -167,69 +167,71 @@ def resists(d: JointKind, joint: Joint) -> bool:
 
 
 @wp.func(inline=False)
-def build_axes(joints: Joints, state: State, k: int) -> None:
+def build_axes(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """How all axes along which something acts yield to a push along each, while the joints hold."""
-    n = joints.equalities
-    for j in range(joints.count):
-        if joints.resists[k, j] == 1:
-            for i in range(joints.kinds[j].axis, joints.kinds[j].axis + joints.kinds[j].axes):
+    n = joints[0].equalities
+    for j in range(joints[0].count):
+        if joints[0].resists[k, j] == 1:
+            for i in range(joints[0].kinds[j].axis, joints[0].kinds[j].axis + joints[0].kinds[j].axes):
                 for r in range(n):
-                    joints.work[k, r] = coupling(joints, state, k, r, n + i)
+                    joints[0].work[k, r] = coupling(joints, state, k, r, n + i)
                 forward(joints, k)
                 for r in range(n):
-                    joints.held[k, i * n + r] = joints.work[k, r]
-    for j in range(joints.count):
-        if joints.resists[k, j] == 1:
-            for i in range(joints.kinds[j].axis, joints.kinds[j].axis + joints.kinds[j].axes):
+                    joints[0].held[k, i * n + r] = joints[0].work[k, r]
+    for j in range(joints[0].count):
+        if joints[0].resists[k, j] == 1:
+            for i in range(joints[0].kinds[j].axis, joints[0].kinds[j].axis + joints[0].kinds[j].axes):
                 for q in range(j + 1):
-                    if joints.resists[k, q] == 1:
-                        for m in range(joints.kinds[q].axis, joints.kinds[q].axis + joints.kinds[q].axes):
+                    if joints[0].resists[k, q] == 1:
+                        for m in range(joints[0].kinds[q].axis, joints[0].kinds[q].axis + joints[0].kinds[q].axes):
                             free = coupling(joints, state, k, n + i, n + m)
                             own = free
                             for r in range(n):
-                                own -= joints.held[k, i * n + r] * joints.held[k, m * n + r]
+                                own -= joints[0].held[k, i * n + r] * joints[0].held[k, m * n + r]
                             if i == m and own <= DEPENDENT * free:
                                 own = wp.float64(0.0)  # held fast by the other joints
-                            joints.yields[k, i * joints.axes + m] = own
-                            joints.yields[k, m * joints.axes + i] = own
+                            joints[0].yields[k, i * joints[0].axes + m] = own
+                            joints[0].yields[k, m * joints[0].axes + i] = own
 
 
 @wp.func(inline=False)
-def build_joint_rows(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
+def build_joint_rows(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
     """Rows and factor of all joints at the bodies' pose, and how far they yield to a push along each axis."""
-    for i in range(state.objects):
-        if joints.jointed[i] == 1:
-            joints.inverse_inertia[k, i] = world_inverse_inertia(state.bodies[k, i])
-    for j in range(joints.count):
-        if joints.joint[k, j].active == 1:
+    for i in range(state[0].objects):
+        if joints[0].jointed[i] == 1:
+            joints[0].inverse_inertia[k, i] = world_inverse_inertia(state[0].bodies, k, i)
+    for j in range(joints[0].count):
+        if joints[0].joint[k, j].active == 1:
             write_rows(joints, state, k, j, lock)
     factorise(joints, state, k)
     acting = wp.int32(0)
-    for j in range(joints.count):
-        joints.resists[k, j] = 0
-        if joints.joint[k, j].active == 1 and resists(joints.kinds[j], joints.joint[k, j]):
-            joints.resists[k, j] = 1
+    for j in range(joints[0].count):
+        joints[0].resists[k, j] = 0
+        if joints[0].joint[k, j].active == 1 and resists(joints[0].kinds[j], joints[0].joint[k, j]):
+            joints[0].resists[k, j] = 1
             acting = 1
     if acting == 1:
         build_axes(joints, state, k)
-    joints.ready[k] = 1
+    joints[0].ready[k] = 1
 
 
 @wp.func(inline=False)
-def hold_joints(joints: Joints, state: State, k: int) -> wp.float64:
+def hold_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> wp.float64:
     """Bring all rows to their aims at once. Returns the largest velocity changed [m/s or rad/s]."""
     worst = wp.float64(0.0)
-    for r in range(joints.equalities):
-        lack = joints.aim[k, r] - velocity_along(state, k, joints.row_a[r], joints.row_b[r], joints.base + r)
-        if joints.inverse[k, r] > wp.float64(0.0):
+    for r in range(joints[0].equalities):
+        lack = joints[0].aim[k, r] - velocity_along(
+            state, k, joints[0].row_a[r], joints[0].row_b[r], joints[0].base + r
+        )
+        if joints[0].inverse[k, r] > wp.float64(0.0):
             worst = wp.max(worst, wp.abs(lack))
-        joints.work[k, r] = lack
+        joints[0].work[k, r] = lack
     if worst <= HELD:
         return wp.float64(0.0)
     forward(joints, k)
     backward(joints, k)
-    for r in range(joints.equalities):
-        push(state, k, joints.row_a[r], joints.row_b[r], joints.base + r, joints.work[k, r])
+    for r in range(joints[0].equalities):
+        push(state, k, joints[0].row_a[r], joints[0].row_b[r], joints[0].base + r, joints[0].work[k, r])
     return worst
 
 

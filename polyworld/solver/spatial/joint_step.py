@@ -28,7 +28,7 @@ MOST_PARTS = 64  # into which taut joints cut a step
 
 
 @wp.func
-def hold(joints: Joints, state: State, k: int, h: wp.float64, contacts: int) -> wp.float64:
+def hold(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64, contacts: int) -> wp.float64:
     """Bring all joints and then their axes to their aims, as they stay unless there are contacts to disturb them.
 
     Returns the largest velocity changed that asks for another sweep.
@@ -41,16 +41,16 @@ def hold(joints: Joints, state: State, k: int, h: wp.float64, contacts: int) -> 
 
 
 @wp.func
-def total_energy(_joints: Joints, state: State, k: int, _a: int, _b: int) -> wp.float64:
+def total_energy(_joints: wp.array[Joints], state: wp.array[State], k: int, _a: int, _b: int) -> wp.float64:
     """Kinetic energy [J]: whatever hangs together may be moved by an impact."""
     total = wp.float64(0.0)
-    for i in range(state.objects):
-        total += kinetic_energy(state.bodies[k, i])
+    for i in range(state[0].objects):
+        total += kinetic_energy(state[0].bodies[k, i])
     return total
 
 
 @wp.func
-def take_back(joints: Joints, state: State, k: int) -> None:
+def take_back(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Undo what the joints did in an impact."""
     let_go(joints, state, k)
     hold_joints(joints, state, k)
@@ -60,51 +60,51 @@ solve_manifolds, solve_contacts = contact_solver(hold)
 
 
 @wp.func
-def load_joints(joints: Joints, state: State, w: int, k: int) -> None:
+def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int) -> None:
     """Row k of the joints: those of world w, where its bodies start; none is active."""
-    for j in range(joints.count):
-        d = joints.kinds[j]
-        a = state.bodies[k, d.a]
-        b = state.bodies[k, d.b]
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
+        a = state[0].bodies[k, d.a]
+        b = state[0].bodies[k, d.b]
         joint = Joint()
         joint.arm_a = wp.transpose(a.rotation) * (d.anchor - a.x)
         joint.arm_b = wp.transpose(b.rotation) * (d.other_anchor - b.x)
         joint.frame_a = wp.transpose(a.rotation) * d.frame
         joint.frame_b = wp.transpose(b.rotation) * d.frame
-        joint.friction = joints.friction[w % joints.friction.shape[0], d.column]
-        joint.damping = joints.damping[w % joints.damping.shape[0], d.column]
-        joint.stiffness = joints.stiffness[w % joints.stiffness.shape[0], d.column]
-        joint.target_speed = joints.target_speed[w % joints.target_speed.shape[0], d.column]
-        joint.effort = d.direction * joints.limit[w % joints.limit.shape[0], d.column]
-        joint.delay = joints.delay[w % joints.delay.shape[0], d.column]
+        joint.friction = joints[0].friction[w % joints[0].friction.shape[0], d.column]
+        joint.damping = joints[0].damping[w % joints[0].damping.shape[0], d.column]
+        joint.stiffness = joints[0].stiffness[w % joints[0].stiffness.shape[0], d.column]
+        joint.target_speed = joints[0].target_speed[w % joints[0].target_speed.shape[0], d.column]
+        joint.effort = d.direction * joints[0].limit[w % joints[0].limit.shape[0], d.column]
+        joint.delay = joints[0].delay[w % joints[0].delay.shape[0], d.column]
         joint.rest_length = d.rest_length
         if d.rest_length < wp.float64(0.0):
             joint.rest_length = wp.length(d.anchor - d.other_anchor)
-        joints.joint[k, j] = joint
-        joints.resists[k, j] = 0
-    for r in range(joints.equalities + joints.axes):
-        state.rows[k, joints.base + r] = Row()
-    for r in range(joints.equalities):
-        joints.force[k, r] = wp.float64(0.0)
-    joints.ready[k] = 0
+        joints[0].joint[k, j] = joint
+        joints[0].resists[k, j] = 0
+    for r in range(joints[0].equalities + joints[0].axes):
+        state[0].rows[k, joints[0].base + r] = Row()
+    for r in range(joints[0].equalities):
+        joints[0].force[k, r] = wp.float64(0.0)
+    joints[0].ready[k] = 0
 
 
 @wp.func
-def no_aims(joints: Joints, k: int) -> None:
-    for r in range(joints.equalities):
-        joints.aim[k, r] = wp.float64(0.0)
+def no_aims(joints: wp.array[Joints], k: int) -> None:
+    for r in range(joints[0].equalities):
+        joints[0].aim[k, r] = wp.float64(0.0)
 
 
 @wp.func(inline=False)
-def settle_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
+def settle_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
     """Rows at this pose; velocities that would pull a joint apart, or run it into a stop, are taken up at once."""
-    for j in range(joints.count):
-        d = joints.kinds[j]
-        if joints.joint[k, j].active == 0 and state.bodies[k, d.a].active + state.bodies[k, d.b].active == 2:
-            joints.joint[k, j].active = 1
-            joints.ready[k] = 0
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
+        if joints[0].joint[k, j].active == 0 and state[0].bodies[k, d.a].active + state[0].bodies[k, d.b].active == 2:
+            joints[0].joint[k, j].active = 1
+            joints[0].ready[k] = 0
         forget(joints, k, j)
-    if joints.ready[k] == 0:
+    if joints[0].ready[k] == 0:
         build_joint_rows(joints, state, k, lock)
     no_aims(joints, k)
     hold_joints(joints, state, k)
@@ -112,25 +112,25 @@ def settle_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
 
 
 @wp.func(inline=False)
-def begin_joints(joints: Joints, state: State, k: int, time: wp.float64, h: wp.float64) -> None:
+def begin_joints(joints: wp.array[Joints], state: wp.array[State], k: int, time: wp.float64, h: wp.float64) -> None:
     """Note what the bodies do before a step of length h, and clear the impulses."""
     zero = wp.float64(0.0)
-    for i in range(state.objects):
-        joints.start_w[k, i] = state.bodies[k, i].w
-    for r in range(joints.equalities + joints.axes):
-        state.rows[k, joints.base + r].impulse = zero
-    for j in range(joints.count):
-        d = joints.kinds[j]
+    for i in range(state[0].objects):
+        joints[0].start_w[k, i] = state[0].bodies[k, i].w
+    for r in range(joints[0].equalities + joints[0].axes):
+        state[0].rows[k, joints[0].base + r].impulse = zero
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
         speed = wp.vec3d()
         for i in range(d.axes):
-            speed[i] = velocity_along(state, k, d.a, d.b, joints.base + joints.equalities + d.axis + i)
-        joints.joint[k, j].settled = 0
-        joints.joint[k, j].speed = speed
-        joints.joint[k, j].seen_speed = speed[0]
-        joints.joint[k, j].end_place = joints.joint[k, j].place + h * speed[0]
-        delay = joints.joint[k, j].delay
+            speed[i] = velocity_along(state, k, d.a, d.b, joints[0].base + joints[0].equalities + d.axis + i)
+        joints[0].joint[k, j].settled = 0
+        joints[0].joint[k, j].speed = speed
+        joints[0].joint[k, j].seen_speed = speed[0]
+        joints[0].joint[k, j].end_place = joints[0].joint[k, j].place + h * speed[0]
+        delay = joints[0].joint[k, j].delay
         on = wp.min(time + h, d.switched_off + delay) - wp.max(time, d.switched_on + delay)
-        joints.joint[k, j].drive = wp.max(on, zero)
+        joints[0].joint[k, j].drive = wp.max(on, zero)
     aim_at_stops(joints, k, h)
 
 
@@ -149,87 +149,87 @@ def held_orientation(b: Body, start_w: wp.vec3d, h: wp.float64) -> wp.quatd:
 
 
 @wp.func
-def look_ahead(joints: Joints, state: State, k: int, h: wp.float64) -> wp.float64:
+def look_ahead(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> wp.float64:
     """Where the step ends with the velocities so far, and the velocities to aim at so that all joints are closed there.
 
     Returns by how much the worst is open.
     """
     half = wp.float64(0.5) * h
-    for i in range(state.objects):
-        if joints.jointed[i] == 1 and state.bodies[k, i].active == 1:
-            b = state.bodies[k, i]
-            joints.end_x[k, i] = b.x + b.dx + (b.v - b.v_free) * half
-            q = held_orientation(b, joints.start_w[k, i], h)
-            joints.end_q[k, i] = q
-            joints.end_rotation[k, i] = wp.quat_to_matrix(q)
+    for i in range(state[0].objects):
+        if joints[0].jointed[i] == 1 and state[0].bodies[k, i].active == 1:
+            b = state[0].bodies[k, i]
+            joints[0].end_x[k, i] = b.x + b.dx + (b.v - b.v_free) * half
+            q = held_orientation(b, joints[0].start_w[k, i], h)
+            joints[0].end_q[k, i] = q
+            joints[0].end_rotation[k, i] = wp.quat_to_matrix(q)
     worst = wp.float64(0.0)
-    for j in range(joints.count):
-        if joints.joint[k, j].active == 0:
+    for j in range(joints[0].count):
+        if joints[0].joint[k, j].active == 0:
             continue
-        d = joints.kinds[j]
-        joint = joints.joint[k, j]
-        xa = joints.end_x[k, d.a]
-        ra = joints.end_rotation[k, d.a]
-        xb = state.bodies[k, d.b].x
-        rb = state.bodies[k, d.b].rotation
-        if d.b < state.objects:
-            xb = joints.end_x[k, d.b]
-            rb = joints.end_rotation[k, d.b]
+        d = joints[0].kinds[j]
+        joint = joints[0].joint[k, j]
+        xa = joints[0].end_x[k, d.a]
+        ra = joints[0].end_rotation[k, d.a]
+        xb = state[0].bodies[k, d.b].x
+        rb = state[0].bodies[k, d.b].rotation
+        if d.b < state[0].objects:
+            xb = joints[0].end_x[k, d.b]
+            rb = joints[0].end_rotation[k, d.b]
         if d.kind == SPRING:
-            row = joints.base + joints.equalities + d.axis
+            row = joints[0].base + joints[0].equalities + d.axis
             v = velocity_along(state, k, d.a, d.b, row)
             apart = xa + ra * joint.arm_a - xb - rb * joint.arm_b
             length = wp.length(apart)
-            if wp.dot(apart, state.rows[k, row].d) < wp.float64(0.0):  # its ends pass each other
+            if wp.dot(apart, state[0].rows[k, row].d) < wp.float64(0.0):  # its ends pass each other
                 length = -length
             guess = joint.end_place + half * (v - joint.seen_speed)
             worst = wp.max(worst, wp.abs(length - guess))
-            joints.joint[k, j].end_place = length
-            joints.joint[k, j].seen_speed = v
+            joints[0].joint[k, j].end_place = length
+            joints[0].joint[k, j].seen_speed = v
             continue
         opened, askew = joint_error(d, joint, xa, ra, xb, rb)
         r = d.first
         for i in range(d.point, d.point + d.points):
-            joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - opened[i] / half
-            if joints.inverse[k, r] > wp.float64(0.0):
+            joints[0].aim[k, r] = velocity_along(state, k, d.a, d.b, joints[0].base + r) - opened[i] / half
+            if joints[0].inverse[k, r] > wp.float64(0.0):
                 worst = wp.max(worst, wp.abs(opened[i]))
             r += 1
         for i in range(d.turn, d.turn + d.turns):
-            joints.aim[k, r] = velocity_along(state, k, d.a, d.b, joints.base + r) - askew[i] / half
-            if joints.inverse[k, r] > wp.float64(0.0):
+            joints[0].aim[k, r] = velocity_along(state, k, d.a, d.b, joints[0].base + r) - askew[i] / half
+            if joints[0].inverse[k, r] > wp.float64(0.0):
                 worst = wp.max(worst, wp.abs(askew[i]))
             r += 1
     return worst
 
 
 @wp.func
-def guess_axes(joints: Joints, state: State, k: int, h: wp.float64) -> None:
+def guess_axes(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> None:
     """Begin with the resistance of the last step along all axes."""
-    for j in range(joints.count):
-        if joints.resists[k, j] == 1:
-            rubbing = joints.joint[k, j].last_rubbing * h
-            damped = joints.joint[k, j].last_damped * h
-            pulled = joints.joint[k, j].last_pulled * h
-            joints.joint[k, j].rubbing = rubbing
-            joints.joint[k, j].damped = damped
-            joints.joint[k, j].pulled = pulled
-            for i in range(joints.kinds[j].axes):
-                r = joints.equalities + joints.kinds[j].axis + i
+    for j in range(joints[0].count):
+        if joints[0].resists[k, j] == 1:
+            rubbing = joints[0].joint[k, j].last_rubbing * h
+            damped = joints[0].joint[k, j].last_damped * h
+            pulled = joints[0].joint[k, j].last_pulled * h
+            joints[0].joint[k, j].rubbing = rubbing
+            joints[0].joint[k, j].damped = damped
+            joints[0].joint[k, j].pulled = pulled
+            for i in range(joints[0].kinds[j].axes):
+                r = joints[0].equalities + joints[0].kinds[j].axis + i
                 p = rubbing[i] + damped[i]
                 if i == 0:
                     p += pulled
-                push(state, k, joints.row_a[r], joints.row_b[r], joints.base + r, p)
+                push(state, k, joints[0].row_a[r], joints[0].row_b[r], joints[0].base + r, p)
 
 
 @wp.func(inline=False)
-def solve_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64) -> None:
+def solve_joints(joints: wp.array[Joints], state: wp.array[State], k: int, half: int, h: wp.float64) -> None:
     """Impulses of joints and contacts over the step, such that its end pose satisfies the joints: Newton's method.
 
     The forces of the last step, which turn with the joints, are a guess to begin with.
     """
-    for r in range(joints.equalities):
-        if joints.force[k, r] != wp.float64(0.0):
-            push(state, k, joints.row_a[r], joints.row_b[r], joints.base + r, joints.force[k, r] * h)
+    for r in range(joints[0].equalities):
+        if joints[0].force[k, r] != wp.float64(0.0):
+            push(state, k, joints[0].row_a[r], joints[0].row_b[r], joints[0].base + r, joints[0].force[k, r] * h)
     guess_axes(joints, state, k, h)
     last = wp.float64(1.0e30)
     for iteration in range(NEWTON_STEPS):
@@ -242,30 +242,32 @@ def solve_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64)
 
 
 @wp.func
-def longest_part(joints: Joints, state: State, k: int, h: wp.float64, left: wp.float64) -> wp.float64:
+def longest_part(
+    joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64, left: wp.float64
+) -> wp.float64:
     """Longest part of a step of length h, of which `left` is left, that resolves bodies swinging on taut joints.
 
     A taut joint pulls a body back like a pendulum of frequency^2 tension * arm / (inertia about the joint's point);
     explicit schemes need a step below two over the frequency.
     """
     fastest = wp.float64(0.0)
-    for j in range(joints.count):
-        tension = joints.joint[k, j].tension
-        if joints.joint[k, j].active == 1 and tension > wp.float64(0.0):
-            a = joints.kinds[j].a
-            fastest = wp.max(fastest, tension * swinging(state.bodies[k, a], joints.joint[k, j].arm_a))
-            b = joints.kinds[j].b
-            if b < state.objects:
-                fastest = wp.max(fastest, tension * swinging(state.bodies[k, b], joints.joint[k, j].arm_b))
+    for j in range(joints[0].count):
+        tension = joints[0].joint[k, j].tension
+        if joints[0].joint[k, j].active == 1 and tension > wp.float64(0.0):
+            a = joints[0].kinds[j].a
+            fastest = wp.max(fastest, tension * swinging(state[0].bodies[k, a], joints[0].joint[k, j].arm_a))
+            b = joints[0].kinds[j].b
+            if b < state[0].objects:
+                fastest = wp.max(fastest, tension * swinging(state[0].bodies[k, b], joints[0].joint[k, j].arm_b))
     if fastest * left * left <= RESOLVED * RESOLVED:
         return left
     return wp.min(wp.max(RESOLVED / wp.sqrt(fastest), h / wp.float64(MOST_PARTS)), left)
 
 
 @wp.func
-def carries(joints: Joints, i: int) -> bool:
+def carries(joints: wp.array[Joints], i: int) -> bool:
     """Whether a body is held by a joint, and is put in its place with it."""
-    return joints.jointed[i] == 1
+    return joints[0].jointed[i] == 1
 
 
 @wp.func
@@ -278,63 +280,65 @@ def swinging(b: Body, arm: wp.vec3d) -> wp.float64:
 
 
 @wp.func
-def push_halves(joints: Joints, state: State, k: int, first: int, end: int, sign: wp.float64) -> None:
+def push_halves(
+    joints: wp.array[Joints], state: wp.array[State], k: int, first: int, end: int, sign: wp.float64
+) -> None:
     """Add half (sign 1), or take back half (sign -1), of the impulses of the rows [first, end)."""
     for r in range(first, end):
-        row = joints.base + r
-        impulse = joints.half_impulse[k, r]
+        row = joints[0].base + r
+        impulse = joints[0].half_impulse[k, r]
         if sign < wp.float64(0.0):
-            impulse = wp.float64(0.5) * state.rows[k, row].impulse
-            joints.half_impulse[k, r] = impulse
+            impulse = wp.float64(0.5) * state[0].rows[k, row].impulse
+            joints[0].half_impulse[k, r] = impulse
         if impulse != wp.float64(0.0):
-            push(state, k, joints.row_a[r], joints.row_b[r], row, sign * impulse)
+            push(state, k, joints[0].row_a[r], joints[0].row_b[r], row, sign * impulse)
 
 
 @wp.func
-def move_bodies(joints: Joints, state: State, k: int) -> None:
+def move_bodies(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Move bodies by as much as closes the openings in `work`, each according to its mass."""
     forward(joints, k)
     backward(joints, k)
-    for r in range(joints.equalities):
-        a = joints.row_a[r]
-        b = joints.row_b[r]
-        row = state.rows[k, joints.base + r]
-        p = joints.work[k, r]
-        state.bodies[k, a].shift += row.d * (p * state.bodies[k, a].inverse_mass)
-        state.bodies[k, a].turn += row.wa * p
-        state.bodies[k, b].shift -= row.d * (p * state.bodies[k, b].inverse_mass)
-        state.bodies[k, b].turn -= row.wb * p
-    for i in range(state.objects):
-        if joints.jointed[i] == 1:
-            q = turned(state.bodies[k, i].q, state.bodies[k, i].turn)
-            state.bodies[k, i].x += state.bodies[k, i].shift
-            state.bodies[k, i].q = q
-            state.bodies[k, i].rotation = wp.quat_to_matrix(q)
-            state.bodies[k, i].shift = wp.vec3d()
-            state.bodies[k, i].turn = wp.vec3d()
+    for r in range(joints[0].equalities):
+        a = joints[0].row_a[r]
+        b = joints[0].row_b[r]
+        row = state[0].rows[k, joints[0].base + r]
+        p = joints[0].work[k, r]
+        state[0].bodies[k, a].shift += row.d * (p * state[0].bodies[k, a].inverse_mass)
+        state[0].bodies[k, a].turn += row.wa * p
+        state[0].bodies[k, b].shift -= row.d * (p * state[0].bodies[k, b].inverse_mass)
+        state[0].bodies[k, b].turn -= row.wb * p
+    for i in range(state[0].objects):
+        if joints[0].jointed[i] == 1:
+            q = turned(state[0].bodies[k, i].q, state[0].bodies[k, i].turn)
+            state[0].bodies[k, i].x += state[0].bodies[k, i].shift
+            state[0].bodies[k, i].q = q
+            state[0].bodies[k, i].rotation = wp.quat_to_matrix(q)
+            state[0].bodies[k, i].shift = wp.vec3d()
+            state[0].bodies[k, i].turn = wp.vec3d()
 
 
 @wp.func(inline=False)
-def mend_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
+def mend_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
     """Close what overlaps that were parted have opened, without giving anything speed."""
     for _pass in range(MENDING):
         worst = wp.float64(0.0)
-        for j in range(joints.count):
-            d = joints.kinds[j]
-            if d.kind == SPRING or joints.joint[k, j].active == 0:
+        for j in range(joints[0].count):
+            d = joints[0].kinds[j]
+            if d.kind == SPRING or joints[0].joint[k, j].active == 0:
                 continue
-            a = state.bodies[k, d.a]
-            b = state.bodies[k, d.b]
-            apart, askew = joint_error(d, joints.joint[k, j], a.x, a.rotation, b.x, b.rotation)
+            a = state[0].bodies[k, d.a]
+            b = state[0].bodies[k, d.b]
+            apart, askew = joint_error(d, joints[0].joint[k, j], a.x, a.rotation, b.x, b.rotation)
             r = d.first
             for i in range(d.point, d.point + d.points):
-                joints.work[k, r] = -apart[i]
-                if joints.inverse[k, r] > wp.float64(0.0):
+                joints[0].work[k, r] = -apart[i]
+                if joints[0].inverse[k, r] > wp.float64(0.0):
                     worst = wp.max(worst, wp.abs(apart[i]))
                 r += 1
             for i in range(d.turn, d.turn + d.turns):
-                joints.work[k, r] = -askew[i]
-                if joints.inverse[k, r] > wp.float64(0.0):
+                joints[0].work[k, r] = -askew[i]
+                if joints[0].inverse[k, r] > wp.float64(0.0):
                     worst = wp.max(worst, wp.abs(askew[i]))
                 r += 1
         if worst < OPEN:
@@ -344,31 +348,33 @@ def mend_joints(joints: Joints, state: State, k: int, lock: wp.vec3d) -> None:
 
 
 @wp.func(inline=False)
-def finish_joints(joints: Joints, state: State, k: int, half: int, h: wp.float64, lock: wp.vec3d) -> None:
+def finish_joints(
+    joints: wp.array[Joints], state: wp.array[State], k: int, half: int, h: wp.float64, lock: wp.vec3d
+) -> None:
     """Put jointed bodies where the step ends, and let the second half of all impulses act there."""
-    rows = joints.equalities + joints.axes
-    for j in range(joints.count):
-        d = joints.kinds[j]
+    rows = joints[0].equalities + joints[0].axes
+    for j in range(joints[0].count):
+        d = joints[0].kinds[j]
         pull = wp.float64(0.0)
-        for r in range(joints.base + d.first, joints.base + d.first + d.points):
-            pull += state.rows[k, r].impulse * state.rows[k, r].impulse
-            joints.force[k, r - joints.base] = state.rows[k, r].impulse / h
+        for r in range(joints[0].base + d.first, joints[0].base + d.first + d.points):
+            pull += state[0].rows[k, r].impulse * state[0].rows[k, r].impulse
+            joints[0].force[k, r - joints[0].base] = state[0].rows[k, r].impulse / h
         for r in range(d.first + d.points, d.first + d.points + d.turns):
-            joints.force[k, r] = state.rows[k, joints.base + r].impulse / h
-        joints.joint[k, j].tension = wp.sqrt(pull) / h
+            joints[0].force[k, r] = state[0].rows[k, joints[0].base + r].impulse / h
+        joints[0].joint[k, j].tension = wp.sqrt(pull) / h
     push_halves(joints, state, k, 0, rows, wp.float64(-1.0))
-    for i in range(state.objects):
-        if joints.jointed[i] == 1 and state.bodies[k, i].active == 1:
-            state.bodies[k, i] = place(state.bodies[k, i], joints.end_x[k, i], joints.end_q[k, i])
+    for i in range(state[0].objects):
+        if joints[0].jointed[i] == 1 and state[0].bodies[k, i].active == 1:
+            place(state[0].bodies, k, i, joints[0].end_x[k, i], joints[0].end_q[k, i])
     build_joint_rows(joints, state, k, lock)
-    push_halves(joints, state, k, joints.equalities, rows, wp.float64(1.0))
+    push_halves(joints, state, k, joints[0].equalities, rows, wp.float64(1.0))
     no_aims(joints, k)
     aim_at_stops(joints, k, wp.float64(0.0))
-    for j in range(joints.count):
-        joints.joint[k, j].settled = 1
-        joints.joint[k, j].last_rubbing = joints.joint[k, j].rubbing / h
-        joints.joint[k, j].last_damped = joints.joint[k, j].damped / h
-        joints.joint[k, j].last_pulled = joints.joint[k, j].pulled / h
+    for j in range(joints[0].count):
+        joints[0].joint[k, j].settled = 1
+        joints[0].joint[k, j].last_rubbing = joints[0].joint[k, j].rubbing / h
+        joints[0].joint[k, j].last_damped = joints[0].joint[k, j].damped / h
+        joints[0].joint[k, j].last_pulled = joints[0].joint[k, j].pulled / h
     solve_contacts(joints, state, k, half, h)
     mend_joints(joints, state, k, lock)
 

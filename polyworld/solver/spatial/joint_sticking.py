@@ -22,13 +22,13 @@ RIGID = wp.float64(1.0e-12)  # a pivot below this fraction of its diagonal is ro
 
 
 @wp.func
-def state_of(joints: Joints, k: int, j: int, h: wp.float64) -> int:
+def state_of(joints: wp.array[Joints], k: int, j: int, h: wp.float64) -> int:
     """In which of the states above the axis of joint j is."""
     zero = wp.float64(0.0)
-    joint = joints.joint[k, j]
-    if joints.kinds[j].kind == BALL:
+    joint = joints[0].joint[k, j]
+    if joints[0].kinds[j].kind == BALL:
         return FREE
-    if joints.kinds[j].kind == SPRING:
+    if joints[0].kinds[j].kind == SPRING:
         if joint.settled == 1 or h <= zero:
             return FREE
         return PULLED
@@ -39,7 +39,7 @@ def state_of(joints: Joints, k: int, j: int, h: wp.float64) -> int:
     if joint.friction > zero and wp.abs(joint.rubbing[0]) < INNER * joint.friction * h:
         return RUBBING
     most = wp.abs(joint.effort) * joint.drive
-    if joints.kinds[j].driven == 2 and wp.abs(joint.driving) < INNER * most:
+    if joints[0].kinds[j].driven == 2 and wp.abs(joint.driving) < INNER * most:
         return DRIVEN
     if joint.damping > zero and h > zero:
         return DAMPED
@@ -84,13 +84,13 @@ def spring_slope(joint: Joint, h: wp.float64) -> wp.float64:
 
 
 @wp.func
-def wanted(joints: Joints, k: int, j: int, state: int, h: wp.float64) -> wp.vec2d:
+def wanted(joints: wp.array[Joints], k: int, j: int, state: int, h: wp.float64) -> wp.vec2d:
     """The velocity that an axis lacks in its state, and its softness."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
-    axis = joints.kinds[j].axis
-    joint = joints.joint[k, j]
-    v = joints.rate[k, axis]
+    axis = joints[0].kinds[j].axis
+    joint = joints[0].joint[k, j]
+    v = joints[0].rate[k, axis]
     if state == DRIVEN:
         return wp.vec2d(joint.target_speed - v, zero)
     if state == LOWER:
@@ -98,7 +98,7 @@ def wanted(joints: Joints, k: int, j: int, state: int, h: wp.float64) -> wp.vec2
     if state == UPPER:
         return wp.vec2d(-joint.stop_aim[1] - v, zero)
     if state == DAMPED:
-        share = damped_share(joint.damping * h * joints.yields[k, axis * joints.axes + axis])
+        share = damped_share(joint.damping * h * joints[0].yields[k, axis * joints[0].axes + axis])
         slope = joint.damping * h * share
         lack = -joint.damping * h * (share * v + (one - share) * joint.speed[0]) - joint.damped[0]
         return wp.vec2d(lack / slope, one / slope)
@@ -111,9 +111,9 @@ def wanted(joints: Joints, k: int, j: int, state: int, h: wp.float64) -> wp.vec2
 
 
 @wp.func
-def take(joints: Joints, k: int, j: int, state: int, change: wp.float64, h: wp.float64) -> wp.float64:
+def take(joints: wp.array[Joints], k: int, j: int, state: int, change: wp.float64, h: wp.float64) -> wp.float64:
     """Change the impulse of an axis in its state, within its bounds; returns by how much."""
-    joint = joints.joint[k, j]
+    joint = joints[0].joint[k, j]
     most = wp.abs(joint.effort) * joint.drive
     given = cut(joint, state, change, most, joint.friction * h)
     if state == RUBBING:
@@ -128,60 +128,60 @@ def take(joints: Joints, k: int, j: int, state: int, change: wp.float64, h: wp.f
         joint.damped[0] = joint.damped[0] + given
     else:
         joint.pulled += given
-    joints.joint[k, j] = joint
+    joints[0].joint[k, j] = joint
     return given
 
 
 @wp.func
-def push_axis(joints: Joints, k: int, axis: int, impulse: wp.float64) -> None:
+def push_axis(joints: wp.array[Joints], k: int, axis: int, impulse: wp.float64) -> None:
     """Note an impulse along an axis, and what it does to all."""
-    joints.pushed[k, axis] += impulse
-    at = axis * joints.axes
-    for i in range(joints.axes):
-        joints.rate[k, i] += joints.yields[k, at + i] * impulse
+    joints[0].pushed[k, axis] += impulse
+    at = axis * joints[0].axes
+    for i in range(joints[0].axes):
+        joints[0].rate[k, i] += joints[0].yields[k, at + i] * impulse
 
 
 @wp.func(inline=False)
-def solve_together(joints: Joints, k: int, h: wp.float64) -> None:
+def solve_together(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
     """One direct solution for all axes in their present states: a Cholesky factorisation."""
     zero = wp.float64(0.0)
     n = wp.int32(0)
-    for j in range(joints.count):
-        if joints.resists[k, j] == 0:
+    for j in range(joints[0].count):
+        if joints[0].resists[k, j] == 0:
             continue
         state = state_of(joints, k, j, h)
-        axis = joints.kinds[j].axis
-        own = joints.yields[k, axis * joints.axes + axis]
+        axis = joints[0].kinds[j].axis
+        own = joints[0].yields[k, axis * joints[0].axes + axis]
         if state == FREE or own <= zero:
             continue
         lack = wanted(joints, k, j, state, h)
-        joints.chosen[k, n] = j
-        joints.state[k, n] = state
+        joints[0].chosen[k, n] = j
+        joints[0].state[k, n] = state
         for m in range(n + 1):
-            value = joints.yields[k, axis * joints.axes + joints.kinds[joints.chosen[k, m]].axis]
+            value = joints[0].yields[k, axis * joints[0].axes + joints[0].kinds[joints[0].chosen[k, m]].axis]
             if m == n:
                 value += lack[1]
             whole = value
             for i in range(m):
-                value -= joints.factor[k, n * joints.axes + i] * joints.factor[k, m * joints.axes + i]
+                value -= joints[0].factor[k, n * joints[0].axes + i] * joints[0].factor[k, m * joints[0].axes + i]
             if m < n:
-                joints.factor[k, n * joints.axes + m] = value * joints.factor[k, m * joints.axes + m]
+                joints[0].factor[k, n * joints[0].axes + m] = value * joints[0].factor[k, m * joints[0].axes + m]
             elif value > RIGID * whole:
-                joints.factor[k, n * joints.axes + n] = wp.float64(1.0) / wp.sqrt(value)
+                joints[0].factor[k, n * joints[0].axes + n] = wp.float64(1.0) / wp.sqrt(value)
             else:
-                joints.factor[k, n * joints.axes + n] = zero
+                joints[0].factor[k, n * joints[0].axes + n] = zero
         right = lack[0]
         for i in range(n):
-            right -= joints.factor[k, n * joints.axes + i] * joints.change[k, i]
-        joints.change[k, n] = right * joints.factor[k, n * joints.axes + n]
+            right -= joints[0].factor[k, n * joints[0].axes + i] * joints[0].change[k, i]
+        joints[0].change[k, n] = right * joints[0].factor[k, n * joints[0].axes + n]
         n += 1
     for s in range(n):
         r = n - 1 - s
-        value = joints.change[k, r] * joints.factor[k, r * joints.axes + r]
-        joints.change[k, r] = value
+        value = joints[0].change[k, r] * joints[0].factor[k, r * joints[0].axes + r]
+        joints[0].change[k, r] = value
         for i in range(r):
-            joints.change[k, i] -= joints.factor[k, r * joints.axes + i] * value
+            joints[0].change[k, i] -= joints[0].factor[k, r * joints[0].axes + i] * value
     for s in range(n):
-        j = joints.chosen[k, s]
-        given = take(joints, k, j, joints.state[k, s], joints.change[k, s], h)
-        push_axis(joints, k, joints.kinds[j].axis, given)
+        j = joints[0].chosen[k, s]
+        given = take(joints, k, j, joints[0].state[k, s], joints[0].change[k, s], h)
+        push_axis(joints, k, joints[0].kinds[j].axis, given)

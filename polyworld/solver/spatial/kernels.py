@@ -30,17 +30,23 @@ def step_kernel(jointed: bool) -> Any:
 
 
 @wp.func
-def let_in(parameters: Parameters, state: State, start: wp.array[wp.float64], w: int, time: wp.float64) -> None:
+def let_in(
+    parameters: wp.array[Parameters], state: wp.array[State], start: wp.array[wp.float64], w: int, time: wp.float64
+) -> None:
     """Objects take part from their start time on."""
-    scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
-    for i in range(state.objects):
+    scale = parameters[0].time_scale[w % parameters[0].time_scale.shape[0]]
+    for i in range(state[0].objects):
         if time >= start[i] * scale - SLACK:
-            state.bodies[w, i].active = 1
+            state[0].bodies[w, i].active = 1
 
 
 @wp.kernel
 def load_worlds(
-    geometry: Geometry, parameters: Parameters, joints: Joints, state: State, start: wp.array[wp.float64]
+    geometry: wp.array[Geometry],
+    parameters: wp.array[Parameters],
+    joints: wp.array[Joints],
+    state: wp.array[State],
+    start: wp.array[wp.float64],
 ) -> None:
     """Put the bodies of world w in row w of the state, where they start."""
     w = wp.tid()
@@ -52,13 +58,13 @@ def load_worlds(
 def _roll_out(advance: Any) -> Any:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def roll_out(
-        geometry: Geometry,
-        parameters: Parameters,
-        schedule: Schedule,
-        joints: Joints,
-        state: State,
-        samples: Samples,
-        log: Log,
+        geometry: wp.array[Geometry],
+        parameters: wp.array[Parameters],
+        schedule: wp.array[Schedule],
+        joints: wp.array[Joints],
+        state: wp.array[State],
+        samples: wp.array[Samples],
+        log: wp.array[Log],
         first: int,
         slot: int,
         segments: int,
@@ -69,38 +75,38 @@ def _roll_out(advance: Any) -> Any:
         """
         w = first + wp.tid()
         k = slot
-        scale = parameters.time_scale[w % parameters.time_scale.shape[0]]
-        gravity = parameters.gravity[w % parameters.gravity.shape[0]]
+        scale = parameters[0].time_scale[w % parameters[0].time_scale.shape[0]]
+        gravity = parameters[0].gravity[w % parameters[0].gravity.shape[0]]
         load_bodies(geometry, parameters, state, w, k)
         load_joints(joints, state, w, k)
         time = wp.float64(0.0)
         half = wp.int32(0)
         for segment in range(segments):
-            for i in range(state.objects):
-                if schedule.joins[i] == segment:
-                    state.bodies[k, i].active = 1
-            end = schedule.end[segment] * scale
-            steps = schedule.steps[segment]
+            for i in range(state[0].objects):
+                if schedule[0].joins[i] == segment:
+                    state[0].bodies[k, i].active = 1
+            end = schedule[0].end[segment] * scale
+            steps = schedule[0].steps[segment]
             for step in range(steps):
                 h = (end - time) / wp.float64(steps - step)
                 half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, time, h)
                 time += h
                 lost = first_diverged(state, k)
                 if lost >= 0:
-                    samples.diverged_object[w] = lost
-                    samples.diverged_time[w] = time
+                    samples[0].diverged_object[w] = lost
+                    samples[0].diverged_time[w] = time
                     return
-                if state.crowded[k] == 1:
-                    samples.crowded[w] = 1
+                if state[0].crowded[k] == 1:
+                    samples[0].crowded[w] = 1
                     return
             time = end
-            sample = schedule.sample[segment]
+            sample = schedule[0].sample[segment]
             if sample >= 0:
-                for i in range(state.objects):
-                    samples.position[w, sample, i] = state.bodies[k, i].x
-                    samples.orientation[w, sample, i] = state.bodies[k, i].q
-                    samples.velocity[w, sample, i] = state.bodies[k, i].v
-                    samples.angular_velocity[w, sample, i] = state.bodies[k, i].w
+                for i in range(state[0].objects):
+                    samples[0].position[w, sample, i] = state[0].bodies[k, i].x
+                    samples[0].orientation[w, sample, i] = state[0].bodies[k, i].q
+                    samples[0].velocity[w, sample, i] = state[0].bodies[k, i].v
+                    samples[0].angular_velocity[w, sample, i] = state[0].bodies[k, i].w
 
     return roll_out
 
@@ -108,11 +114,11 @@ def _roll_out(advance: Any) -> Any:
 def _step_worlds(advance: Any) -> Any:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def step_worlds(
-        geometry: Geometry,
-        parameters: Parameters,
-        joints: Joints,
-        state: State,
-        log: Log,
+        geometry: wp.array[Geometry],
+        parameters: wp.array[Parameters],
+        joints: wp.array[Joints],
+        state: wp.array[State],
+        log: wp.array[Log],
         start: wp.array[wp.float64],
         time: wp.array[wp.float64],
         h: wp.array[wp.float64],
@@ -121,9 +127,9 @@ def _step_worlds(advance: Any) -> Any:
     ) -> None:
         """One step of world w; half says which half of its contact arrays holds the last step's contacts."""
         w = wp.tid()
-        if h[w] <= wp.float64(0.0) or lost[w] >= 0 or state.crowded[w] == 1:
+        if h[w] <= wp.float64(0.0) or lost[w] >= 0 or state[0].crowded[w] == 1:
             return
-        gravity = parameters.gravity[w % parameters.gravity.shape[0]]
+        gravity = parameters[0].gravity[w % parameters[0].gravity.shape[0]]
         half[w] = advance(geometry, parameters, joints, state, log, w, w, half[w], gravity, time[w], h[w])
         lost[w] = first_diverged(state, w)
         let_in(parameters, state, start, w, time[w] + h[w])

@@ -45,7 +45,7 @@ def tangent(n: wp.vec3d) -> wp.vec3d:
 
 @wp.func(inline=False)
 def write_face(
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     shape: Shape,
     rotation: wp.mat33d,
     centre: wp.vec3d,
@@ -112,20 +112,20 @@ def write_face(
         out[at + 1] = side + lift
         count = 2
     elif shape.kind == SPHERE or shape.kind == CAPSULE:
-        out[at] = support(geometry.vertices, shape, d, zero) + d * shape.size[0]
+        out[at] = support(geometry[0].vertices, shape, d, zero) + d * shape.size[0]
     elif shape.kind == TRIANGLE:
         for k in range(3):
-            out[at + k] = geometry.vertices[shape.first_vertex + k]
-        normal = geometry.face_normals[shape.first_face]
+            out[at + k] = geometry[0].vertices[shape.first_vertex + k]
+        normal = geometry[0].face_normals[shape.first_face]
         count = 3
     else:
         f = face_towards(geometry, shape, d)
-        start = geometry.face_starts[f]
-        corners = geometry.face_starts[f + 1] - start
+        start = geometry[0].face_starts[f]
+        corners = geometry[0].face_starts[f + 1] - start
         count = wp.min(corners, MAX_FACE_POINTS)
         for k in range(count):
-            out[at + k] = geometry.vertices[geometry.face_corners[start + k * corners / count]]
-        normal = geometry.face_normals[f]
+            out[at + k] = geometry[0].vertices[geometry[0].face_corners[start + k * corners / count]]
+        normal = geometry[0].face_normals[f]
     for k in range(count):
         out[at + k] = frame * (rotation * out[at + k] + centre)
     if count == 1:
@@ -140,7 +140,7 @@ def write_face(
         up = frame * (rotation * normal)
         if wp.abs(up[2]) > wp.float64(0.05):
             return wp.vec3d(wp.float64(count), -up[0] / up[2], -up[1] / up[2])
-    out[at] = frame * (rotation * support(geometry.vertices, shape, d, zero) + centre)
+    out[at] = frame * (rotation * support(geometry[0].vertices, shape, d, zero) + centre)
     return wp.vec3d(one, zero, zero)
 
 
@@ -205,7 +205,7 @@ def crossing(p: wp.vec3d, p2: wp.vec3d, q: wp.vec3d, q2: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def touching_points(
-    geometry: Geometry,
+    geometry: wp.array[Geometry],
     sa: Shape,
     ra: wp.mat33d,
     sb: Shape,
@@ -273,10 +273,10 @@ def touching_points(
     kept = wp.int32(0)
     slack = MISSED * sa.bound
     if least > gap + slack:  # the face that looks along the normal best need not hold the corner that touches
-        p = frame * (ra * support(geometry.vertices, sa, wp.transpose(ra) * (-normal), wp.float64(0.0)))
+        p = frame * (ra * support(geometry[0].vertices, sa, wp.transpose(ra) * (-normal), wp.float64(0.0)))
         p[2] = p[2] - rounding(sa)
         if sb.kind != PLANE and wp.abs(p[2] - height(fb, corner_b, p) - gap) > slack:
-            v = frame * (rb * support(geometry.vertices, sb, wp.transpose(rb) * normal, wp.float64(0.0)) - c)
+            v = frame * (rb * support(geometry[0].vertices, sb, wp.transpose(rb) * normal, wp.float64(0.0)) - c)
             v[2] = v[2] + rounding(sb)
             if wp.abs(height(fa, corner_a, v) - v[2] - gap) <= slack:
                 p = wp.vec3d(v[0], v[1], v[2] + gap)

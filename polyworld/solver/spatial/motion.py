@@ -81,65 +81,83 @@ def remaining(rate: wp.float64, h: wp.float64) -> wp.vec3d:
 
 
 @wp.func
-def move_freely(b: Body, force: wp.vec3d, torque: wp.vec3d, gravity: wp.vec3d, h: wp.float64) -> Body:
-    """Where the body would be after time h without contacts, exact for constant force and damping."""
-    a = gravity + force * b.inverse_mass
-    damped = remaining(b.linear_damping, h)
-    b.dx = b.v * (h * damped[1]) + a * (wp.float64(0.5) * h * h * damped[2])
-    b.v = b.v * damped[0] + a * (h * damped[1])
-    b.v_free = b.v
-    left = wp.exp(-b.angular_damping * h)
-    mean = remaining(b.angular_damping, h)[1]
-    if b.isotropic == 1:
-        turning = b.inverse_inertia * torque * (b.inverse_mass * h)
-        b.q_free = turned(b.q, (b.w * mean + turning * wp.float64(0.5)) * h)
-        b.w = b.w * left + turning
+def move_freely(
+    bodies: wp.array2d[Body], k: int, i: int, force: wp.vec3d, torque: wp.vec3d, gravity: wp.vec3d, h: wp.float64
+) -> None:
+    """Note where a body would be after time h without contacts, exact for constant force and damping.
+
+    It gets the velocities that it would then have, and stays where it is. Here and below a body is changed field by
+    field where it lies: to copy all of it takes as long as to work all of this out.
+    """
+    v = bodies[k, i].v
+    w = bodies[k, i].w
+    light = bodies[k, i].inverse_mass
+    a = gravity + force * light
+    damped = remaining(bodies[k, i].linear_damping, h)
+    bodies[k, i].dx = v * (h * damped[1]) + a * (wp.float64(0.5) * h * h * damped[2])
+    v = v * damped[0] + a * (h * damped[1])
+    bodies[k, i].v = v
+    bodies[k, i].v_free = v
+    left = wp.exp(-bodies[k, i].angular_damping * h)
+    mean = remaining(bodies[k, i].angular_damping, h)[1]
+    if bodies[k, i].isotropic == 1:
+        turning = bodies[k, i].inverse_inertia * torque * (light * h)
+        bodies[k, i].q_free = turned(bodies[k, i].q, (w * mean + turning * wp.float64(0.5)) * h)
+        w = w * left + turning
     else:
-        start = b.rotation * (b.inertia * (wp.transpose(b.rotation) * b.w)) * b.mass
-        b.q_free = spun(b, start * mean + torque * (wp.float64(0.5) * h), h)
-        b.angular_momentum = start * left + torque * h
-        b.w = angular_velocity(b, b.q_free, b.angular_momentum)
-    b.w_free = b.w
-    return b
+        b = bodies[k, i]
+        start = b.rotation * (b.inertia * (wp.transpose(b.rotation) * w)) * b.mass
+        q = spun(b, start * mean + torque * (wp.float64(0.5) * h), h)
+        momentum = start * left + torque * h
+        bodies[k, i].q_free = q
+        bodies[k, i].angular_momentum = momentum
+        w = angular_velocity(b, q, momentum)
+    bodies[k, i].w = w
+    bodies[k, i].w_free = w
 
 
 @wp.func
-def end_position(b: Body, h: wp.float64) -> wp.vec3d:
+def end_position(bodies: wp.array2d[Body], k: int, i: int, h: wp.float64) -> wp.vec3d:
     """Where the step ends. Contact forces count as constant over it, so the velocity they add acts half the time."""
-    return b.x + b.dx + (b.v - b.v_free) * (wp.float64(0.5) * h)
+    return bodies[k, i].x + bodies[k, i].dx + (bodies[k, i].v - bodies[k, i].v_free) * (wp.float64(0.5) * h)
 
 
 @wp.func
-def end_orientation(b: Body, h: wp.float64) -> wp.quatd:
+def end_orientation(bodies: wp.array2d[Body], k: int, i: int, h: wp.float64) -> wp.quatd:
     """Orientation in which the step ends, by the same rule."""
-    rotation = (b.w - b.w_free) * (wp.float64(0.5) * h)
+    rotation = (bodies[k, i].w - bodies[k, i].w_free) * (wp.float64(0.5) * h)
+    q = bodies[k, i].q_free
     if wp.dot(rotation, rotation) > wp.float64(0.0):
-        return turned(b.q_free, rotation)
-    return b.q_free
+        q = turned(q, rotation)
+    return q
 
 
 @wp.func
-def place(b: Body, x: wp.vec3d, q: wp.quatd) -> Body:
-    """The body at the end of the step; the angular impulse is kept exactly as the body turns."""
-    if b.isotropic == 0:
+def place(bodies: wp.array2d[Body], k: int, i: int, x: wp.vec3d, q: wp.quatd) -> None:
+    """Put a body where its step ends; the angular impulse is kept exactly as the body turns."""
+    if bodies[k, i].isotropic == 0:
+        b = bodies[k, i]
         dw = b.w - b.w_free
-        b.angular_momentum += b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
-    b.x = x + b.shift
-    if wp.dot(b.turn, b.turn) > wp.float64(0.0):
-        q = turned(q, b.turn)
-    b.q = q
-    b.rotation = wp.quat_to_matrix(q)
-    if b.isotropic == 0:
-        b.w = angular_velocity(b, q, b.angular_momentum)
-    b.shift = wp.vec3d()
-    b.turn = wp.vec3d()
-    return b
+        bodies[k, i].angular_momentum += b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
+    bodies[k, i].x = x + bodies[k, i].shift
+    turn = bodies[k, i].turn
+    end = q
+    if wp.dot(turn, turn) > wp.float64(0.0):
+        end = turned(q, turn)
+    bodies[k, i].q = end
+    bodies[k, i].rotation = wp.quat_to_matrix(end)
+    if bodies[k, i].isotropic == 0:
+        bodies[k, i].w = angular_velocity(bodies[k, i], end, bodies[k, i].angular_momentum)
+    bodies[k, i].shift = wp.vec3d()
+    bodies[k, i].turn = wp.vec3d()
 
 
 @wp.func
-def out_of_bounds(b: Body) -> bool:
-    """Whether the body's state cannot be trusted: not finite, too fast, too far."""
-    speed = wp.max(wp.abs(b.v[0]), wp.max(wp.abs(b.v[1]), wp.abs(b.v[2])))
-    distance = wp.max(wp.abs(b.x[0]), wp.max(wp.abs(b.x[1]), wp.abs(b.x[2])))
-    spin = wp.dot(b.w, b.w)
-    return not (speed < FASTEST and distance < FARTHEST and wp.isfinite(spin) and wp.isfinite(b.q[3]))
+def out_of_bounds(bodies: wp.array2d[Body], k: int, i: int) -> bool:
+    """Whether a body's state cannot be trusted: not finite, too fast, too far."""
+    v = bodies[k, i].v
+    x = bodies[k, i].x
+    speed = wp.max(wp.abs(v[0]), wp.max(wp.abs(v[1]), wp.abs(v[2])))
+    distance = wp.max(wp.abs(x[0]), wp.max(wp.abs(x[1]), wp.abs(x[2])))
+    spin = wp.dot(bodies[k, i].w, bodies[k, i].w)
+    return not (speed < FASTEST and distance < FARTHEST and wp.isfinite(spin) and wp.isfinite(bodies[k, i].q[3]))

@@ -8,11 +8,12 @@ IMMOBILE = wp.float64(1.0e-9)  # least velocity per impulse of a row, in those o
 
 
 @wp.func
-def world_inverse_inertia(b: Body) -> wp.mat33d:
+def world_inverse_inertia(bodies: wp.array2d[Body], w: int, i: int) -> wp.mat33d:
     """Inverse inertia about the centre of mass, world axes [1/(kg m^2)]."""
-    if b.isotropic == 1:
-        return b.inverse_inertia * b.inverse_mass
-    return b.rotation * b.inverse_inertia * wp.transpose(b.rotation) * b.inverse_mass
+    own = bodies[w, i].inverse_inertia * bodies[w, i].inverse_mass
+    if bodies[w, i].isotropic == 1:
+        return own
+    return bodies[w, i].rotation * own * wp.transpose(bodies[w, i].rotation)
 
 
 @wp.func
@@ -36,21 +37,21 @@ def make_row(
 
 
 @wp.func
-def velocity_along(state: State, w: int, a: int, b: int, r: int) -> wp.float64:
+def velocity_along(state: wp.array[State], w: int, a: int, b: int, r: int) -> wp.float64:
     """Relative velocity along row r, positive where a moves away from b."""
     return (
-        wp.dot(state.rows[w, r].d, state.bodies[w, a].v - state.bodies[w, b].v)
-        + wp.dot(state.rows[w, r].ja, state.bodies[w, a].w)
-        - wp.dot(state.rows[w, r].jb, state.bodies[w, b].w)
+        wp.dot(state[0].rows[w, r].d, state[0].bodies[w, a].v - state[0].bodies[w, b].v)
+        + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, a].w)
+        - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, b].w)
     )
 
 
 @wp.func
-def push(state: State, w: int, a: int, b: int, r: int, impulse: wp.float64) -> None:
+def push(state: wp.array[State], w: int, a: int, b: int, r: int, impulse: wp.float64) -> None:
     """Apply an impulse along row r and add it to the row's sum."""
-    d = state.rows[w, r].d
-    state.bodies[w, a].v += d * (impulse * state.bodies[w, a].inverse_mass)
-    state.bodies[w, a].w += state.rows[w, r].wa * impulse
-    state.bodies[w, b].v -= d * (impulse * state.bodies[w, b].inverse_mass)
-    state.bodies[w, b].w -= state.rows[w, r].wb * impulse
-    state.rows[w, r].impulse += impulse
+    d = state[0].rows[w, r].d
+    state[0].bodies[w, a].v += d * (impulse * state[0].bodies[w, a].inverse_mass)
+    state[0].bodies[w, a].w += state[0].rows[w, r].wa * impulse
+    state[0].bodies[w, b].v -= d * (impulse * state[0].bodies[w, b].inverse_mass)
+    state[0].bodies[w, b].w -= state[0].rows[w, r].wb * impulse
+    state[0].rows[w, r].impulse += impulse

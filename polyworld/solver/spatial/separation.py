@@ -193,13 +193,13 @@ def core_direction(
 
 @wp.func(inline=False)
 def best_candidate(
-    geometry: Geometry, sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d, guess: wp.vec3d
+    geometry: wp.array[Geometry], sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d, guess: wp.vec3d
 ) -> wp.vec3d:
     """Best of a guess, both shapes' face normals, their radial directions and the centre line."""
     best = unit(guess, unit(c, wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))))
     if sb.kind == TRIANGLE and wp.dot(guess, guess) < wp.float64(0.5):
-        best = rb * geometry.face_normals[sb.first_face]
-    highest = separation(geometry.vertices, sa, ra, sb, rb, c, best)
+        best = rb * geometry[0].face_normals[sb.first_face]
+    highest = separation(geometry[0].vertices, sa, ra, sb, rb, c, best)
     first = candidate_count(sa)
     second = candidate_count(sb)
     if sb.kind == TRIANGLE:  # any other way out would lead through the surface
@@ -216,7 +216,7 @@ def best_candidate(
         elif sb.kind == CYLINDER or sb.kind == CAPSULE:
             axis = rb * wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
             n = unit(c - axis * wp.dot(axis, c), best)
-        s = separation(geometry.vertices, sa, ra, sb, rb, c, n)
+        s = separation(geometry[0].vertices, sa, ra, sb, rb, c, n)
         if s > highest:
             highest = s
             best = n
@@ -225,20 +225,20 @@ def best_candidate(
 
 @wp.func(inline=False)
 def separating_direction(
-    geometry: Geometry, sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d
+    geometry: wp.array[Geometry], sa: Shape, ra: wp.mat33d, sb: Shape, rb: wp.mat33d, c: wp.vec3d
 ) -> wp.vec3d:
     """Unit vector from b to a along which the two shapes are farthest apart, or overlap least."""
     if sa.kind == SPHERE and has_closed_form(sb):
         return rb * outward_at(sb, wp.transpose(rb) * c)
     if sb.kind == SPHERE and has_closed_form(sa):
         return -(ra * outward_at(sa, wp.transpose(ra) * (-c)))
-    n, exact = core_direction(geometry.vertices, sa, ra, sb, rb, c)
+    n, exact = core_direction(geometry[0].vertices, sa, ra, sb, rb, c)
     if not exact:
         return best_candidate(geometry, sa, ra, sb, rb, c, n)
     # A face in contact gives its normal exactly, also where the other body hangs over the face's edge.
     best = n
     margin = FACE_PREFERENCE * wp.min(sa.bound, sb.bound)
-    highest = separation(geometry.vertices, sa, ra, sb, rb, c, n) - margin
+    highest = separation(geometry[0].vertices, sa, ra, sb, rb, c, n) - margin
     for side in range(2):
         m = wp.vec3d()
         if side == 0:
@@ -246,7 +246,7 @@ def separating_direction(
         else:
             m = rb * face_normal(geometry, sb, wp.transpose(rb) * n)
         if wp.dot(m, m) > wp.float64(0.5):
-            s = separation(geometry.vertices, sa, ra, sb, rb, c, m)
+            s = separation(geometry[0].vertices, sa, ra, sb, rb, c, m)
             if s > highest:
                 highest = s
                 best = m

@@ -82,12 +82,12 @@ def extent(vertices: wp.array[wp.vec3d], shape: Shape, d: wp.vec3d) -> wp.float6
 
 
 @wp.func
-def face_towards(geometry: Geometry, shape: Shape, d: wp.vec3d) -> int:
+def face_towards(geometry: wp.array[Geometry], shape: Shape, d: wp.vec3d) -> int:
     """Row of the mesh face whose outward normal is closest to d (body axes)."""
     best = shape.first_face
-    highest = wp.dot(geometry.face_normals[best], d)
+    highest = wp.dot(geometry[0].face_normals[best], d)
     for f in range(shape.first_face + 1, shape.first_face + shape.faces):
-        height = wp.dot(geometry.face_normals[f], d)
+        height = wp.dot(geometry[0].face_normals[f], d)
         if height > highest:
             highest = height
             best = f
@@ -95,7 +95,7 @@ def face_towards(geometry: Geometry, shape: Shape, d: wp.vec3d) -> int:
 
 
 @wp.func(inline=False)
-def face_normal(geometry: Geometry, shape: Shape, d: wp.vec3d) -> wp.vec3d:
+def face_normal(geometry: wp.array[Geometry], shape: Shape, d: wp.vec3d) -> wp.vec3d:
     """Outward normal of the flat or developable face that looks most along d (body axes); zero for round shapes."""
     zero = wp.float64(0.0)
     if shape.kind == BOX:
@@ -112,9 +112,9 @@ def face_normal(geometry: Geometry, shape: Shape, d: wp.vec3d) -> wp.vec3d:
             return wp.vec3d(zero, zero, sign(d[2]))
         return radial(d)
     if shape.kind == CONVEX:
-        return geometry.face_normals[face_towards(geometry, shape, d)]
+        return geometry[0].face_normals[face_towards(geometry, shape, d)]
     if shape.kind == TRIANGLE:  # touched from its front side
-        return geometry.face_normals[shape.first_face]
+        return geometry[0].face_normals[shape.first_face]
     return wp.vec3d()
 
 
@@ -173,11 +173,11 @@ def candidate_count(shape: Shape) -> int:
 
 
 @wp.func
-def candidate(geometry: Geometry, shape: Shape, i: int) -> wp.vec3d:
+def candidate(geometry: wp.array[Geometry], shape: Shape, i: int) -> wp.vec3d:
     """The i-th of a shape's face normals (body axes)."""
     zero = wp.float64(0.0)
     if shape.kind == CONVEX or shape.kind == TRIANGLE:
-        return geometry.face_normals[shape.first_face + i]
+        return geometry[0].face_normals[shape.first_face + i]
     s = wp.float64(1 - 2 * (i % 2))
     if shape.kind == BOX:
         if i < 2:

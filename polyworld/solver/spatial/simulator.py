@@ -19,6 +19,7 @@ from polyworld.solver.spatial.buffers import (
     check_room,
     clear_log,
     contact_events,
+    passed,
     write_parameters,
     zeros,
 )
@@ -95,10 +96,23 @@ class SpatialSimulator:
         self._state = allocate_state(self.world, self._pieces)
         self._joints = allocate_joints(self.world, self._state)
         self._log = allocate_log(self.world, w, self.record_events)
+        self._fixed = [
+            passed(self._geometry, layout.Geometry),
+            passed(self._schedule, layout.Schedule),
+            passed(self._state, layout.State),
+            passed(samples, layout.Samples),
+            passed(self._log, layout.Log),
+        ]
+        self._written: list[Any] = [None, None]
 
     def _write(self, arrays: RigidArrays) -> None:
         self._parameters = write_parameters(self.world, self._parameters, arrays)
         write_joints(self._joints, arrays)
+        parameters, joints = self._written
+        self._written = [
+            passed(self._parameters, layout.Parameters, parameters),
+            passed(self._joints, Joints, joints),
+        ]
         for field in ("position", "orientation", "velocity", "angular_velocity"):
             getattr(self._samples, field).numpy()[:] = np.nan
         self._samples.diverged_object.numpy()[:] = -1
@@ -111,24 +125,15 @@ class SpatialSimulator:
             return
         kernel = roll_out_kernel(bool(self.world.joints))
         edges = np.linspace(0, self.n_worlds, self._pieces + 1).astype(int)
+        geometry, schedule, state, samples, log = self._fixed
+        parameters, joints = self._written
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
             wp.launch(
                 kernel,
                 dim=last - first,
-                inputs=[
-                    self._geometry,
-                    self._parameters,
-                    self._schedule,
-                    self._joints,
-                    self._state,
-                    self._samples,
-                    self._log,
-                    first,
-                    index,
-                    segments,
-                ],
+                inputs=[geometry, parameters, schedule, joints, state, samples, log, first, index, segments],
                 device="cpu",
             )
 

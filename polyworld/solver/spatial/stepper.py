@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     SHARED,
     allocate_joints,
@@ -18,9 +19,11 @@ from polyworld.solver.spatial.buffers import (
     check_room,
     clear_log,
     contact_events,
+    passed,
     write_parameters,
     zeros,
 )
+from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import load_worlds, step_kernel
 from polyworld.solver.spatial.scene import build_geometry
@@ -53,6 +56,12 @@ class RigidStepper:
         self._lost = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
         self.parameters: Any = None
+        self._fixed = [
+            passed(self.geometry, layout.Geometry),
+            passed(self.state, layout.State),
+            passed(self.log, layout.Log),
+        ]
+        self._written: list[Any] = [None, None]
         self.write(rigid_arrays(world))
 
     def write(self, arrays: RigidArrays) -> None:
@@ -63,16 +72,23 @@ class RigidStepper:
         }
         self.parameters = write_parameters(self.world, self.parameters, replace(arrays, **wide))
         write_joints(self.joints, replace(arrays, **wide))
+        parameters, joints = self._written
+        self._written = [
+            passed(self.parameters, layout.Parameters, parameters),
+            passed(self.joints, Joints, joints),
+        ]
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
         clear_log(self.log)
         self._half.numpy()[:] = 0
         self._lost.numpy()[:] = -1
+        geometry, state, _ = self._fixed
+        parameters, joints = self._written
         wp.launch(
             load_worlds,
             dim=self.n_worlds,
-            inputs=[self.geometry, self.parameters, self.joints, self.state, self._start],
+            inputs=[geometry, parameters, joints, state, self._start],
             device="cpu",
         )
 
@@ -84,21 +100,12 @@ class RigidStepper:
         """
         if not self.names:
             return
+        geometry, state, log = self._fixed
+        parameters, joints = self._written
         wp.launch(
             self._kernel,
             dim=self.n_worlds,
-            inputs=[
-                self.geometry,
-                self.parameters,
-                self.joints,
-                self.state,
-                self.log,
-                self._start,
-                time,
-                h,
-                self._half,
-                self._lost,
-            ],
+            inputs=[geometry, parameters, joints, state, log, self._start, time, h, self._half, self._lost],
             device="cpu",
         )
 
