@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,11 +63,10 @@ def passed(record: Any, kind: Any, before: Any = None) -> Any:
 
     kind: the record's struct. before: an array to write it to. The record has to live as long as the array is used.
     """
-    found: Any = wp.array([record], dtype=kind, device="cpu")
-    if before is None:
-        return found
-    before.numpy()[:] = found.numpy()
-    return before
+    found: Any = wp.empty(1, dtype=kind, device="cpu") if before is None else before
+    content = record.__ctype__()
+    ctypes.memmove(found.ptr, ctypes.addressof(content), ctypes.sizeof(content))
+    return found
 
 
 def allocate_state(world: World, rows: int) -> layout.State:
@@ -119,25 +119,33 @@ def clear_log(log: layout.Log) -> None:
     log.count.numpy()[:] = 0
 
 
-def write_parameters(world: World, parameters: layout.Parameters | None, arrays: RigidArrays) -> layout.Parameters:
-    """Copy parameters into the kernel's arrays, which are made anew only where a field changes its rows."""
-    p = parameters or layout.Parameters()
-    poses = dict(
-        zip(("static_position", "static_orientation", "static_plane"), static_poses(world, arrays), strict=True)
-    )
-    for name, dtype in PARAMETER_TYPES.items():
-        values = poses[name] if name in poses else getattr(arrays, name)
-        if name == "orientation":
-            values = np.roll(values, -1, axis=-1)
-        if name in ("time_scale", "time_origin"):
-            values = values[:, 0]
-        kept = None if parameters is None else getattr(p, name)
-        if kept is not None and kept.numpy().shape == values.shape:
-            kept.numpy()[:] = values
-        else:
-            setattr(p, name, wp.array(values, dtype=dtype, device="cpu"))
-    p.contact_laws = contact_laws(arrays.effect_kind)
-    return p
+class ParameterBuffers:
+    """The parameters of a world as kernels take them. passed: an array of one record."""
+
+    def __init__(self, world: World) -> None:
+        self.passed: Any = None
+        self._world = world
+        self._record = layout.Parameters()
+        self._content: dict[str, Any] = {}  # of the record's arrays, seen by NumPy
+
+    def write(self, arrays: RigidArrays) -> None:
+        """Copy parameters into the kernel's arrays, which are made anew only where a field changes its rows."""
+        names = ("static_position", "static_orientation", "static_plane")
+        poses = dict(zip(names, static_poses(self._world, arrays), strict=True))
+        for name, dtype in PARAMETER_TYPES.items():
+            values = poses[name] if name in poses else getattr(arrays, name)
+            if name == "orientation":
+                values = np.roll(values, -1, axis=-1)
+            if name in ("time_scale", "time_origin"):
+                values = values[:, 0]
+            if name in self._content and self._content[name].shape == values.shape:
+                self._content[name][...] = values
+            else:
+                made: Any = wp.array(values, dtype=dtype, device="cpu")
+                setattr(self._record, name, made)
+                self._content[name] = made.numpy()
+        self._record.contact_laws = contact_laws(arrays.effect_kind)
+        self.passed = passed(self._record, layout.Parameters, self.passed)
 
 
 def contact_events(log: layout.Log, w: int, names: Sequence[str], end: float, longest_step: float) -> tuple[Event, ...]:

@@ -112,6 +112,8 @@ def joint_rows(world: World) -> int:
 
 def write_joints(joints: joint_layout.Joints, arrays: RigidArrays) -> None:
     """Copy the joints' parameters into the kernel's arrays, which are made anew where a field changes its rows."""
+    if not joints.count:
+        return
     for name, field in _FIELDS.items():
         values = getattr(arrays, field)
         kept = getattr(joints, name)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
+    ParameterBuffers,
     allocate_joints,
     allocate_log,
     allocate_state,
@@ -20,7 +21,6 @@ from polyworld.solver.spatial.buffers import (
     clear_log,
     contact_events,
     passed,
-    write_parameters,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints
@@ -61,7 +61,7 @@ class SpatialSimulator:
             setattr(self._schedule, name, wp.array(getattr(self._table, name), dtype=dtype, device="cpu"))
         # More launches than threads, so that a thread whose worlds are quick takes over from one whose are not.
         self._pieces = min(n_worlds, 1 if self.threads == 1 else 4 * self.threads)
-        self._parameters: Any = None
+        self._parameters = ParameterBuffers(world)
         self._state: Any
         self._joints: Joints
         self._samples: Any
@@ -103,18 +103,16 @@ class SpatialSimulator:
             passed(samples, layout.Samples),
             passed(self._log, layout.Log),
         ]
-        self._written: list[Any] = [None, None]
+        self._passed_joints: Any = None
+        fields = ("position", "orientation", "velocity", "angular_velocity")
+        self._motion = {name: getattr(samples, name).numpy() for name in fields}
 
     def _write(self, arrays: RigidArrays) -> None:
-        self._parameters = write_parameters(self.world, self._parameters, arrays)
+        self._parameters.write(arrays)
         write_joints(self._joints, arrays)
-        parameters, joints = self._written
-        self._written = [
-            passed(self._parameters, layout.Parameters, parameters),
-            passed(self._joints, Joints, joints),
-        ]
-        for field in ("position", "orientation", "velocity", "angular_velocity"):
-            getattr(self._samples, field).numpy()[:] = np.nan
+        self._passed_joints = passed(self._joints, Joints, self._passed_joints)
+        for content in self._motion.values():
+            content[:] = np.nan
         self._samples.diverged_object.numpy()[:] = -1
         self._samples.diverged_time.numpy()[:] = np.nan
         self._samples.crowded.numpy()[:] = 0
@@ -126,7 +124,7 @@ class SpatialSimulator:
         kernel = roll_out_kernel(bool(self.world.joints))
         edges = np.linspace(0, self.n_worlds, self._pieces + 1).astype(int)
         geometry, schedule, state, samples, log = self._fixed
-        parameters, joints = self._written
+        parameters, joints = self._parameters.passed, self._passed_joints
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
@@ -149,10 +147,10 @@ class SpatialSimulator:
         return BatchTrajectory(
             names=self.names,
             times=times,
-            positions=out.position.numpy()[:, :count].copy(),
-            orientations=np.roll(out.orientation.numpy()[:, :count], 1, axis=-1),
-            velocities=out.velocity.numpy()[:, :count].copy(),
-            angular_velocities=out.angular_velocity.numpy()[:, :count].copy(),
+            positions=self._motion["position"][:, :count].copy(),
+            orientations=np.roll(self._motion["orientation"][:, :count], 1, axis=-1),
+            velocities=self._motion["velocity"][:, :count].copy(),
+            angular_velocities=self._motion["angular_velocity"][:, :count].copy(),
             active=self.sample_times[:count, None] >= starts[None, :],
             diverged=diverged,
             diverged_time=out.diverged_time.numpy().copy(),

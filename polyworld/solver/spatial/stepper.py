@@ -13,6 +13,7 @@ from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     SHARED,
+    ParameterBuffers,
     allocate_joints,
     allocate_log,
     allocate_state,
@@ -20,7 +21,6 @@ from polyworld.solver.spatial.buffers import (
     clear_log,
     contact_events,
     passed,
-    write_parameters,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints
@@ -55,13 +55,13 @@ class RigidStepper:
         self._half = zeros((n_worlds,), wp.int32)
         self._lost = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
-        self.parameters: Any = None
+        self._parameters = ParameterBuffers(world)
         self._fixed = [
             passed(self.geometry, layout.Geometry),
             passed(self.state, layout.State),
             passed(self.log, layout.Log),
         ]
-        self._written: list[Any] = [None, None]
+        self._passed_joints: Any = None
         self.write(rigid_arrays(world))
 
     def write(self, arrays: RigidArrays) -> None:
@@ -70,13 +70,9 @@ class RigidStepper:
             name: values if name in SHARED else np.repeat(values, self.n_worlds // len(values), axis=0)
             for name, values in vars(arrays).items()
         }
-        self.parameters = write_parameters(self.world, self.parameters, replace(arrays, **wide))
+        self._parameters.write(replace(arrays, **wide))
         write_joints(self.joints, replace(arrays, **wide))
-        parameters, joints = self._written
-        self._written = [
-            passed(self.parameters, layout.Parameters, parameters),
-            passed(self.joints, Joints, joints),
-        ]
+        self._passed_joints = passed(self.joints, Joints, self._passed_joints)
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
@@ -84,7 +80,7 @@ class RigidStepper:
         self._half.numpy()[:] = 0
         self._lost.numpy()[:] = -1
         geometry, state, _ = self._fixed
-        parameters, joints = self._written
+        parameters, joints = self._parameters.passed, self._passed_joints
         wp.launch(
             load_worlds,
             dim=self.n_worlds,
@@ -101,7 +97,7 @@ class RigidStepper:
         if not self.names:
             return
         geometry, state, log = self._fixed
-        parameters, joints = self._written
+        parameters, joints = self._parameters.passed, self._passed_joints
         wp.launch(
             self._kernel,
             dim=self.n_worlds,
