@@ -141,16 +141,19 @@ def _cut(run: Run, most: int) -> list[Run]:
 
 
 def _roughness(run: Run) -> Array:
-    """At each instant (T,), the largest third difference of the next few samples of any position, as a multiple of
-    what is ordinary in the run."""
+    """At each instant (T,), the largest third difference of the next few samples of any position, and of the one
+    before them, as a multiple of what is ordinary in the run.
+
+    A body that rebounds just after a sample looks as if it had left the floor before it.
+    """
     count = len(run.times)
     rough = np.zeros(count)
     for values in run.positions.reshape(count, -1).T:
         steps = np.abs(np.diff(values, 3))
         if np.isfinite(steps).any():
             relative = np.nan_to_num(steps / max(float(np.nanmedian(steps)), 1e-12))
-            padded = np.concatenate([relative, np.zeros(EARLY)])
-            largest = sliding_window_view(padded, EARLY - 3).max(axis=1)[:count]
+            padded = np.concatenate([[0.0], relative, np.zeros(EARLY)])
+            largest = sliding_window_view(padded, EARLY - 2).max(axis=1)[:count]
             rough[: len(largest)] = np.maximum(rough[: len(largest)], largest)
     return rough
 
