@@ -19,7 +19,6 @@ from polyworld.discrepancy.design import Design, RunDesign, design
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.score import Lead
-from polyworld.discrepancy.states import EARLY
 from polyworld.discrepancy.trial import Bench, Start, Trial
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
@@ -28,7 +27,8 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a window
-ROUGH = 8.0  # times an ordinary third difference in the first samples, beyond which no window begins there
+STRAIGHT = 10  # samples about the start of a window that a line has to fit,
+ROUGH = 2.0  # and times what it ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 20
 
 
@@ -141,20 +141,23 @@ def _cut(run: Run, most: int) -> list[Run]:
 
 
 def _roughness(run: Run) -> Array:
-    """At each instant (T,), the largest third difference of the next few samples of any position, and of the one
-    before them, as a multiple of what is ordinary in the run.
+    """At each instant (T,), how ill a line fits the next samples of any position and the one before them, as a
+    multiple of what is ordinary in the run.
 
-    A body that rebounds just after a sample looks as if it had left the floor before it.
+    A body that rebounds just after a sample looks as if it had left the floor before it. Noise that hides an impact
+    from differences of neighbours does not hide it from this.
     """
     count = len(run.times)
     rough = np.zeros(count)
+    if count < STRAIGHT:
+        return rough
+    powers = np.vander(np.linspace(-1.0, 1.0, STRAIGHT), 2)
+    off = np.eye(STRAIGHT) - powers @ np.linalg.pinv(powers)
     for values in run.positions.reshape(count, -1).T:
-        steps = np.abs(np.diff(values, 3))
-        if np.isfinite(steps).any():
-            relative = np.nan_to_num(steps / max(float(np.nanmedian(steps)), 1e-12))
-            padded = np.concatenate([[0.0], relative, np.zeros(EARLY)])
-            largest = sliding_window_view(padded, EARLY - 2).max(axis=1)[:count]
-            rough[: len(largest)] = np.maximum(rough[: len(largest)], largest)
+        left = np.linalg.norm(sliding_window_view(values, STRAIGHT) @ off, axis=1)
+        if np.isfinite(left).any():
+            relative = np.nan_to_num(left / max(float(np.nanmedian(left)), 1e-12))
+            rough[1 : len(relative) + 1] = np.maximum(rough[1 : len(relative) + 1], relative[: count - 1])
     return rough
 
 
