@@ -84,7 +84,10 @@ class WindowSearch:
                 fits.append(mended(trial) if leads_so_far else trial)
         wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
         if min((t.chi2 for t in wanted), default=np.inf) > SETTLED * self.cut.bench.observations:
-            wanted = [self._closer(t, ways[identity(t.hypothesis)]) for t in wanted]
+            for i, trial in enumerate(wanted):
+                wanted[i] = self._closer(trial, ways[identity(trial.hypothesis)])
+                if _explains(wanted[i]):
+                    break  # whole runs decide between it and what is behind
         for trial in (*fits, *wanted):
             self._keep(trial)
         ranked = _worth_more(wanted, before)
@@ -151,6 +154,12 @@ def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:
         for i, t in enumerate(ranked)
         if i < few or before - t.ebic >= HOPELESS * (before - ranked[0].ebic) or t.ebic <= ranked[0].ebic + BESIDE
     ]
+
+
+def _explains(trial: Trial) -> bool:
+    """Whether a trial leaves no more than noise would, but for twice how much that varies."""
+    noise = trial.bench.observations
+    return trial.chi2 < noise + 2.0 * float(np.sqrt(2.0 * noise))
 
 
 def _nearly_all(trial: Trial, before: float) -> bool:
