@@ -15,6 +15,9 @@ from polyworld.discrepancy.trial import Bench, Trial
 
 REFINEMENTS = 2  # of the noise after a fit, each followed by a fit
 ITERATIONS = 40  # of the fit that all others begin from
+ROUGH_ITERATIONS = 5  # of the same, at each horizon, after which it is seen whether there is hope
+HOPELESS = 1000.0  # chi2 per measurement beyond which no further iterations make a base fit the data
+REFITTED, FEW = 12, 2  # iterations under refined noise, and where there is no hope
 CHANGED = 0.02  # relative change of chi2 below which no further fit is needed
 
 
@@ -30,7 +33,9 @@ def fitted_base(
     nothing = Hypothesis(plan.world, tuple(base))
     starts = np.array([u.start for u in base])
     states = profile.start_states(plan)
-    trial = bench.fit(nothing, starts, states, horizons=profile.horizons_for(plan), iterations=ITERATIONS)
+    trial = bench.fit(nothing, starts, states, horizons=profile.horizons_for(plan), iterations=ROUGH_ITERATIONS)
+    if not hopeless(trial):
+        trial = bench.refit(trial, iterations=ITERATIONS)
     trial = with_refined_noise(trial)
     if trial.passes or not any(r.spread.any() for r in plan.runs):
         return trial
@@ -43,6 +48,11 @@ def fitted_base(
     return _better(trial, with_refined_noise(other))
 
 
+def hopeless(trial: Trial) -> bool:
+    """Whether a fit is so far from the data that where exactly it ends tells nothing."""
+    return trial.chi2 > HOPELESS * trial.bench.observations
+
+
 def _better(one: Trial, other: Trial) -> Trial:
     return other if other.chi2 / other.bench.observations < one.chi2 / one.bench.observations else one
 
@@ -52,7 +62,7 @@ def with_refined_noise(trial: Trial) -> Trial:
     for _ in range(REFINEMENTS):
         before = trial
         noise = refined_noise(trial.bench.design, trial.bench.noise, trial.bench.raw_residuals(trial))
-        trial = trial.bench.with_noise(noise).refit(trial)
+        trial = trial.bench.with_noise(noise).refit(trial, iterations=FEW if hopeless(trial) else REFITTED)
         if abs(trial.chi2 - before.chi2) < CHANGED * before.chi2:
             break
     return trial

@@ -15,7 +15,7 @@ from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.design import Design, design
-from polyworld.discrepancy.examine import fitted_base
+from polyworld.discrepancy.examine import FEW, REFITTED, fitted_base, hopeless
 from polyworld.discrepancy.experiment import Contender, propose_experiment
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.intervals import intervals95
@@ -244,7 +244,7 @@ def _searched(
         verdict = decide(told, max(settings.search.credible, BESIDE))
     bench = verdict.best.bench if verdict.best is not None else search.bench
     if bench is not ground.bench:
-        ground = bench.refit(ground)
+        ground = bench.refit(ground, iterations=FEW if hopeless(ground) else REFITTED)
     if verdict.best is not None:
         if ground.passes:
             stepped = ground.hypothesis.stepped(verdict.best.hypothesis.world.time.substep)
@@ -297,7 +297,9 @@ def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool
 
 def _from_states_of(trial: Trial, ground: Trial) -> Trial:
     """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
-    return trial.bench.fit(ground.hypothesis, trial.values[: len(ground.values)], trial.fit.states)
+    iterations = FEW if hopeless(ground) else REFITTED
+    values = trial.values[: len(ground.values)]
+    return trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=iterations)
 
 
 def _renoise(search: Search, effects: int) -> None:

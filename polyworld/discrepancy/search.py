@@ -31,6 +31,7 @@ FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
+NEARLY_ALL = 0.75  # share of what is missing that what happens to one run has to promise
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
@@ -159,9 +160,10 @@ class Search:
         local = [h for h in self._more(parent) if h.parts[-1].candidate.leads is not None]
         own = self._scored(parent, parent, local, 1.0) if local else []
         self._promised(parent, own)
-        self._fit_leads(
-            first_of_each(shares([(parent, x) for x in own], parent.chi2, self.bench.observations), 1, 0.0), parent.chi2
-        )
+        missing = parent.chi2 - self.bench.observations
+        telling = [(parent, x) for x in own if parent.chi2 - x.chi2 > NEARLY_ALL * missing]
+        found = shares(telling, parent.chi2, self.bench.observations)
+        self._fit_leads(first_of_each(found, 1, 0.0), parent.chi2)
         best = self.best(len(parent.hypothesis.parts) + 1)
         return best is not None and best.passes
 
@@ -473,7 +475,10 @@ class Search:
                 continue
             if {(u.name, u.unit) for u in own} < theirs:
                 values = np.concatenate([kept, [told[u.name] for u in own]])
-                trial = self.bench.fit(lead.hypothesis, values, best.fit.states, iterations=ROUGH_ITERATIONS)
+                level = best.chi2 + MARGIN
+                trial = self.bench.fit(
+                    lead.hypothesis, values, best.fit.states, iterations=ROUGH_ITERATIONS, target=level
+                )
                 self.tell("contained", trial.figures())
                 self.take(trial)
 
