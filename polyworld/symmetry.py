@@ -68,12 +68,18 @@ def smallest_rotation(simulated: Array, observed: Array, order: Ints) -> Array:
 
 def rotation_vector(simulated: Array, observed: Array) -> Array:
     """Rotation vectors (..., 3) [rad], world axes, of at most half a turn, from observed to simulated (..., 4)."""
-    conjugate = observed * np.array([1.0, -1.0, -1.0, -1.0])
-    q = geometry.quaternion_product(simulated, np.broadcast_to(conjugate, simulated.shape))
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, q[..., :1])
-    vector: Array = q[..., 1:] * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    a = np.ascontiguousarray(np.moveaxis(simulated, -1, 0))
+    b = np.ascontiguousarray(np.moveaxis(observed, -1, 0))
+    # q_sim * conj(q_obs), one component after the other: these are the largest arrays of a comparison.
+    w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    x = a[1] * b[0] - a[0] * b[1] - a[2] * b[3] + a[3] * b[2]
+    y = a[2] * b[0] - a[0] * b[2] + a[1] * b[3] - a[3] * b[1]
+    z = a[3] * b[0] - a[0] * b[3] - a[1] * b[2] + a[2] * b[1]
+    sine = np.sqrt(x * x + y * y + z * z)
+    angle = 2.0 * np.arctan2(sine, np.abs(w))
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    scale = np.where(w < 0.0, -scale, scale)
+    vector: Array = np.stack([x * scale, y * scale, z * scale], axis=-1)
     return vector
 
 

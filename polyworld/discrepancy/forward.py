@@ -190,16 +190,18 @@ class _Group:
     def _turned(self, designs: Sequence[RunDesign], simulated: Array, rows: Ints, column: int) -> Array:
         """Rotation vectors (R k, m, 3) from what R runs observed to what was simulated (R k, m, 4)."""
         own = np.array([d.run.orientations[rows, column] for d in designs])
-        observed = np.repeat(own, len(simulated) // len(designs), axis=0)
         order = np.full(len(rows), designs[0].run.symmetry[column], dtype=np.int64)
         if not self.world.planar:
             if np.all(order == 1):  # most often; one look-alike need not be compared with itself
-                return counted_vectors(rotation_vector(simulated, observed), simulated, observed)
+                each_run = simulated.reshape(len(own), -1, *simulated.shape[1:])
+                vectors = rotation_vector(each_run, own[:, None]).reshape(*simulated.shape[:2], 3)
+                return counted_vectors(vectors, simulated, own)
             each = [
                 smallest_rotation(part, seen, order)
                 for part, seen in zip(simulated.reshape(len(own), -1, *simulated.shape[1:]), own, strict=True)
             ]
             return np.concatenate(each)
+        observed = np.repeat(own, len(simulated) // len(designs), axis=0)
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
         result = np.zeros((*simulated.shape[:2], 3))
         folds = np.maximum(order, 1)

@@ -21,7 +21,8 @@ LEAP = 0.3  # of half a turn between two instants: a measured orientation that l
 
 
 def counted_vectors(vectors: Array, simulated: Array, observed: Array) -> Array:
-    """Rotation vectors (k, m, 3) [rad] from observed to simulated (k, m, 4), counted on from the first instant.
+    """Rotation vectors (k, m, 3) [rad] from what R runs observed (R, m, 4) to simulated (k, m, 4), k / R of each run in
+    a row, counted on from the first instant.
 
     vectors (k, m, 3): the smallest ones.
     """
@@ -30,7 +31,7 @@ def counted_vectors(vectors: Array, simulated: Array, observed: Array) -> Array:
     if not len(far):
         return vectors
     steps = _steps(simulated[far])
-    mismatch = rotation_vector(steps, _steps(observed[far]))
+    mismatch = rotation_vector(steps, _steps(observed[far // (len(simulated) // len(observed))]))
     size = np.linalg.norm(mismatch, axis=-1, keepdims=True)
     mismatch = np.where(size < LEAP * half, mismatch, 0.0)
     counted = vectors[far].copy()

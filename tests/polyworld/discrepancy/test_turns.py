@@ -28,7 +28,7 @@ def test_a_body_that_spins_too_fast_is_turns_ahead_by_the_end():
 def test_near_the_data_turns_are_the_rotation_vectors():
     observed, simulated = turned([1, 0, 0], 20.0 * TIMES), turned([1, 0.02, 0], 20.0 * TIMES)
     smallest = rotation_vector(simulated[None], observed)
-    assert np.array_equal(counted_vectors(smallest, simulated[None], observed), smallest)
+    assert np.array_equal(counted_vectors(smallest, simulated[None], observed[None]), smallest)
 
 
 def test_an_orientation_measured_upside_down_once_leaves_the_others_as_they_are():
