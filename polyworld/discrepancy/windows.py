@@ -27,8 +27,8 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a window
-STRAIGHT = 10  # samples about the start of a window that a line has to fit,
-ROUGH = 2.0  # and times what it ordinarily leaves, beyond which no window begins there
+STRAIGHT = 8  # samples about the start of a window that a line has to fit,
+ROUGH = 1.4  # and times what it ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 8
 
 
