@@ -26,6 +26,8 @@ SAME_ON_PLANE = (
     frozenset({"friction_error", "gravity_error", "observer_clock"}),
     frozenset({"linear_drag", "viscous_friction"}),
 )
+# A force that is the same everywhere moves the anchor of a spring, and nothing else: beside a spring it has no name.
+UNIFORM = SAME[0] | {"tilt"}
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,12 @@ def same_class(name: str, section: str) -> frozenset[str]:
     return next((s for s in (SAME_ON_PLANE if section == "bodies" else SAME) if name in s), frozenset({name}))
 
 
+def _one_motion(pair: tuple[str, str]) -> bool:
+    """Whether one effect alone moves a ball as the two together do."""
+    beside_spring = "spring" in pair and bool(UNIFORM & set(pair))
+    return beside_spring or pair[1] in same_class(pair[0], "two_effects")
+
+
 def one_effect(seeds: int) -> Iterator[Case]:
     """Every effect, `seeds` times, each at all noise levels."""
     index = itertools.count()
@@ -81,9 +89,9 @@ def nothing(seeds: int) -> Iterator[Case]:
 
 
 def two_effects(seeds: int) -> Iterator[Case]:
-    """Pairs of effects of different classes that act in the bouncing design, at 0.1 and 1% noise."""
+    """Pairs of effects that act in the bouncing design and are no single effect together, at 0.1 and 1% noise."""
     names = [n for n, (_, designs) in EFFECTS.items() if designs == ("bouncing",)]
-    pairs = [p for p in itertools.combinations(names, 2) if p[1] not in same_class(p[0], "two_effects")]
+    pairs = [p for p in itertools.combinations(names, 2) if not _one_motion(p)]
     order = np.random.default_rng(0).permutation(len(pairs))
     index = itertools.count()
     for draw in range(seeds):
