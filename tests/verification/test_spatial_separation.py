@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from polyworld import geometry
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
+from polyworld.solver.spatial.buffers import passed
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.separation import separating_direction, separation
@@ -35,7 +36,7 @@ COUNT = 200
 
 @wp.kernel
 def measure(
-    g: Geometry,
+    g: wp.array[Geometry],
     a: int,
     b: int,
     c: wp.array[wp.vec3d],
@@ -45,8 +46,8 @@ def measure(
     direction: wp.array[wp.vec3d],
 ) -> None:
     i = wp.tid()
-    n = separating_direction(g, g.shapes[a], ra[i], g.shapes[b], rb[i], c[i])
-    gap[i] = separation(g.vertices, g.shapes[a], ra[i], g.shapes[b], rb[i], c[i], n)
+    n = separating_direction(g, g[0].shapes[a], ra[i], g[0].shapes[b], rb[i], c[i])
+    gap[i] = separation(g[0].vertices, g[0].shapes[a], ra[i], g[0].shapes[b], rb[i], c[i], n)
     direction[i] = n
 
 
@@ -68,7 +69,7 @@ def _ours(first: str, second: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
         wp.array(ra.as_matrix(), dtype=wp.mat33d, device="cpu"),
         wp.array(rb.as_matrix(), dtype=wp.mat33d, device="cpu"),
     ]
-    wp.launch(measure, dim=COUNT, inputs=[g, 0, 1, *arrays, gap, direction], device="cpu")
+    wp.launch(measure, dim=COUNT, inputs=[passed(g, Geometry), 0, 1, *arrays, gap, direction], device="cpu")
     return gap.numpy(), direction.numpy()
 
 
