@@ -35,9 +35,8 @@ class RigidStepper:
     """Bodies of W variants of one world, of which others may read and change the state between steps.
 
     bodies: Warp array (W, n + s + 1) of `layout.Body`, objects first, then statics, then the world itself; x, q, v,
-    w may be written between steps, with
-    `rotation` the matrix of q. geometry: their shapes. parameters: arrays of W rows, written in place, so that a
-    captured graph of `launch_step` stays valid.
+    w may be written between steps, with `rotation` the matrix of q. geometry: their shapes. Parameters are arrays of W
+    rows, written in place, so that a captured graph of `launch_step` stays valid.
     """
 
     def __init__(self, world: World, n_worlds: int, record_events: bool = False) -> None:
