@@ -15,9 +15,10 @@ from polyworld.discrepancy.trial import Bench, Trial
 
 REFINEMENTS = 2  # of the noise after a fit, each followed by a fit
 ITERATIONS = 40  # of the fit that all others begin from
-ROUGH_ITERATIONS = 5  # of the same, at each horizon, after which it is seen whether there is hope
-HOPELESS = 1000.0  # chi2 per measurement beyond which no further iterations make a base fit the data
-REFITTED, FEW = 12, 2  # iterations under refined noise, and where there is no hope
+ROUGH_ITERATIONS = 5  # of the same, at each horizon, after which it is seen how far off it is
+FAR_OFF = 1000.0  # chi2 per measurement beyond which a fit that has nearly come to rest is left
+HALVED = 0.5  # of chi2, that rough iterations have to take off a fit for more of them
+REFITTED, LEFT = 12, 2  # iterations of a refit, and of one that is far off
 CHANGED = 0.02  # relative change of chi2 below which no further fit is needed
 
 
@@ -33,9 +34,11 @@ def fitted_base(
     nothing = Hypothesis(plan.world, tuple(base))
     starts = np.array([u.start for u in base])
     states = profile.start_states(plan)
-    trial = bench.fit(nothing, starts, states, horizons=profile.horizons_for(plan), iterations=ROUGH_ITERATIONS)
-    if not hopeless(trial):
-        trial = bench.refit(trial, iterations=ITERATIONS)
+    horizons = profile.horizons_for(plan)
+    if horizons == profile.FINE_HORIZONS:  # from collision to collision, none of which may be missed
+        trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=ITERATIONS)
+    else:
+        trial = _first(bench.fit(nothing, starts, states, horizons=horizons, iterations=ROUGH_ITERATIONS))
     trial = with_refined_noise(trial)
     if trial.passes or not any(r.spread.any() for r in plan.runs):
         return trial
@@ -48,9 +51,24 @@ def fitted_base(
     return _better(trial, with_refined_noise(other))
 
 
-def hopeless(trial: Trial) -> bool:
+def _first(trial: Trial) -> Trial:
+    """A rough fit taken to the end, or only until it gains little where it is far off."""
+    while far_off(trial):
+        onward = trial.bench.refit(trial, iterations=ROUGH_ITERATIONS)
+        if not onward.chi2 < HALVED * trial.chi2:
+            return onward
+        trial = onward
+    return trial.bench.refit(trial, iterations=ITERATIONS)
+
+
+def far_off(trial: Trial) -> bool:
     """Whether a fit is so far from the data that where exactly it ends tells nothing."""
-    return trial.chi2 > HOPELESS * trial.bench.observations
+    return trial.chi2 > FAR_OFF * trial.bench.observations
+
+
+def refitted(trial: Trial, bench: Bench) -> Trial:
+    """A fit carried on under a bench's noise; hardly so where it is far off."""
+    return bench.refit(trial, iterations=LEFT if far_off(trial) else REFITTED)
 
 
 def _better(one: Trial, other: Trial) -> Trial:
@@ -62,7 +80,7 @@ def with_refined_noise(trial: Trial) -> Trial:
     for _ in range(REFINEMENTS):
         before = trial
         noise = refined_noise(trial.bench.design, trial.bench.noise, trial.bench.raw_residuals(trial))
-        trial = trial.bench.with_noise(noise).refit(trial, iterations=FEW if hopeless(trial) else REFITTED)
+        trial = refitted(trial, trial.bench.with_noise(noise))
         if abs(trial.chi2 - before.chi2) < CHANGED * before.chi2:
             break
     return trial

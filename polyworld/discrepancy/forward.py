@@ -192,14 +192,11 @@ class _Group:
         own = np.array([d.run.orientations[rows, column] for d in designs])
         order = np.full(len(rows), designs[0].run.symmetry[column], dtype=np.int64)
         if not self.world.planar:
+            each_run = simulated.reshape(len(own), len(simulated) // len(own), *simulated.shape[1:])
             if np.all(order == 1):  # most often; one look-alike need not be compared with itself
-                each_run = simulated.reshape(len(own), -1, *simulated.shape[1:])
                 vectors = rotation_vector(each_run, own[:, None]).reshape(*simulated.shape[:2], 3)
                 return counted_vectors(vectors, simulated, own)
-            each = [
-                smallest_rotation(part, seen, order)
-                for part, seen in zip(simulated.reshape(len(own), -1, *simulated.shape[1:]), own, strict=True)
-            ]
+            each = [smallest_rotation(part, seen, order) for part, seen in zip(each_run, own, strict=True)]
             return np.concatenate(each)
         observed = np.repeat(own, len(simulated) // len(designs), axis=0)
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2]

@@ -15,7 +15,7 @@ from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.design import Design, design
-from polyworld.discrepancy.examine import FEW, REFITTED, fitted_base, hopeless
+from polyworld.discrepancy.examine import LEFT, fitted_base, refitted
 from polyworld.discrepancy.experiment import Contender, propose_experiment
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.intervals import intervals95
@@ -236,6 +236,7 @@ def _searched(
     if not search.hopeless(effects):
         search.rivals(effects)
         search.settle(effects)
+        search.beyond(effects)
         search.twins(effects)
         search.finely(effects)
     verdict = _decided(search, effects, parents)
@@ -244,7 +245,7 @@ def _searched(
         verdict = decide(told, max(settings.search.credible, BESIDE))
     bench = verdict.best.bench if verdict.best is not None else search.bench
     if bench is not ground.bench:
-        ground = bench.refit(ground, iterations=FEW if hopeless(ground) else REFITTED)
+        ground = refitted(ground, bench)
     if verdict.best is not None:
         if ground.passes:
             stepped = ground.hypothesis.stepped(verdict.best.hypothesis.world.time.substep)
@@ -297,9 +298,9 @@ def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool
 
 def _from_states_of(trial: Trial, ground: Trial) -> Trial:
     """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
-    iterations = FEW if hopeless(ground) else REFITTED
     values = trial.values[: len(ground.values)]
-    return trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=iterations)
+    begun = trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=LEFT)
+    return refitted(begun, trial.bench)
 
 
 def _renoise(search: Search, effects: int) -> None:

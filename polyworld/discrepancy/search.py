@@ -31,7 +31,7 @@ FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
-NEARLY_ALL = 0.75  # share of what is missing that what happens to one run has to promise
+OF_ONE_RUN = 0.75  # share of what is missing that what happens to one run has to promise
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
@@ -45,6 +45,7 @@ LEADERS = 2  # contenders that are fitted as long as they gain, where the first 
 ROUNDS = 5  # of iterations that a leader is given at most
 BEHIND = 1.2  # times the leader's chi2 on windows, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
+GREATER = (1.1, 2.0)  # times a friction, from where it is fitted again
 ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
 ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
 
@@ -161,7 +162,7 @@ class Search:
         own = self._scored(parent, parent, local, 1.0) if local else []
         self._promised(parent, own)
         missing = parent.chi2 - self.bench.observations
-        telling = [(parent, x) for x in own if parent.chi2 - x.chi2 > NEARLY_ALL * missing]
+        telling = [(parent, x) for x in own if parent.chi2 - x.chi2 > OF_ONE_RUN * missing]
         found = shares(telling, parent.chi2, self.bench.observations)
         self._fit_leads(first_of_each(found, 1, 0.0), parent.chi2)
         best = self.best(len(parent.hypothesis.parts) + 1)
@@ -400,6 +401,21 @@ class Search:
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.finalists]:
             self._anew("settled", trial.hypothesis, trial)
+
+    def beyond(self, effects: int) -> None:
+        """Fit the best from greater friction: where a grip suffices more of it changes nothing, and a fit that stopped
+        short of that feels no slope towards it."""
+        best = self.best(effects)
+        if best is None or "friction" not in (u.name for u in best.hypothesis.unknowns):
+            return
+        place = next(i for i, u in enumerate(best.hypothesis.unknowns) if u.name == "friction")
+        for times in GREATER:
+            values = best.values.copy()
+            values[place] = min(times * values[place], best.hypothesis.unknowns[place].upper)
+            further = self.bench.fit(best.hypothesis, values, best.fit.states)
+            if further.chi2 < best.chi2 - ALIKE_FIT:
+                self.tell("beyond", further.figures())
+            self.take(further)
 
     def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial) -> None:
         """Fit a hypothesis from a trial's values and the data's own starts, a little more of each run at a time."""

@@ -87,7 +87,7 @@ class WindowSearch:
             for i, trial in enumerate(wanted):
                 wanted[i] = self._closer(trial, ways[identity(trial.hypothesis)])
                 if _explains(wanted[i]):
-                    break  # whole runs decide between it and what is behind
+                    break  # whole runs decide between it and what is hardly behind
         for trial in (*fits, *wanted):
             self._keep(trial)
         ranked = _worth_more(wanted, before)

@@ -27,8 +27,8 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a window
-STRAIGHT = 8  # samples about the start of a window that a line has to fit,
-ROUGH = 1.4  # and times what it ordinarily leaves, beyond which no window begins there
+ABOUT = 8  # samples about the start of a window that have to lie on a parabola,
+ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 8
 
 
@@ -141,23 +141,29 @@ def _cut(run: Run, most: int) -> list[Run]:
 
 
 def _roughness(run: Run) -> Array:
-    """At each instant (T,), how ill a line fits the next samples of any position and the one before them, as a
-    multiple of what is ordinary in the run.
+    """At each instant (T,), how ill a parabola of the run's usual curvature fits the next samples of any position and
+    the one before them, as a multiple of what is ordinary in the run; infinite beside samples that are missing, 0 for
+    the first instant and the last few.
 
     A body that rebounds just after a sample looks as if it had left the floor before it. Noise that hides an impact
     from differences of neighbours does not hide it from this.
     """
     count = len(run.times)
     rough = np.zeros(count)
-    if count < STRAIGHT:
+    if count <= ABOUT:
         return rough
-    powers = np.vander(np.linspace(-1.0, 1.0, STRAIGHT), 2)
-    off = np.eye(STRAIGHT) - powers @ np.linalg.pinv(powers)
+    powers = np.vander(np.linspace(-1.0, 1.0, ABOUT), 2)
+    off = np.eye(ABOUT) - powers @ np.linalg.pinv(powers)
+    half = ABOUT // 2
     for values in run.positions.reshape(count, -1).T:
-        left = np.linalg.norm(sliding_window_view(values, STRAIGHT) @ off, axis=1)
+        bent = values[2 * half :] - 2.0 * values[half:-half] + values[: -2 * half]
+        if not np.isfinite(bent).any():
+            continue
+        straight = values - 0.5 * float(np.nanmedian(bent)) * (np.arange(count) / half) ** 2
+        left = np.linalg.norm(sliding_window_view(straight, ABOUT) @ off, axis=1)
         if np.isfinite(left).any():
-            relative = np.nan_to_num(left / max(float(np.nanmedian(left)), 1e-12))
-            rough[1 : len(relative) + 1] = np.maximum(rough[1 : len(relative) + 1], relative[: count - 1])
+            relative = np.nan_to_num(left / max(float(np.nanmedian(left)), 1e-12), nan=np.inf)
+            rough[1 : len(relative) + 1] = np.maximum(rough[1 : len(relative) + 1], relative)
     return rough
 
 

@@ -26,7 +26,7 @@ SAME_ON_PLANE = (
     frozenset({"friction_error", "gravity_error", "observer_clock"}),
     frozenset({"linear_drag", "viscous_friction"}),
 )
-# A force that is the same everywhere moves the anchor of a spring, and nothing else: beside a spring it has no name.
+# What acts like a force that is the same everywhere moves the anchor of a spring: beside a spring it has no name.
 UNIFORM = SAME[0] | {"tilt"}
 
 

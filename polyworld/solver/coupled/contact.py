@@ -70,7 +70,7 @@ class Contacts:
             self.obstacles = build_obstacles(rigid.geometry)
             rigid.reset()
             excluded = excluded_bodies(world, meshes, nodes, self._solid, self.obstacles, self._bodies)
-        self._geometry = passed(self._solid, Geometry)
+        self._geometry = passed(self._solid, Geometry)  # which lives no longer than the record does
         self.surface = build_surface(world, meshes, nodes.first, excluded)
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)

@@ -45,3 +45,14 @@ def test_turns_in_a_plane_are_counted_by_what_looks_alike():
     ahead = 3.0 * TIMES
     folded = ahead - 2 * half * np.round(ahead / (2 * half))
     np.testing.assert_allclose(counted_angles(folded[None], half)[0][-1], ahead[-1], rtol=1e-9)
+
+
+def test_settings_of_several_runs_are_each_held_against_their_own_run():
+    axis = np.array([0.6, 0.0, 0.8])
+    seen = [turned(axis, rate * TIMES) for rate in (12.0, -9.0)]
+    simulated = np.array([turned(axis, rate * TIMES) for rate in (25.0, 12.5, -9.5, 4.0)])
+    each_run = simulated.reshape(2, 2, *simulated.shape[1:])
+    smallest = rotation_vector(each_run, np.array(seen)[:, None]).reshape(4, -1, 3)
+    found = counted_vectors(smallest, simulated, np.array(seen))
+    for got, rate in zip(found, (13.0, 0.5, -0.5, 13.0), strict=True):
+        np.testing.assert_allclose(got[-1], rate * TIMES[-1] * axis, atol=1e-9)
