@@ -14,8 +14,8 @@ def test_turns_that_are_seen_late_are_none_before() -> None:
     rng = np.random.default_rng(8)
     late = []
     for run in ball_recording(Bouncing(), launches(rng, 4), rng, 0.001).runs:
-        turns = run.orientations.copy()
-        turns[: len(run.times) // 2] = np.nan
+        turns = np.full_like(run.orientations, np.nan)
+        turns[len(run.times) // 2 :] = (1.0, 0.0, 0.0, 0.0)
         late.append(replace(run, orientations=turns))
     plan = design(ball_world(), Recording(tuple(late)))
     settings = [Settings(r.index, np.zeros((3, 0)), np.repeat(r.start[None], 3, axis=0)) for r in plan.runs]
