@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Motion, Vec8
 from polyworld.effects.law import wrench
@@ -46,6 +48,14 @@ def _tree(laws: Sequence[EffectLaw]) -> Any:
         return _only(laws[0], KIND_INDEX[laws[0].kind])
     middle = len(laws) // 2
     return _either(_tree(laws[:middle]), _tree(laws[middle:]), KIND_INDEX[laws[middle].kind])
+
+
+_FORCES = [KIND_INDEX[kind] for kind, law in CATALOGUE.items() if law.force is not None]
+
+
+def forces_among(kinds: NDArray[np.int32]) -> int:
+    """How many of some effects, given by their kinds (e,), push bodies; others act at contacts alone."""
+    return int((np.isin(kinds, _FORCES) | (kinds >= _EXPRESSIONS)).sum())
 
 
 # (kind, parameters, motion) -> force [N] and torque [N m], world axes, of one effect; zero for laws without force.

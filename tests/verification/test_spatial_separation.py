@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from polyworld import geometry
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
-from polyworld.solver.spatial.buffers import passed
+from polyworld.solver.passing import passed
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.separation import separating_direction, separation

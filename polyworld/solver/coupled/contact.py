@@ -26,7 +26,7 @@ from polyworld.solver.coupled.contact_search import (
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface import SurfacePairs
-from polyworld.solver.spatial.buffers import passed
+from polyworld.solver.passing import passed
 from polyworld.solver.spatial.layout import Body, Geometry
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
@@ -70,7 +70,7 @@ class Contacts:
             self.obstacles = build_obstacles(rigid.geometry)
             rigid.reset()
             excluded = excluded_bodies(world, meshes, nodes, self._solid, self.obstacles, self._bodies)
-        self._geometry = passed(self._solid, Geometry)  # which lives no longer than the record does
+        self._geometry = passed(self._solid, Geometry)
         self.surface = build_surface(world, meshes, nodes.first, excluded)
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)

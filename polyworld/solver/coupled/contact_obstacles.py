@@ -15,8 +15,8 @@ from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
 from polyworld.solver.coupled.nodes import Nodes
+from polyworld.solver.passing import passed
 from polyworld.solver.spatial import layout
-from polyworld.solver.spatial.buffers import passed
 from polyworld.world import World
 
 # Of its radius. A rope that lay on a wheel with the middles of its segments could swing in zigzag about them; where

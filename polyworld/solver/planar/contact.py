@@ -5,7 +5,7 @@ import warp as wp
 from polyworld.solver.planar.contact_effects import as_effects_have_it, lose_sliding
 from polyworld.solver.planar.joints import begin_hold, hold_hinge, join_rate
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Samples, Scene, Whereabouts
 from polyworld.solver.planar.separation import find_manifold
 
 wp.set_module_options({"enable_backward": False})
@@ -361,6 +361,7 @@ def resolve_impacts(
     bodies: Bodies,
     contacts: Contacts,
     joints: Joints,
+    where: Whereabouts,
     w: wp.int32,
     half: wp.int32,
     rows: wp.int32,
@@ -412,7 +413,7 @@ def resolve_impacts(
                     if -v[0] > HALF * step * pushed + SLOW and turn_number < IMPACT_ROUNDS:
                         row.bounce = -row.restitution * v[0]
                         if scene.contact_laws > 0:
-                            row = as_effects_have_it(scene, bodies, w, row, v)
+                            row = as_effects_have_it(where.scene, where.bodies, w, row, v)
                             mix = wp.max(mix, row.grip)
                         if row.bounce == ZERO:
                             row.plastic = 1
@@ -449,7 +450,7 @@ def resolve_impacts(
             if mix > ZERO:
                 for i in range(scene.bodies):
                     bodies.next_rate[w, i] = bodies.mixed[w, i] * (ONE - mix) + bodies.next_rate[w, i] * mix
-            lose_sliding(scene, bodies, contacts, w, half, rows)
+            lose_sliding(where.scene, where.bodies, where.contacts, w, half, rows)
 
 
 @wp.func

@@ -12,56 +12,73 @@ HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
 
 
-@wp.func(inline=False)
+@wp.func
 def friction_at(
-    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32, mu: wp.float64, x: wp.vec3d, way: wp.vec3d
+    scene: wp.array[Scene],
+    bodies: wp.array[Bodies],
+    w: wp.int32,
+    a: wp.int32,
+    b: wp.int32,
+    mu: wp.float64,
+    x: wp.vec3d,
+    way: wp.vec3d,
 ) -> wp.float64:
     """Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1).
 
     It is the mean over the way that it goes in a step, with its middle at x; plane coordinates.
     """
-    turn = wp.transpose(scene.axes)
+    turn = wp.transpose(scene[0].axes)
     return contact_friction(
-        scene.effect_kind, scene.effect_acts, bodies.effect_parameters, w, a, b, mu, turn * x, turn * way
+        scene[0].effect_kind, scene[0].effect_acts, bodies[0].effect_parameters, w, a, b, mu, turn * x, turn * way
     )
 
 
-# Functions of their own, not inlined: worlds without such effects then run as fast as if there were none.
+# Functions of their own, not inlined: worlds without such effects then run as fast as if there were none. They take
+# the records as arrays of one, for a call would copy them.
 @wp.func(inline=False)
-def rub_on_plane(scene: Scene, bodies: Bodies, w: wp.int32, segment: wp.int32, h: wp.float64) -> None:
+def rub_on_plane(
+    scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, segment: wp.int32, h: wp.float64
+) -> None:
     """Set what the supporting plane can hold over the way that each body goes in a step of length h."""
-    load = -bodies.gravity[w][2]
-    if scene.supports == 0 or load <= ZERO:
+    load = -bodies[0].gravity[w][2]
+    if scene[0].supports == 0 or load <= ZERO:
         return
-    for i in range(scene.bodies):
-        if scene.joins[i] <= segment:
-            ahead = bodies.rate[w, i] * h
-            x = bodies.pose[w, i] + ahead * HALF
-            place = wp.vec3d(x[0], x[1], scene.level)
+    for i in range(scene[0].bodies):
+        if scene[0].joins[i] <= segment:
+            ahead = bodies[0].rate[w, i] * h
+            x = bodies[0].pose[w, i] + ahead * HALF
+            place = wp.vec3d(x[0], x[1], scene[0].level)
             way = wp.vec3d(ahead[0], ahead[1], ZERO)
-            mu = friction_at(scene, bodies, w, i, -1, bodies.support[w, i], place, way)
-            bodies.hold[w, i] = load * mu
+            mu = friction_at(scene, bodies, w, i, -1, bodies[0].support[w, i], place, way)
+            bodies[0].hold[w, i] = load * mu
 
 
 @wp.func(inline=False)
-def rub_rows(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32) -> None:
+def rub_rows(
+    scene: wp.array[Scene],
+    bodies: wp.array[Bodies],
+    contacts: wp.array[Contacts],
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+) -> None:
     """Give the rows of this step the friction that effects have where they touch."""
     for k in range(rows):
-        a = contacts.rows[w, half, k].a
-        b = contacts.rows[w, half, k].b
-        arm = contacts.rows[w, half, k].arm_a
-        pose = bodies.pose[w, a]
-        place = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies.height[w, a])
-        mu = contacts.rows[w, half, k].friction
-        contacts.rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, place, wp.vec3d())
+        a = contacts[0].rows[w, half, k].a
+        b = contacts[0].rows[w, half, k].b
+        arm = contacts[0].rows[w, half, k].arm_a
+        pose = bodies[0].pose[w, a]
+        place = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies[0].height[w, a])
+        mu = contacts[0].rows[w, half, k].friction
+        contacts[0].rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, place, wp.vec3d())
 
 
 @wp.func(inline=False)
-def as_effects_have_it(scene: Scene, bodies: Bodies, w: wp.int32, row: Row, v: wp.vec2d) -> Row:
+def as_effects_have_it(scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, row: Row, v: wp.vec2d) -> Row:
     """The row of an impact at the separation speed v (normal, tangent), with its bounce, grip, aim and loss."""
-    kinds = scene.effect_kind
-    acts = scene.effect_acts
-    values = bodies.effect_parameters
+    kinds = scene[0].effect_kind
+    acts = scene[0].effect_acts
+    values = bodies[0].effect_parameters
     e = contact_restitution(kinds, acts, values, w, row.a, row.b, row.restitution, -v[0])
     law = contact_tangential(kinds, acts, values, w, row.a, row.b)
     row.bounce = -e * v[0]
@@ -72,21 +89,28 @@ def as_effects_have_it(scene: Scene, bodies: Bodies, w: wp.int32, row: Row, v: w
 
 
 @wp.func(inline=False)
-def lose_sliding(scene: Scene, bodies: Bodies, contacts: Contacts, w: wp.int32, half: wp.int32, rows: wp.int32) -> None:
+def lose_sliding(
+    scene: wp.array[Scene],
+    bodies: wp.array[Bodies],
+    contacts: wp.array[Contacts],
+    w: wp.int32,
+    half: wp.int32,
+    rows: wp.int32,
+) -> None:
     """Take each pair's share of its centres' relative tangential velocity, once a pair."""
     last = wp.int32(-1)
     for k in range(rows):
-        row = contacts.rows[w, half, k]
+        row = contacts[0].rows[w, half, k]
         if row.lost > ZERO and row.slot != last:
             last = row.slot
-            ma = bodies.inverse_mass[w, row.a]
+            ma = bodies[0].inverse_mass[w, row.a]
             mb = ZERO
-            v = -bodies.next_rate[w, row.a]
-            if row.b < scene.bodies:
-                mb = bodies.inverse_mass[w, row.b]
-                v = v + bodies.next_rate[w, row.b]
+            v = -bodies[0].next_rate[w, row.a]
+            if row.b < scene[0].bodies:
+                mb = bodies[0].inverse_mass[w, row.b]
+                v = v + bodies[0].next_rate[w, row.b]
             across = row.normal[0] * v[1] - row.normal[1] * v[0]
             p = wp.vec3d(-row.normal[1], row.normal[0], ZERO) * (row.lost * across / (ma + mb))
-            bodies.next_rate[w, row.a] = bodies.next_rate[w, row.a] + p * ma
-            if row.b < scene.bodies:
-                bodies.next_rate[w, row.b] = bodies.next_rate[w, row.b] - p * mb
+            bodies[0].next_rate[w, row.a] = bodies[0].next_rate[w, row.a] + p * ma
+            if row.b < scene[0].bodies:
+                bodies[0].next_rate[w, row.b] = bodies[0].next_rate[w, row.b] - p * mb

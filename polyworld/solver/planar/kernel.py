@@ -17,7 +17,7 @@ from polyworld.solver.planar.impact_time import longest_path, next_impact
 from polyworld.solver.planar.joints import begin_hinges, join_rates, mend
 from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, Samples, Scene, Whereabouts
 
 wp.set_module_options({"enable_backward": False})
 
@@ -64,7 +64,7 @@ def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.f
     """
     g = bodies.gravity[w]
     push = wp.vec3d(g[0], g[1], ZERO)
-    if scene.effects > 0:
+    if scene.forces > 0:
         pose = bodies.pose[w, i]
         rate = bodies.rate[w, i]
         half = HALF * h
@@ -128,6 +128,7 @@ def rollout(
     joints: Joints,
     log: Log,
     samples: Samples,
+    where: Whereabouts,
     offset: wp.int32,
     segments: wp.int32,
 ) -> None:
@@ -166,7 +167,7 @@ def rollout(
                 # What pushes each body, and how fast the fastest is.
                 fastest = ZERO
                 if scene.contact_laws > 0:
-                    rub_on_plane(scene, bodies, w, segment, h)
+                    rub_on_plane(where.scene, where.bodies, w, segment, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
                         v = bodies.rate[w, i]
@@ -191,15 +192,15 @@ def rollout(
                 ratio = h / old_h
                 old_h = h
                 if scene.contact_laws > 0:
-                    rub_rows(scene, bodies, contacts, w, half, rows)
+                    rub_rows(where.scene, where.bodies, where.contacts, w, half, rows)
                 if rows > 0:
-                    resolve_impacts(scene, bodies, contacts, joints, w, half, rows, step)
+                    resolve_impacts(scene, bodies, contacts, joints, where, w, half, rows, step)
                     for k in range(rows):
                         row = contacts.rows[w, half, k]
                         bodies.coupled[w, row.a] = 1
                         if row.b < n:
                             bodies.coupled[w, row.b] = 1
-                if scene.effects > 0:
+                if scene.forces > 0:
                     renew_pushes(scene, bodies, contacts, w, half, rows, time, step, h)
                 set_step(scene, bodies, w, h)
                 for i in range(n):
@@ -232,7 +233,7 @@ def rollout(
                         if row.touching == 1:
                             pose = bodies.pose[w, row.a]
                             touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, row.impulse * part / h)
-                if scene.effects > 0 and TWO * h >= step:
+                if scene.forces > 0 and TWO * h >= step:
                     for i in range(n):
                         if scene.joins[i] <= segment:
                             bodies.reaction[w, i] = (bodies.next_rate[w, i] - unheld_rate(bodies, w, i, h)) / h

@@ -11,8 +11,8 @@ class Scene:
 
     bodies: wp.int32
     statics: wp.int32
-    effects: wp.int32
-    contact_laws: wp.int32  # how many of them change what happens at contacts
+    forces: wp.int32  # how many effects push bodies
+    contact_laws: wp.int32  # how many change what happens at contacts
     level: wp.float64  # where the motion plane lies along its normal [m]
     supports: wp.int32  # whether gravity across the plane presses bodies on it
     vertices: wp.array[wp.vec2d]  # outlines, counter-clockwise, about each centre [m]
@@ -156,3 +156,12 @@ class Samples:
     diverged_object: wp.array[wp.int32]  # (W,) -1 where the world did not diverge
     diverged_time: wp.array[wp.float64]
     crowded: wp.array[wp.int32]  # (W,) contact points for which there was no room
+
+
+@wp.struct
+class Whereabouts:
+    """The same records as arrays of one, for functions that are not inlined: a call would copy the records."""
+
+    scene: wp.array[Scene]
+    bodies: wp.array[Bodies]
+    contacts: wp.array[Contacts]

@@ -14,6 +14,7 @@ from polyworld.expressions.effect import effect_programs
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Plane, Wall
 from polyworld.solver.effect_contacts import contact_laws
+from polyworld.solver.effect_forces import forces_among
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.solver.time_table import TimeTable
 from polyworld.world import StaticObject, World
@@ -99,7 +100,6 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
     scene = Scene()
     scene.bodies = n
     scene.statics = len(statics)
-    scene.effects = len(effects)
     scene.supports = int(plane.supports)
     scene.level = float(axes[2] @ np.asarray(plane.point))
     vertices = np.concatenate([o.vertices for o in outlines]) if outlines else np.zeros((0, 2))
@@ -122,7 +122,8 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
     scene.effect_kind = _ints(kinds)
     scene.effect_programs = _doubles(programs)
     acts = [[e.objects is None or o.name in e.objects for o in world.objects] for e in effects]
-    scene.contact_laws = contact_laws(scene.effect_kind.numpy())
+    scene.contact_laws = contact_laws(kinds)
+    scene.forces = forces_among(kinds)
     scene.effect_acts = _ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
     scene.effect_radius = _doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
     poses = np.array([o.pose for o in outlines[n:]]).reshape(-1, 3)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import RigidArrays, rigid_arrays, with_overrides
+from polyworld.solver.passing import passed
 from polyworld.solver.planar.kernel import rollout
-from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples
+from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples, Scene, Whereabouts
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import static_poses, turn_in_plane
 from polyworld.solver.spread import spread
@@ -126,7 +127,7 @@ class PlanarSimulator:
         bodies.gravity = _zeros((w,), wp.vec3d)
         bodies.time_scale = _zeros((w,), wp.float64)
         bodies.time_origin = _zeros((w,), wp.float64)
-        bodies.effect_parameters = _zeros((w, self._scene.effects, MAX_PARAMETERS), wp.float64)
+        bodies.effect_parameters = _zeros((w, self._scene.effect_kind.shape[0], MAX_PARAMETERS), wp.float64)
         bodies.corners = _zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
         contacts = Contacts()
         contacts.near = _zeros((w, max(pairs, 1)), wp.vec2i)
@@ -155,6 +156,10 @@ class PlanarSimulator:
         samples.diverged_time = _zeros((w,), wp.float64)
         samples.crowded = _zeros((w,), wp.int32)
         self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
+        self._where = Whereabouts()
+        self._where.scene = passed(self._scene, Scene)
+        self._where.bodies = passed(bodies, Bodies)
+        self._where.contacts = passed(contacts, Contacts)
 
     def _write(self, arrays: RigidArrays) -> None:
         """Fill the device arrays in place."""
@@ -233,6 +238,7 @@ class PlanarSimulator:
                     self._joints,
                     self._log,
                     self._samples,
+                    self._where,
                     first,
                     segments,
                 ],

@@ -98,7 +98,7 @@ def stepping(joining: Joining) -> Any:
                     bodies = state[0].bodies
                     place(bodies, k, i, end_position(bodies, k, i, part), end_orientation(bodies, k, i, part))
             finish(joints, state, k, half, part, geometry[0].lock)
-            if parameters[0].effect_kind.shape[0] > 0 and wp.float64(2.0) * part >= h:
+            if parameters[0].forces > 0 and wp.float64(2.0) * part >= h:
                 note_reactions(state, k, part)
             if log[0].record == 1:
                 record_contacts(log, state, w, k, half, time, part)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +11,8 @@ import warp as wp
 from polyworld import geometry
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.effect_contacts import contact_laws
+from polyworld.solver.effect_forces import forces_among
+from polyworld.solver.passing import passed
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
@@ -55,18 +56,6 @@ SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the sam
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
     """An array of zeros on the CPU."""
     return wp.zeros(shape, dtype=dtype, device="cpu")
-
-
-def passed(record: Any, kind: Any, before: Any = None) -> Any:
-    """A record as kernels take it, an array of one: structs are passed by value from function to function, and to copy
-    those of a whole world would take longer than a step does.
-
-    kind: the record's struct. before: an array to write it to. The record has to live as long as the array is used.
-    """
-    found: Any = wp.empty(1, dtype=kind, device="cpu") if before is None else before
-    content = record.__ctype__()
-    ctypes.memmove(found.ptr, ctypes.addressof(content), ctypes.sizeof(content))
-    return found
 
 
 def allocate_state(world: World, rows: int) -> layout.State:
@@ -145,6 +134,7 @@ class ParameterBuffers:
                 setattr(self._record, name, made)
                 self._content[name] = made.numpy()
         self._record.contact_laws = contact_laws(arrays.effect_kind)
+        self._record.forces = forces_among(arrays.effect_kind)
         self.passed = passed(self._record, layout.Parameters, self.passed)
 
 

@@ -220,6 +220,7 @@ class Parameters:
     time_origin: wp.array[wp.float64]
     effect_parameters: wp.array3d[wp.float64]
     contact_laws: int  # how many effects change what happens at contacts
+    forces: int  # how many push bodies
     effect_kind: wp.array[wp.int32]
     effect_acts: wp.array2d[wp.int32]
     effect_programs: wp.array2d[wp.float64]

@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.passing import passed
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     ParameterBuffers,
@@ -20,7 +21,6 @@ from polyworld.solver.spatial.buffers import (
     check_room,
     clear_log,
     contact_events,
-    passed,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints

@@ -186,7 +186,7 @@ def predict(
             continue
         force = state[0].bodies[k, i].push
         torque = state[0].bodies[k, i].push_torque
-        if parameters[0].effect_kind.shape[0] > 0:
+        if parameters[0].forces > 0:
             wrench = effects_on(geometry, parameters, state, w, k, i, half, slowest, gravity, time, h)
             force += wp.spatial_top(wrench)
             torque += wp.spatial_bottom(wrench)

@@ -1,0 +1,21 @@
+"""Records as kernels take them."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import warp as wp
+
+
+def passed(record: Any, kind: Any, before: Any = None) -> Any:
+    """A record as kernels take it, an array of one: structs are passed by value from function to function, and to copy
+    those of a whole world would take longer than a step does.
+
+    kind: the record's struct. before: an array to write it to. The array keeps the record, and so what it points to.
+    """
+    found: Any = wp.empty(1, dtype=kind, device="cpu") if before is None else before
+    content = record.__ctype__()
+    ctypes.memmove(found.ptr, ctypes.addressof(content), ctypes.sizeof(content))
+    found.record = record
+    return found
