@@ -1,4 +1,7 @@
-"""A place where contacts rub more, or less, than elsewhere: a wet spot, a rug."""
+"""A place where what does not move rubs more, or less, than elsewhere: a wet spot, a rug.
+
+Objects that meet there rub on each other as they do everywhere.
+"""
 
 import warp as wp
 
@@ -34,7 +37,7 @@ def friction(p: Vec8, mu: wp.float64, x: wp.vec3d, way: wp.vec3d) -> wp.float64:
 
 LAW = EffectLaw(
     kind="friction_patch",
-    summary="mu' = mu + d within a ball; on a floor, a disc",
+    summary="mu' = mu + d on statics within a ball; on a floor, a disc",
     parameters={
         "x": _CENTRE,
         "y": _CENTRE,

@@ -116,8 +116,11 @@ def contact_friction(
     that it goes in a step, with its middle at x.
 
     kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `polyworld.solver.arrays.RigidArrays`; a is an object, b
-    an object, a static (from n on) or the supporting plane (-1).
+    an object, a static (from n on) or the supporting plane (-1). A place belongs to what does not move: between two
+    objects the coefficient stays mu, wherever they meet.
     """
+    if b >= 0 and b < acts.shape[1]:
+        return mu
     coefficient = mu
     for e in range(kinds.shape[0]):
         if _acts_on(acts, e, a, b):

@@ -69,6 +69,17 @@ def test_oblique_impact_with_friction_keeps_both_momenta() -> None:
     assert abs(path[-1, 0, 5] - 3.0) > 0.1
 
 
+@pytest.mark.parametrize("deep", [1e-2, 1e-3, 1e-5])
+def test_a_graze_however_brief_is_an_impact(deep: float) -> None:
+    set_up = Discs(np.array([0.5, 0.75]), np.array([0.1, 0.15]), np.zeros(2), 0.8, gravity=0.0)
+    aside = 0.25 - deep
+    path = slide(set_up, started([[-0.5, 0.0], [0.0, aside]], [[4.0, 0.0], [0.0, 0.0]], [0.0, 0.0]), TIMES)
+    # Along the line of centres at touch, with sine aside / 0.25: momentum, and 1.8 times the approach.
+    push = 1.8 * 4.0 * math.sqrt(1.0 - (aside / 0.25) ** 2) / (1.0 / 0.5 + 1.0 / 0.75)
+    assert np.linalg.norm(path[-1, 1, 3:5]) == pytest.approx(push / 0.75, rel=1e-5)
+    assert path[-1, 1, 4] == pytest.approx(push / 0.75 * aside / 0.25, rel=1e-5)
+
+
 def test_wall_sticks_to_a_slow_rim() -> None:
     set_up = Discs(np.array([0.5]), np.array([0.1]), np.array([0.9]), 0.5, gravity=0.0, walls=((-1.0, 0.0, -1.0),))
     path = slide(set_up, started([[0.0, 0.0]], [[2.0, 0.3]], [0.0]), TIMES)

@@ -278,6 +278,20 @@ def test_the_path_through_a_patch_has_derivatives_by_its_place(representation: s
         assert (end[2] - end[1]) / 2e-3 == pytest.approx((end[3] - end[0]) / 4e-3, rel=0.02, abs=1e-3)
 
 
+@pytest.mark.parametrize("representation", KINDS)
+def test_objects_that_meet_over_a_patch_rub_on_each_other_as_elsewhere(representation: str) -> None:
+    near = {"representation": representation, "friction": 0.1, "restitution": 0.5, "shape": Sphere(radius=R)}
+    first = RigidObject(name="first", position=(-0.3, 0.0, R), velocity=(1.0, 0.0, 0.0), **near)
+    second = RigidObject(name="second", position=(0.0, 0.12, R), **near)
+    patch = law("friction_patch", radius=5.0, friction=0.5)
+    nowhere = Environment(gravity=(0.0, 0.0, 0.0))
+    worlds = [World(objects=(first, second), environment=nowhere, effects=e) for e in ((), (patch,))]
+    plain, rubbed = (run(w, 0.5) for w in worlds)
+    assert np.linalg.norm(plain.angular_velocities[0, -1, 1]) > 0.1
+    np.testing.assert_array_equal(rubbed.velocities, plain.velocities)
+    np.testing.assert_array_equal(rubbed.angular_velocities, plain.angular_velocities)
+
+
 # --- whom they concern, and what they cost ----------------------------------------------------
 
 
