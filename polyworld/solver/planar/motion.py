@@ -13,6 +13,8 @@ wp.set_module_options({"enable_backward": False})
 ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
+TWO = wp.float64(2.0)
+FAST, SLOW = wp.float64(4.0), wp.float64(1.0)  # times what friction takes in a step, from where schemes change
 
 
 @wp.func
@@ -110,6 +112,20 @@ def pressed_speed(v: wp.vec3d, r: wp.float64) -> wp.float64:
 
 
 @wp.func
+def ramp(speed: wp.float64, limit: wp.float64, begin: wp.float64) -> wp.float64:
+    """0 up to `begin` times the limit, 1 from one and a half times that: one scheme gives way to another without a jump,
+    which a collision would make much of."""
+    return wp.clamp(TWO * (speed / (begin * limit) - ONE), ZERO, ONE)
+
+
+@wp.func
+def rubbed(unheld: wp.vec3d, middle: wp.vec3d, limit: wp.float64, r: wp.float64, k: wp.float64) -> wp.vec3d:
+    """A rate less what friction takes that opposes the rate at the middle of the step."""
+    lost = limit / pressed_speed(middle, r)
+    return wp.vec3d(unheld[0] - lost * middle[0], unheld[1] - lost * middle[1], unheld[2] - lost * k * middle[2])
+
+
+@wp.func
 def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
     """Rate after h without contact: the direction of sliding friction is taken at the middle of the step."""
     hold = bodies.hold[w, i]
@@ -125,20 +141,22 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
     half_push = bodies.push[w, i] * (HALF * h)
     sigma = pressed_speed(v, r)
     middle = v
-    if sigma > wp.float64(4.0) * limit:  # far from stopping: an explicit half step finds the direction
+    near = ONE - ramp(sigma, limit, FAST)
+    if near < ONE:  # far from stopping: an explicit half step finds the direction
         lost = HALF * limit / sigma
         middle = v + half_push - wp.vec3d(lost * v[0], lost * v[1], lost * k * v[2])
-    else:
-        after = slide(unheld, limit, r, k)
-        if after[0] == ZERO and after[1] == ZERO:
-            return after
-        if half_push[0] == ZERO and half_push[1] == ZERO and (r == ZERO or v[2] == ZERO):
-            return after  # the direction does not change: already exact
-        middle = slide(v + half_push, HALF * limit, r, k)
-        if pressed_speed(middle, r) <= limit:
-            return after  # about to stop
-    lost = limit / pressed_speed(middle, r)
-    return wp.vec3d(unheld[0] - lost * middle[0], unheld[1] - lost * middle[1], unheld[2] - lost * k * middle[2])
+    if near == ZERO:
+        return rubbed(unheld, middle, limit, r, k)
+    after = slide(unheld, limit, r, k)
+    if after[0] == ZERO and after[1] == ZERO:
+        return after
+    if half_push[0] == ZERO and half_push[1] == ZERO and (r == ZERO or v[2] == ZERO):
+        return after  # the direction does not change: already exact
+    middle = middle * (ONE - near) + slide(v + half_push, HALF * limit, r, k) * near
+    stopping = ONE - ramp(pressed_speed(middle, r), limit, SLOW)
+    if stopping == ONE:
+        return after
+    return after * stopping + rubbed(unheld, middle, limit, r, k) * (ONE - stopping)
 
 
 @wp.func
@@ -155,6 +173,26 @@ def shift_of(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3
 
 
 @wp.func
+def stopped_at(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.float64:
+    """Part of a step of length h in which friction stops a body: the root of |v + a s h| = s limit, where speeds and
+    spins count by their limits, as in `slide`."""
+    v = bodies.rate[w, i]
+    a = bodies.push[w, i] * h
+    limit = bodies.hold[w, i] * h * bodies.linear_decay[w, i][1]
+    turn = ZERO
+    r = bodies.patch[w, i]
+    if r > ZERO:
+        turn = r / (stiffness_of(bodies, w, i) * limit)
+    along = ONE / limit
+    square = (a[0] * a[0] + a[1] * a[1]) * along * along + a[2] * a[2] * turn * turn - ONE
+    linear = (v[0] * a[0] + v[1] * a[1]) * along * along + v[2] * a[2] * turn * turn
+    begin = (v[0] * v[0] + v[1] * v[1]) * along * along + v[2] * v[2] * turn * turn
+    if square >= ZERO:
+        return ONE
+    return wp.min(ONE, (linear + wp.sqrt(linear * linear - square * begin)) / -square)
+
+
+@wp.func
 def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
     """Change of pose over h; a stop by friction within h is respected."""
     v = bodies.rate[w, i]
@@ -165,11 +203,10 @@ def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
     z = shift[2]
     if u[0] == ZERO and u[1] == ZERO and bodies.hold[w, i] > ZERO and bodies.coupled[w, i] == 0:
         # Friction stopped it before the step ended: distance v^2 / 2 mu g, not v h / 2.
-        speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
-        time = wp.min(ONE, speed / (bodies.hold[w, i] * h))
-        x = HALF * time * h * v[0]
-        y = HALF * time * h * v[1]
-        z = HALF * time * h * v[2] if u[2] == ZERO else z
+        time = HALF * h * stopped_at(bodies, w, i, h)
+        x = time * v[0]
+        y = time * v[1]
+        z = time * v[2] if u[2] == ZERO else z
     bodies.shift[w, i] = wp.vec3d(x, y, z)
 
 
