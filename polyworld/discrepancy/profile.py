@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early does not trap the fit
 # Where bodies meet: about one more collision at a time.
 FINE_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
+OTHER_HORIZONS = tuple(float(h) for h in np.linspace(0.05, 1.0, 24).round(3))  # another way past the collisions
 OPENING = 0.4  # part of a run's time in which its first velocities are decided
 WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried anew
 SWEEPS = 2  # through all spins
@@ -95,9 +96,14 @@ def fit(
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
 
 
+def collide(design: Design) -> bool:
+    """Whether bodies may collide: a small change then makes another motion."""
+    return len(design.world.objects) > 1
+
+
 def horizons_for(design: Design) -> tuple[float, ...]:
     """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet."""
-    return FINE_HORIZONS if len(design.world.objects) > 1 else HORIZONS
+    return FINE_HORIZONS if collide(design) else HORIZONS
 
 
 def start_states(design: Design) -> tuple[Array, ...]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
-from polyworld.discrepancy.mending import mended
-from polyworld.discrepancy.promises import Promise, first_of_each, identity, labels, promise, shares
+from polyworld.discrepancy.mending import anew, mended
+from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
 from polyworld.discrepancy.window_search import HOPELESS, ONWARD, WindowSearch
@@ -45,6 +45,7 @@ LEADERS = 2  # contenders that are fitted as long as they gain, where the first 
 ROUNDS = 5  # of iterations that a leader is given at most
 BEHIND = 1.2  # times the leader's chi2 on windows, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
+DOUBT = 0.25  # chi2 per measurement behind the best, within which a fit may only be stuck before a collision
 GREATER = (1.1, 2.0)  # times a friction, from where it is fitted again
 ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
 ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
@@ -258,7 +259,7 @@ class Search:
         start = search.cut.start(trial.fit)
         starts = [start.states]
         horizons: tuple[float, ...] = (1.0,)
-        if self._collide:
+        if profile.collide(self.bench.design):
             starts.append(profile.start_states(self.bench.design))
             horizons = profile.horizons_for(self.bench.design)
         for states in starts:
@@ -266,7 +267,7 @@ class Search:
                 trial.hypothesis, start.values, states, horizons=horizons, iterations=FIRST_ITERATIONS
             )
             self.tell("first fit", whole.figures())
-            best = self.take(whole if whole.chi2 < EXPLAINED * self.bench.observations else mended(whole))
+            best = self.take(mended(whole))
             if best.chi2 < EXPLAINED * self.bench.observations:
                 break
         return best
@@ -393,12 +394,15 @@ class Search:
     def settle(self, effects: int) -> None:
         """Fit what may be told anew, a little more of each run at a time, where bodies collide or a place has an edge.
 
-        A fit can pass the gate in a minimum next to the right one, with values that are several standard errors off.
+        A fit can pass the gate in a minimum next to the right one, with values that are several standard errors off;
+        and where bodies collide, one that is far behind may only be stuck, unless windows have told.
         """
         best = self.best(effects)
-        if best is None or not (self._collide or any(_edged(p) for p in best.hypothesis.parts)):
+        if best is None or not (profile.collide(self.bench.design) or any(_edged(p) for p in best.hypothesis.parts)):
             return
-        near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
+        untold = profile.collide(self.bench.design) and self.on_windows is None
+        doubt = max(self.settings.credible, DOUBT * self.bench.observations if untold else 0.0)
+        near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + doubt]
         for trial in near[: self.settings.finalists]:
             self._anew("settled", trial.hypothesis, trial)
 
@@ -419,16 +423,10 @@ class Search:
 
     def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial) -> None:
         """Fit a hypothesis from a trial's values and the data's own starts, a little more of each run at a time."""
-        states = profile.start_states(self.bench.design)
-        again = self.bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS)
+        again = mended(anew(trial, hypothesis))
         if again.chi2 < trial.chi2 - ALIKE_FIT:
             self.tell(step, again.figures())
         self.take(again)
-
-    @property
-    def _collide(self) -> bool:
-        """Whether bodies may collide: a small change then makes another motion."""
-        return len(self.bench.design.world.objects) > 1
 
     def rivals(self, effects: int) -> None:
         """Fit from the best's initial states what windows hardly tell from it, and whole runs seemed to: a fit that
@@ -444,7 +442,7 @@ class Search:
             there = {identity(h) for h, _ in asked}
             named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
             asked += [(x.hypothesis, x.values) for x in named[:MANY]]
-        horizons = profile.horizons_for(self.bench.design) if self._collide else (1.0,)
+        horizons = profile.horizons_for(self.bench.design) if profile.collide(self.bench.design) else (1.0,)
         for hypothesis, values in asked:
             known = self.trials.get(identity(hypothesis))
             if known is not None and known.ebic <= best.ebic + self.settings.credible:
@@ -477,26 +475,28 @@ class Search:
                 self.take(trial)
 
     def _contained(self, effects: int) -> None:
-        """Start simpler laws from the best: those whose unknowns, by name and unit, are among its own."""
+        """Start simpler laws from the best: those whose unknowns, by name and unit, are among those of one effect."""
         best = self.best(effects)
-        if best is None or not effects:
+        if best is None:
             return
-        last = best.hypothesis.parts[-1]
-        theirs = {(u.name, u.unit) for u in last.variant.unknowns}
-        told = best.hypothesis.of_part(effects - 1, best.values)
-        kept = best.values[: len(best.values) - len(last.variant.unknowns)]
-        for _, lead in list(self.promised.values()):
-            own = lead.hypothesis.parts[-1].variant.unknowns
-            if labels(lead.hypothesis)[:-1] != labels(best.hypothesis)[:-1]:
+        base = Hypothesis(self.bench.design.world, best.hypothesis.base)
+        for index, part in enumerate(best.hypothesis.parts):
+            theirs = {(u.name, u.unit) for u in part.variant.unknowns}
+            less = without_part(base, best.hypothesis, index, best.values, self.bench.design.recording)
+            if less is None:
                 continue
-            if {(u.name, u.unit) for u in own} < theirs:
-                values = np.concatenate([kept, [told[u.name] for u in own]])
-                level = best.chi2 + MARGIN
-                trial = self.bench.fit(
-                    lead.hypothesis, values, best.fit.states, iterations=ROUGH_ITERATIONS, target=level
-                )
-                self.tell("contained", trial.figures())
-                self.take(trial)
+            told = best.hypothesis.of_part(index, best.values)
+            for candidate in self.candidates:
+                for simpler in extended(less[0], candidate, self.bench.design.recording):
+                    own = simpler.parts[-1].variant.unknowns
+                    if {(u.name, u.unit) for u in own} < theirs:
+                        values = np.concatenate([less[1], [told[u.name] for u in own]])
+                        level = best.chi2 + MARGIN
+                        trial = self.bench.fit(
+                            simpler, values, best.fit.states, iterations=ROUGH_ITERATIONS, target=level
+                        )
+                        self.tell("contained", trial.figures())
+                        self.take(trial)
 
     def swap(self, effects: int) -> None:
         """Replace each effect of the best hypothesis by every other that promises more."""

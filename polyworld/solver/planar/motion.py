@@ -113,7 +113,7 @@ def pressed_speed(v: wp.vec3d, r: wp.float64) -> wp.float64:
 
 @wp.func
 def ramp(speed: wp.float64, limit: wp.float64, begin: wp.float64) -> wp.float64:
-    """0 up to `begin` times the limit, 1 from one and a half times that: one scheme gives way to another without a jump,
+    """0 up to `begin` times the limit, 1 from one and a half times that: schemes change without a jump,
     which a collision would make much of."""
     return wp.clamp(TWO * (speed / (begin * limit) - ONE), ZERO, ONE)
 
