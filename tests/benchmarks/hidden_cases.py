@@ -26,7 +26,7 @@ SAME_ON_PLANE = (
     frozenset({"friction_error", "gravity_error", "observer_clock"}),
     frozenset({"linear_drag", "viscous_friction"}),
 )
-# What acts like a force that is the same everywhere moves the anchor of a spring: beside a spring it has no name.
+# What acts like a force that is the same everywhere: two of these are one such force, and one moves a spring's anchor.
 UNIFORM = SAME[0] | {"tilt"}
 
 
@@ -65,9 +65,10 @@ def same_class(name: str, section: str) -> frozenset[str]:
 
 
 def _one_motion(pair: tuple[str, str]) -> bool:
-    """Whether one effect alone moves a ball as the two together do."""
+    """Whether one effect alone moves a ball as the two together do, a spring elsewhere or a force that is the same
+    everywhere, which a wide fan is too."""
     beside_spring = "spring" in pair and bool(UNIFORM & set(pair))
-    return beside_spring or pair[1] in same_class(pair[0], "two_effects")
+    return beside_spring or set(pair) <= UNIFORM
 
 
 def one_effect(seeds: int) -> Iterator[Case]:
