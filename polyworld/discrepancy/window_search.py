@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.mending import mended
 from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
-from polyworld.discrepancy.trial import Trial
+from polyworld.discrepancy.trial import Start, Trial
 from polyworld.discrepancy.windows import Windows
 from polyworld.discrepancy.zoom import closer
 
@@ -79,7 +80,7 @@ class WindowSearch:
         for key in (*rest[:most], *unforeseen):
             if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
                 hypothesis, at = self.cut.nearest(ways[key])
-                trial = self.cut.bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
+                trial = self._first_fit(hypothesis, at)
                 leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
                 fits.append(mended(trial) if leads_so_far else trial)
         wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
@@ -92,6 +93,17 @@ class WindowSearch:
             self._keep(trial)
         ranked = _worth_more(wanted, before)
         return self._to_the_end(ranked) if ranked else []
+
+    def _first_fit(self, hypothesis: Hypothesis, at: Start) -> Trial:
+        """First iterations of a contender. Where bodies collide, states bent to a law that lacked something lie behind
+        other collisions than the right ones: it is fitted from the data's own too, a little more at a time."""
+        bench = self.cut.bench
+        trial = bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
+        if not profile.collide(bench.design) or _explains(trial):
+            return trial
+        begun, horizons = profile.start_states(bench.design), profile.horizons_for(bench.design)
+        other = bench.fit(hypothesis, at.values, begun, horizons=horizons, iterations=ITERATIONS)
+        return min([trial, other], key=lambda t: t.chi2)
 
     def _closer(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
         """A trial, or a better one from closer starts where the effect has a place or a rhythm."""
