@@ -1,0 +1,93 @@
+"""Fits of runs in which discs collide, where a slope leads past a collision that was not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.design import Design, design
+from polyworld.discrepancy.hypothesis import Hypothesis, extended
+from polyworld.discrepancy.mending import anew, mended
+from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.stepping import coarsened
+from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.window_search import WindowSearch
+from polyworld.discrepancy.windows import windows
+from tests.benchmarks.hidden_discs import Discs
+from tests.polyworld.discrepancy.test_several_bodies import recordings, scene, world
+
+Array = NDArray[np.float64]
+
+
+def laid_out(hidden: Discs, count: int, seed: int) -> Design:
+    discs, starts = scene(count, seed)
+    told = world(discs, starts[0])
+    data, _ = recordings(hidden, [*starts, starts[0]], seed)
+    return design(coarsened(told, data), data)
+
+
+def plain(count: int, seed: int) -> tuple[Bench, Trial]:
+    """Discs without anything hidden, fitted."""
+    plan = laid_out(scene(count, seed)[0], count, seed)
+    bench = Bench(plan, measured_noise(plan), 1)
+    begun = profile.start_states(plan)
+    base = Hypothesis(plan.world, ())
+    return bench, bench.fit(base, np.zeros(0), begun, horizons=profile.FINE_HORIZONS)
+
+
+@pytest.mark.parametrize(
+    ("count", "seed", "start", "off"), [(4, 1, "disc2.velocity.x", -0.1), (3, 2, "disc0.velocity.x", -0.4)]
+)
+def test_a_run_that_a_collision_led_astray_is_fitted_anew(count: int, seed: int, start: str, off: float) -> None:
+    bench, right = plain(count, seed)
+    assert right.misfits.max() < 1.1
+    bent = list(right.fit.states)
+    bent[1] = right.fit.states[1] + off * np.array([label == start for label in bench.design.runs[1].labels])
+    lost = bench.fit(right.hypothesis, right.values, bent)
+    assert 1.3 < lost.misfits[1] < 1.5  # no slope leads back, and alone it is no great misfit
+    assert mended(lost).chi2 == pytest.approx(right.chi2, abs=1.0)
+    assert anew(lost, lost.hypothesis).chi2 < right.chi2 + 1.0
+    assert mended(right) is right
+
+
+def test_a_contender_on_windows_is_not_held_by_what_another_law_made_of_them() -> None:
+    discs, _ = scene(3, 3)
+
+    def turning(_t: float, _x: Array, v: Array, _w: Array) -> Array:
+        return 2.0 * 0.15 * discs.masses[:, None] * np.column_stack([v[:, 1], -v[:, 0]])
+
+    plan = laid_out(replace(discs, forces=(turning,)), 3, 3)
+    bench = Bench(plan, measured_noise(plan), 1)
+    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
+    cut = windows(bench, 2)
+    assert cut is not None
+    search = WindowSearch(cut, 1, lambda _step, _figures: None)
+    coriolis = catalogue()["coriolis"]
+    leads = search.leads(base, lambda t: list(extended(t.hypothesis, coriolis, plan.recording)))
+    best = search.fitted(leads, 1, ())[0]
+    assert best.chi2 < 1.1 * cut.bench.observations
+    assert best.values[0] == pytest.approx(0.15, abs=0.01)
+
+
+def test_what_a_law_contains_is_tried_whatever_was_promised() -> None:
+    discs, _ = scene(2, 2)
+    anchor = np.array([0.3, -0.2])
+    plan = laid_out(replace(discs, forces=(lambda _t, x, _v, _w: -0.5 * (x - anchor),)), 2, 2)
+    bench = Bench(plan, measured_noise(plan), 2)
+    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
+    chosen = tuple(catalogue()[name] for name in ("spring", "tether"))
+    search = Search(bench, chosen, SearchSettings(), lambda _step, _figures: None, base, plan.world.time.substep)
+    (tether,) = extended(base.hypothesis, chosen[1], plan.recording)
+    known = {"stiffness": 0.5, "rest_length": 0.01, "anchor_x": 0.3, "anchor_y": -0.2}
+    values = np.array([known[u.name] for u in tether.unknowns])
+    begun = profile.start_states(plan)
+    search.take(bench.fit(tether, values, begun, horizons=profile.FINE_HORIZONS))
+    search.twins(1)
+    best = search.best(1)
+    assert best is not None
+    assert best.hypothesis.names == ("spring",)
+    assert best.passes
