@@ -230,6 +230,8 @@ def _searched(
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
+    while effects > 1 and search.best(effects) is None:
+        effects -= 1  # nothing promised to better those
     best = search.best(effects)
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)

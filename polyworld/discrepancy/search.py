@@ -116,7 +116,7 @@ class Search:
         effects = len(parents[0].hypothesis.parts) + 1
         further = effects > 1
         most = self.settings.further if further else self.settings.contenders
-        far = level > FAR * self.bench.observations
+        far = level > (EXPLAINED if profile.collide(self.bench.design) else FAR) * self.bench.observations
         if far and not further and self._of_few_runs(parents[0]):
             return
         on_windows = self._windows if far else None
@@ -244,25 +244,31 @@ class Search:
         chosen: list[Trial] = []
         for trial in ranked[: window_search.FEW if hopeless else None]:
             explained = any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen)
-            if explained and trial.chi2 > BEHIND * ranked[0].chi2:
+            if explained and self._behind(trial, ranked[0]):
                 break
             chosen.append(self._whole(search, trial))
         if not hopeless:
             self.finish(chosen, level)
 
+    def _behind(self, trial: Trial, leader: Trial) -> bool:
+        """Whether a trial on windows is so far behind the leader there that whole runs need not be asked. Where bodies
+        collide, windows are what can be fitted with care, and whole runs decide between those hardly apart."""
+        if profile.collide(self.bench.design):
+            return trial.ebic > leader.ebic + CLOSE
+        return trial.chi2 > BEHIND * leader.chi2
+
     def _whole(self, search: WindowSearch, trial: Trial) -> Trial:
         """The best fit to whole runs of a hypothesis fitted on windows.
 
         Where bodies collide, a small change makes another motion, and states have to follow collision by collision:
-        from those of the windows, or if these lead nowhere, from the data's own.
+        from those of the windows, or if these lead nowhere, from the data's own and over other parts of the runs.
         """
         start = search.cut.start(trial.fit)
-        starts = [start.states]
-        horizons: tuple[float, ...] = (1.0,)
+        ways: list[tuple[Sequence[Array], tuple[float, ...]]] = [(start.states, (1.0,))]
         if profile.collide(self.bench.design):
-            starts.append(profile.start_states(self.bench.design))
-            horizons = profile.horizons_for(self.bench.design)
-        for states in starts:
+            begun = profile.start_states(self.bench.design)
+            ways = [(start.states, profile.FINE_HORIZONS), (begun, profile.OTHER_HORIZONS)]
+        for states, horizons in ways:
             whole = self.bench.fit(
                 trial.hypothesis, start.values, states, horizons=horizons, iterations=FIRST_ITERATIONS
             )
