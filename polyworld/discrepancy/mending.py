@@ -2,12 +2,10 @@
 and no slope leads back.
 
 With the law right, few runs fit ill while all others are explained. Each is then fitted anew by itself from the data's
-own start, with the shared values kept.
+own start, with the shared values kept. And whole fits begun anew, over other parts of the runs.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,17 +30,17 @@ def mended(trial: Trial) -> Trial:
     bench = trial.bench
     misfits = trial.misfits
     middle = float(np.sort(misfits)[(len(misfits) - 1) // 2])  # of two the better one
-    lost = misfits > max(ILL, WORSE * middle)
+    counts = np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
+    most = max(ILL, WORSE * middle) * counts
     schedules = [profile.horizons_for(bench.design)]
     if profile.collide(bench.design) and middle < ILL:
-        counts = np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
-        lost = misfits > middle * (1.0 + UNLIKELY * np.sqrt(2.0 / counts))
+        most = middle * (1.0 + UNLIKELY * np.sqrt(2.0 / counts)) * counts
         schedules.append(profile.OTHER_HORIZONS)
-    states: tuple[Array, ...] = trial.fit.states
+    states, costs = list(trial.fit.states), _costs(trial)
     for horizons in schedules:
-        if lost.any():
-            states, better = _alone(trial, states, np.flatnonzero(lost), horizons)
-            lost &= ~better
+        chosen = np.flatnonzero(costs > most)
+        if len(chosen):
+            _alone(trial, states, costs, chosen, horizons)
     if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
         return trial
     again = bench.fit(trial.hypothesis, trial.values, states)
@@ -51,9 +49,9 @@ def mended(trial: Trial) -> Trial:
 
 def searched(trial: Trial) -> Trial:
     """The trial, with every run fitted anew by itself over other parts of its time: another way past the collisions."""
-    every = np.arange(len(trial.bench.design.runs))
-    states, better = _alone(trial, trial.fit.states, every, profile.OTHER_HORIZONS)
-    if not better.any():
+    states = list(trial.fit.states)
+    _alone(trial, states, _costs(trial), np.arange(len(states)), profile.OTHER_HORIZONS)
+    if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
         return trial
     return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
@@ -65,6 +63,7 @@ def anew(trial: Trial, hypothesis: Hypothesis) -> Trial:
     horizons = profile.OTHER_HORIZONS if profile.collide(bench.design) else profile.FINE_HORIZONS
     begun = profile.start_states(bench.design)
     again = bench.fit(hypothesis, trial.values, begun, horizons=horizons, iterations=ANEW_ITERATIONS)
+    again = again if again.fit.converged else bench.refit(again)
     return min([again, _crossed(again, trial)], key=lambda t: t.chi2)
 
 
@@ -78,10 +77,15 @@ def _crossed(one: Trial, other: Trial) -> Trial:
     return one.bench.fit(one.hypothesis, values, states)
 
 
+def _costs(trial: Trial) -> Array:
+    """chi2 (R,) of each run."""
+    return np.array([float(r @ r) for r in trial.fit.linear.r])
+
+
 def _alone(
-    trial: Trial, states: Sequence[Array], chosen: NDArray[np.intp], horizons: tuple[float, ...]
-) -> tuple[tuple[Array, ...], NDArray[np.bool_]]:
-    """States of all runs, those of some as fits of each by itself find them where that is better, and which (R,)."""
+    trial: Trial, states: list[Array], costs: Array, chosen: NDArray[np.intp], horizons: tuple[float, ...]
+) -> None:
+    """Fit some runs each by itself; states and chi2 (R,) of those that are the better for it are put in place."""
     bench = trial.bench
     few, noise = bench.design.only(chosen.tolist()), bench.noise.only(chosen.tolist())
     world = trial.hypothesis.fitted_world(trial.values)
@@ -89,10 +93,6 @@ def _alone(
     begun = profile.start_states(few)
     found = profile.fit(forward, noise, np.zeros(0), begun, horizons=horizons, iterations=ITERATIONS)
     bench.forward(trial.hypothesis).rollouts += found.rollouts
-    better = np.zeros(len(states), dtype=bool)
-    kept = list(states)
     for k, own, r in zip(chosen, found.states, found.linear.r, strict=True):
-        old = trial.fit.linear.r[k]
-        if float(r @ r) < float(old @ old) - 1.0:
-            kept[k], better[k] = own, True
-    return (tuple(kept) if better.any() else tuple(states)), better
+        if float(r @ r) < costs[k] - 1.0:
+            states[k], costs[k] = own, float(r @ r)

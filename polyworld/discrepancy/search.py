@@ -26,7 +26,7 @@ from polyworld.discrepancy.windows import windows
 
 Array = NDArray[np.float64]
 
-FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
+FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from; EXPLAINED where bodies collide
 FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
@@ -43,7 +43,7 @@ PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
-BEHIND = 1.2  # times the leader's chi2 on windows, beyond which whole runs that it explains are not asked
+BEHIND = 1.2  # times the leader's chi2 on windows of one body, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 DOUBT = 0.25  # chi2 per measurement behind the best, within which a fit may only be stuck before a collision
 GREATER = (1.1, 2.0)  # times a friction, from where it is fitted again
@@ -406,7 +406,10 @@ class Search:
         best = self.best(effects)
         if best is None or not (profile.collide(self.bench.design) or any(_edged(p) for p in best.hypothesis.parts)):
             return
-        untold = profile.collide(self.bench.design) and self.on_windows is None
+        windows_told = self.on_windows is not None and any(
+            len(t.hypothesis.parts) == effects for t in self.on_windows.trials.values()
+        )
+        untold = profile.collide(self.bench.design) and not windows_told
         doubt = max(self.settings.credible, DOUBT * self.bench.observations if untold else 0.0)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + doubt]
         for trial in near[: self.settings.finalists]:
@@ -453,7 +456,7 @@ class Search:
             known = self.trials.get(identity(hypothesis))
             if known is not None and known.ebic <= best.ebic + self.settings.credible:
                 continue
-            again = self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
+            again = mended(self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons))
             self.tell("rival", again.figures())
             self.take(again)
 
@@ -474,9 +477,8 @@ class Search:
             if before != level or abs(lead.chi2 - own.chi2) > ALIKE * (level - own.chi2):
                 continue
             if known is None or known.chi2 > best.chi2 + ALIKE_FIT:
-                trial = self.bench.fit(
-                    lead.hypothesis, lead.values, states, horizons=profile.horizons_for(self.bench.design)
-                )
+                horizons = profile.horizons_for(self.bench.design)
+                trial = mended(self.bench.fit(lead.hypothesis, lead.values, states, horizons=horizons))
                 self.tell("twin", trial.figures())
                 self.take(trial)
 
@@ -498,9 +500,8 @@ class Search:
                     if {(u.name, u.unit) for u in own} < theirs:
                         values = np.concatenate([less[1], [told[u.name] for u in own]])
                         level = best.chi2 + MARGIN
-                        trial = self.bench.fit(
-                            simpler, values, best.fit.states, iterations=ROUGH_ITERATIONS, target=level
-                        )
+                        like = simpler.stepped(best.hypothesis.world.time.substep)
+                        trial = self.bench.fit(like, values, best.fit.states, iterations=ROUGH_ITERATIONS, target=level)
                         self.tell("contained", trial.figures())
                         self.take(trial)
 
@@ -534,7 +535,7 @@ class Search:
                 if not fewer.passes:  # the states may have followed the effect that is left out
                     horizons = profile.horizons_for(self.bench.design)
                     states = profile.start_states(self.bench.design)
-                    fewer = self.take(self.bench.fit(less[0], less[1], states, horizons=horizons))
+                    fewer = self.take(mended(self.bench.fit(less[0], less[1], states, horizons=horizons)))
                 smaller.append(fewer)
             good = [t for t in smaller if t.passes and t.ebic <= trial.ebic + self.settings.credible]
             if not good:

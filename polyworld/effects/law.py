@@ -57,7 +57,7 @@ class EffectLaw:
     Warp functions, None where the law has no such part:
     `force` (p: Vec8, b: Motion) -> spatial_vectord: force [N] and torque [N m] about the centre of mass, world axes.
     `friction` (p: Vec8, mu: float64, x: vec3d, way: vec3d) -> float64: the Coulomb coefficient that would be mu of a
-    contact, mean over the way [m] that it goes in a step, with its middle at x.
+    contact with what does not move, mean over the way [m] that it goes in a step, with its middle at x.
     `restitution` (p: Vec8, e: float64, speed: float64) -> float64: the restitution of an impact with that normal
     approach speed [m/s] that would be e.
     `tangential` (p: Vec8) -> vec3d: (share of the bodies' relative tangential velocity, spin left out, that an impact

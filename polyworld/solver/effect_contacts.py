@@ -1,6 +1,7 @@
 """What enabled effects change at a contact, whichever laws the catalogue holds: friction, restitution, tangential law.
 
-An effect acts on a contact in which an object takes part that it acts on.
+An effect acts on a contact in which an object takes part that it acts on; another friction of a place is that of what
+does not move, and acts on no contact of two objects.
 """
 
 from __future__ import annotations

@@ -65,8 +65,8 @@ def same_class(name: str, section: str) -> frozenset[str]:
 
 
 def _one_motion(pair: tuple[str, str]) -> bool:
-    """Whether one effect alone moves a ball as the two together do, a spring elsewhere or a force that is the same
-    everywhere, which a wide fan is too."""
+    """Whether one effect alone moves a ball as the two together do: a spring elsewhere, or one force that is the same
+    everywhere, as that of a wide fan nearly is."""
     beside_spring = "spring" in pair and bool(UNIFORM & set(pair))
     return beside_spring or set(pair) <= UNIFORM
 

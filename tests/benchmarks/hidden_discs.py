@@ -184,6 +184,8 @@ def _until_event(
             break
         until = overlap  # a step ended behind it: one that ends there sees that they have met
     met = [i for i, e in enumerate(found.t_events) if len(e)] if found.status == 1 else []
+    if not met and until < end:
+        raise UnusableCase("the discs graze by less than the integration tells")
     if not met:
         return end, found.y[:, -1].reshape(n, 6), found.sol(times).T.reshape(-1, n, 6), None
     which = met[0]

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from polyworld.rollout import simulator
 from polyworld.shapes import Box, Cylinder, Sphere
-from polyworld.world import MotionPlane, World
+from polyworld.world import Effect, MotionPlane, World
 from tests.verification.planar_scenes import G, body, disc, run, side_view, top_view
 
 
@@ -220,3 +220,16 @@ def test_where_a_disc_comes_to_rest_depends_on_its_start_without_jumps(share: fl
     exact = end * speeds**2 / (mu * G)
     np.testing.assert_allclose(ways, exact, atol=4e-5)
     np.testing.assert_allclose(np.diff(ways), np.diff(exact), atol=1e-6)
+
+
+@pytest.mark.parametrize("push", [1.0, 1.4, 1.47])
+def test_where_a_disc_stops_that_slides_uphill_depends_on_its_start_without_jumps(push: float) -> None:
+    """Pushed back by less than friction, 1.4715 m/s^2, holds; steps of 17 ms: v^2 / 2 (p + mu g) to 1e-9 m."""
+    speeds = np.linspace(0.002, 0.5, 1200)
+    thrown = body("disc", disc(0.1), (0.0, 0.0, 0.2), friction=0.15)
+    pushed = top_view(thrown, substep=1.0 / 60.0).model_copy(
+        update={"effects": (Effect(name="push", kind="uniform_acceleration", parameters={"x": -push}),)}
+    )
+    rolled = simulator(pushed, np.linspace(0.0, 0.5, 31), n_worlds=len(speeds)).run({"objects.disc.velocity.x": speeds})
+    exact = speeds**2 / (2.0 * (push + 0.15 * G))
+    np.testing.assert_allclose(rolled.positions[:, -1, 0, 0], exact, atol=1e-9)

@@ -128,7 +128,7 @@ CANDIDATES = (
     Candidate(
         name="friction_patch",
         group="contact",
-        law="mu' = mu + d within a radius of a place",
+        law="mu' = mu + d on what does not move, within a radius of a place",
         representations=RIGID,
         signature="deceleration that is different in one place, whatever the speed",
         reference="Coulomb (1785), with a coefficient that depends on the place",

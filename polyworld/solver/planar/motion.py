@@ -177,7 +177,7 @@ def stopped_at(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.fl
     """Part of a step of length h in which friction stops a body: the root of |v + a s h| = s limit, where speeds and
     spins count by their limits, as in `slide`."""
     v = bodies.rate[w, i]
-    a = bodies.push[w, i] * h
+    a = bodies.push[w, i] * (h * bodies.linear_decay[w, i][1])
     limit = bodies.hold[w, i] * h * bodies.linear_decay[w, i][1]
     turn = ZERO
     r = bodies.patch[w, i]
@@ -187,9 +187,14 @@ def stopped_at(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.fl
     square = (a[0] * a[0] + a[1] * a[1]) * along * along + a[2] * a[2] * turn * turn - ONE
     linear = (v[0] * a[0] + v[1] * a[1]) * along * along + v[2] * a[2] * turn * turn
     begin = (v[0] * v[0] + v[1] * v[1]) * along * along + v[2] * v[2] * turn * turn
+    if begin <= ZERO:
+        return ZERO
+    root = wp.sqrt(wp.max(linear * linear - square * begin, ZERO))
+    if linear < ZERO:  # this form of the root neither cancels nor minds a push as great as the friction
+        return wp.min(ONE, begin / (root - linear))
     if square >= ZERO:
         return ONE
-    return wp.min(ONE, (linear + wp.sqrt(linear * linear - square * begin)) / -square)
+    return wp.min(ONE, (linear + root) / -square)
 
 
 @wp.func
