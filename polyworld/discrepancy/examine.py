@@ -37,7 +37,7 @@ def fitted_base(
     starts = np.array([u.start for u in base])
     states = profile.start_states(plan)
     horizons = profile.horizons_for(plan)
-    if horizons == profile.FINE_HORIZONS:  # from collision to collision, none of which may be missed
+    if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=ITERATIONS)
         trial = searched(trial) if trial.chi2 < NEAR * bench.observations else trial
     else:
@@ -48,7 +48,7 @@ def fitted_base(
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
     turned = profile.turned_over(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=ITERATIONS))
-    if trial.passes or profile.horizons_for(plan) == profile.FINE_HORIZONS:
+    if trial.passes or profile.collide(plan):
         return trial  # or it was fitted so already
     other = bench.fit(nothing, starts, states, horizons=profile.FINE_HORIZONS, iterations=ITERATIONS)
     return _better(trial, with_refined_noise(other))

@@ -41,19 +41,14 @@ def mended(trial: Trial) -> Trial:
         chosen = np.flatnonzero(costs > most)
         if len(chosen):
             _alone(trial, states, costs, chosen, horizons)
-    if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
-        return trial
-    again = bench.fit(trial.hypothesis, trial.values, states)
-    return min([trial, again], key=lambda t: t.chi2)
+    return _carried_on(trial, states)
 
 
 def searched(trial: Trial) -> Trial:
     """The trial, with every run fitted anew by itself over other parts of its time: another way past the collisions."""
     states = list(trial.fit.states)
     _alone(trial, states, _costs(trial), np.arange(len(states)), profile.OTHER_HORIZONS)
-    if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
-        return trial
-    return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
+    return _carried_on(trial, states)
 
 
 def anew(trial: Trial, hypothesis: Hypothesis) -> Trial:
@@ -75,6 +70,13 @@ def _crossed(one: Trial, other: Trial) -> Trial:
     states = [b if taken else a for a, b, taken in zip(one.fit.states, other.fit.states, use, strict=True)]
     values = one.values if one.chi2 < other.chi2 else other.values
     return one.bench.fit(one.hypothesis, values, states)
+
+
+def _carried_on(trial: Trial, states: list[Array]) -> Trial:
+    """The trial fitted on from other states, where there are any and that was of use."""
+    if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
+        return trial
+    return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
 def _costs(trial: Trial) -> Array:
