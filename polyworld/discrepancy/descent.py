@@ -112,7 +112,7 @@ def descend(
             return at, steps, iteration, False
         steps = standard_steps(forward, linear)
         dampings = damping * TRIALS
-        normal = _Normal(forward, linear)
+        normal = NormalEquations(forward, linear)
         normal.hold(hold, at.values)
         trials = [_step(forward, normal, at, d) for d in dampings]
         costs = _costs(forward, noise, trials, horizon, hold)
@@ -202,12 +202,8 @@ def counts(forward: Forward, horizon: float) -> Array:
 
 def run_costs(forward: Forward, noise: Noise, at: Point, horizon: float) -> Array:
     """chi2 (R,) of each run before a horizon, infinite where its rollout diverges."""
-    settings = [Settings(r.index, at.values[None], at.states[r.index][None]) for r in forward.design.runs]
-    costs = []
-    for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
-        white = noise.whiten(r.index, raw[0]) * r.before(horizon)
-        costs.append(float(white @ white) if np.all(np.isfinite(white)) else np.inf)
-    return np.array(costs)
+    first: Array = trial_costs(forward, noise, [at], horizon)[0]
+    return first
 
 
 def _bounds(forward: Forward) -> tuple[Array, Array]:
@@ -215,19 +211,26 @@ def _bounds(forward: Forward) -> tuple[Array, Array]:
 
 
 def _costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: float, hold: Hold) -> Array:
+    holds = np.array([hold.cost(t.values) for t in trials])
+    total: Array = trial_costs(forward, noise, trials, horizon).sum(axis=1) + holds
+    return total
+
+
+def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: float) -> Array:
+    """chi2 (K, R) of each run before a horizon at K points, infinite where its rollout diverges."""
     settings = [
         Settings(r.index, np.array([t.values for t in trials]), np.array([t.states[r.index] for t in trials]))
         for r in forward.design.runs
     ]
-    total = np.array([hold.cost(t.values) for t in trials])
+    costs = np.empty((len(trials), len(forward.design.runs)))
     for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
         white = noise.whiten(r.index, raw) * r.before(horizon)
-        total += np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
-    return total
+        costs[:, r.index] = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
+    return costs
 
 
-class _Normal:
-    """The normal equations at a linearisation, run by run, filled up with zeros to the longest initial state N.
+class NormalEquations:
+    """Those at a linearisation, run by run, filled up with zeros to the longest initial state N.
 
     bb (R, N, N), ba (R, N, S), br (R, N): products of slopes by states, with those by shared unknowns and residuals.
     aa (S, S), ar (S,): of shared unknowns, all runs together. typical (R, N), shared (S,): ordinary changes.
@@ -253,6 +256,19 @@ class _Normal:
         self.aa += np.diag(hold.weight)
         self.ar += hold.weight * (values - hold.values)
 
+    def stepped(self, states: Sequence[Array], damping: Array) -> tuple[Array, ...]:
+        """Initial states[run] (N,) after a step with shared unknowns held; damping (R, 1)."""
+        change = np.einsum("rnm,rm->rn", _inverse(self.bb, self.typical, damping), self.br)
+        return self._changed(states, change)
+
+    def _changed(self, states: Sequence[Array], change: Array) -> tuple[Array, ...]:
+        change = np.clip(change, -LONGEST * self.typical, LONGEST * self.typical)
+        return tuple(old - change[i, :n] for i, (old, n) in enumerate(zip(states, self.counts, strict=True)))
+
+    def carried(self, states: Sequence[Array], inverse: Array, step: Array) -> tuple[Array, ...]:
+        """Initial states[run] (N,) that follow a step (S,) of the shared unknowns; inverse as from `reduced`."""
+        return self._changed(states, np.einsum("rnm,rm->rn", inverse, self.br + self.ba @ step))
+
     def reduced(self, damping: float) -> tuple[Array, Array, Array]:
         """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,)."""
         inverse = _inverse(self.bb, self.typical, damping)
@@ -262,7 +278,7 @@ class _Normal:
         return inverse, matrix, vector
 
 
-def _step(forward: Forward, normal: _Normal, at: Point, damping: float) -> Point:
+def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) -> Point:
     """The damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
     lower, upper = _bounds(forward)
     inverse, matrix, vector = normal.reduced(damping)
@@ -277,14 +293,11 @@ def _step(forward: Forward, normal: _Normal, at: Point, damping: float) -> Point
         free &= ~out
     values = np.clip(at.values + step, lower, upper)
     step = values - at.values
-    change = np.einsum("rnm,rm->rn", inverse, normal.br + normal.ba @ step)
-    change = np.clip(change, -LONGEST * normal.typical, LONGEST * normal.typical)
-    states = tuple(old - change[i, :n] for i, (old, n) in enumerate(zip(at.states, normal.counts, strict=True)))
-    return Point(values, states)
+    return Point(values, normal.carried(at.states, inverse, step))
 
 
-def _inverse(matrix: Array, typical: Array, damping: float) -> Array:
-    """Inverses of damped matrices (..., N, N); typical (..., N)."""
+def _inverse(matrix: Array, typical: Array, damping: float | Array) -> Array:
+    """Inverses of damped matrices (..., N, N); typical (..., N); damping of all, or (..., 1) of each."""
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0)) + PRIOR / typical
     outer = scale[..., :, None] * scale[..., None, :]
     diagonal = damping + (PRIOR / typical / scale) ** 2
@@ -302,7 +315,7 @@ def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Arra
 
 def covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Array, ...]]:
     """Covariance (S, S) of the shared unknowns, and standard deviations (N,) of each run's states for fixed ones."""
-    normal = _Normal(forward, linear)
+    normal = NormalEquations(forward, linear)
     inverse, matrix, _ = normal.reduced(1e-12)
     errors = np.sqrt(np.maximum(np.diagonal(inverse, axis1=-2, axis2=-1), 0.0))
     covariance = _inverse(matrix, normal.shared, 1e-12) if len(matrix) else matrix

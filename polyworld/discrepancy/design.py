@@ -149,6 +149,11 @@ class Design:
         runs = tuple(self.runs[k].counted(i) for i, k in enumerate(chosen))
         return Design(self.world, Recording(tuple(r.run for r in runs)), runs)
 
+    def copies(self, run: int, count: int) -> Design:
+        """The design of one run, so many times: to fit it along several ways at once."""
+        own = self.runs[run]
+        return Design(self.world, Recording((own.run,)), tuple(own.counted(i) for i in range(count)))
+
     @property
     def series(self) -> tuple[Series, ...]:
         """All series of all runs."""

@@ -18,7 +18,6 @@ REFINEMENTS = 2  # of the noise after a fit, each followed by a fit
 ITERATIONS = 40  # of the fit that all others begin from
 ROUGH_ITERATIONS = 5  # of the same, at each horizon, after which it is seen how far off it is
 FAR_OFF = 1000.0  # chi2 per measurement beyond which a fit that has nearly come to rest is left
-NEAR = 1.5  # the same below which collisions are passed another way too: it may explain the data
 HALVED = 0.5  # of chi2, that rough iterations have to take off a fit for more of them
 REFITTED, LEFT = 12, 2  # iterations of a refit, and of one that is far off
 CHANGED = 0.02  # relative change of chi2 below which no further fit is needed
@@ -39,7 +38,7 @@ def fitted_base(
     horizons = profile.horizons_for(plan)
     if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=ITERATIONS)
-        trial = searched(trial) if trial.chi2 < NEAR * bench.observations else trial
+        trial = searched(trial)
     else:
         trial = _first(bench.fit(nothing, starts, states, horizons=horizons, iterations=ROUGH_ITERATIONS))
     trial = with_refined_noise(trial)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.several_ways import best_way
 from polyworld.discrepancy.trial import Trial
 
 Array = NDArray[np.float64]
@@ -28,13 +29,10 @@ def mended(trial: Trial) -> Trial:
     """The trial, with runs that fit much worse than the better half fitted anew, and all of it fitted on where that
     was of use."""
     bench = trial.bench
-    misfits = trial.misfits
-    middle = float(np.sort(misfits)[(len(misfits) - 1) // 2])  # of two the better one
-    counts = np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
-    most = max(ILL, WORSE * middle) * counts
+    middle = _middle(trial)
+    most = _limits(trial, middle)
     schedules = [profile.horizons_for(bench.design)]
     if profile.collide(bench.design) and middle < ILL:
-        most = middle * (1.0 + UNLIKELY * np.sqrt(2.0 / counts)) * counts
         schedules.append(profile.OTHER_HORIZONS)
     states, costs = list(trial.fit.states), _costs(trial)
     for horizons in schedules:
@@ -44,10 +42,27 @@ def mended(trial: Trial) -> Trial:
     return _carried_on(trial, states)
 
 
-def searched(trial: Trial) -> Trial:
-    """The trial, with every run fitted anew by itself over other parts of its time: another way past the collisions."""
-    states = list(trial.fit.states)
-    _alone(trial, states, _costs(trial), np.arange(len(states)), profile.OTHER_HORIZONS)
+def searched(trial: Trial, level: float = np.inf) -> Trial:
+    """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
+
+    level: chi2 above which the trial is of no interest even if such runs came to fit as the better half does.
+    """
+    trial = mended(trial)
+    bench = trial.bench
+    middle = _middle(trial)
+    if not profile.collide(bench.design) or bench.design.world.coupled or middle >= ILL:
+        return trial  # or rollouts take too long for so many
+    states, costs = list(trial.fit.states), _costs(trial)
+    limits = _limits(trial, middle)
+    ill = np.flatnonzero(costs > limits)
+    if trial.chi2 - float(np.sum(costs[ill] - limits[ill])) > level:
+        return trial
+    world = trial.hypothesis.fitted_world(trial.values)
+    for k in ill:
+        way = best_way(world, bench.design, bench.noise, int(k), float(limits[k]), bench.cancelled)
+        bench.forward(trial.hypothesis).rollouts += way.rollouts
+        if way.chi2 < costs[k] - 1.0:
+            states[k] = way.state
     return _carried_on(trial, states)
 
 
@@ -77,6 +92,21 @@ def _carried_on(trial: Trial, states: list[Array]) -> Trial:
     if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
         return trial
     return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
+
+
+def _middle(trial: Trial) -> float:
+    """chi2 per measurement of the worst run of the better half; of two the better one."""
+    return float(np.sort(trial.misfits)[(len(trial.misfits) - 1) // 2])
+
+
+def _limits(trial: Trial, middle: float) -> Array:
+    """chi2 (R,) beyond which runs may be lost."""
+    counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
+    if profile.collide(trial.bench.design) and middle < ILL:
+        unlikely: Array = middle * (1.0 + UNLIKELY * np.sqrt(2.0 / counts)) * counts
+        return unlikely
+    worse: Array = max(ILL, WORSE * middle) * counts
+    return worse
 
 
 def _costs(trial: Trial) -> Array:

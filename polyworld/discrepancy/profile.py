@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.discrepancy import other_starts
+from polyworld.discrepancy.apart import descend_apart
 from polyworld.discrepancy.descent import (
     Linearised,
     Point,
@@ -83,7 +84,10 @@ def fit(
         loose = tolerance if horizon >= 1.0 else 10.0
         aim = target if horizon >= 1.0 else None
         hold = held(forward, start, horizon)
-        at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
+        if len(values):
+            at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
+        else:
+            at, steps, used, converged = descend_apart(forward, noise, at, horizon, steps, iterations, loose)
         total += used
         if len(horizons) > 1:
             if horizon <= OPENING:

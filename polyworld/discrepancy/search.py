@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
-from polyworld.discrepancy.mending import anew, mended
+from polyworld.discrepancy.mending import anew, searched
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
@@ -273,7 +273,7 @@ class Search:
                 trial.hypothesis, start.values, states, horizons=horizons, iterations=FIRST_ITERATIONS
             )
             self.tell("first fit", whole.figures())
-            best = self.take(mended(whole))
+            best = self.take(searched(whole))
             if best.chi2 < EXPLAINED * self.bench.observations:
                 break
         return best
@@ -432,7 +432,7 @@ class Search:
 
     def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial) -> None:
         """Fit a hypothesis from a trial's values and the data's own starts, a little more of each run at a time."""
-        again = mended(anew(trial, hypothesis))
+        again = searched(anew(trial, hypothesis))
         if again.chi2 < trial.chi2 - ALIKE_FIT:
             self.tell(step, again.figures())
         self.take(again)
@@ -456,7 +456,8 @@ class Search:
             known = self.trials.get(identity(hypothesis))
             if known is not None and known.ebic <= best.ebic + self.settings.credible:
                 continue
-            again = mended(self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons))
+            again = self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
+            again = searched(again, best.chi2 + self.settings.credible)
             self.tell("rival", again.figures())
             self.take(again)
 
@@ -478,7 +479,8 @@ class Search:
                 continue
             if known is None or known.chi2 > best.chi2 + ALIKE_FIT:
                 horizons = profile.horizons_for(self.bench.design)
-                trial = mended(self.bench.fit(lead.hypothesis, lead.values, states, horizons=horizons))
+                again = self.bench.fit(lead.hypothesis, lead.values, states, horizons=horizons)
+                trial = searched(again, best.chi2 + self.settings.credible)
                 self.tell("twin", trial.figures())
                 self.take(trial)
 
@@ -535,7 +537,8 @@ class Search:
                 if not fewer.passes:  # the states may have followed the effect that is left out
                     horizons = profile.horizons_for(self.bench.design)
                     states = profile.start_states(self.bench.design)
-                    fewer = self.take(mended(self.bench.fit(less[0], less[1], states, horizons=horizons)))
+                    again = self.bench.fit(less[0], less[1], states, horizons=horizons)
+                    fewer = self.take(searched(again, trial.ebic + self.settings.credible))
                 smaller.append(fewer)
             good = [t for t in smaller if t.passes and t.ebic <= trial.ebic + self.settings.credible]
             if not good:

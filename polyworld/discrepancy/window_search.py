@@ -10,7 +10,7 @@ import numpy as np
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.mending import mended
+from polyworld.discrepancy.mending import mended, searched
 from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import Start, Trial
@@ -130,7 +130,7 @@ class WindowSearch:
             level = min((t.chi2 for t in done), default=np.inf) / self.cut.bench.observations
             if level < FAILED or len(done) == FEW:
                 break
-            onward = mended(self.cut.bench.refit(trial))
+            onward = searched(self.cut.bench.refit(trial))
             settled = settled and (onward.fit.converged or onward.chi2 > (1.0 - ONWARD) * trial.chi2)
             self._keep(onward)
             done.append(onward)

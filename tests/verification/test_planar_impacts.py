@@ -56,6 +56,22 @@ def test_equal_elastic_billiard_balls_part_at_a_right_angle() -> None:
     np.testing.assert_allclose(struck / np.linalg.norm(struck), [np.sqrt(0.15) / 0.4, -0.25], atol=1e-6)
 
 
+@pytest.mark.parametrize("depth", [1e-5, 1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("begin", np.linspace(-1.0, -0.9, 7))
+def test_a_graze_is_not_stepped_over(depth: float, begin: float) -> None:
+    """A disc that would overlap another by so much at the nearest is turned aside, although a step is many times as
+    long as the overlap lasts: the struck one leaves along the line of centres, with the speed along it."""
+    reach = 0.4
+    offset = reach - depth
+    balls = (
+        body("cue", disc(), (begin, offset, 0.2), velocity=(4.0, 0.0, 0.0), restitution=1.0),
+        body("object", disc(), (0.0, 0.0, 0.2), restitution=1.0),
+    )
+    motion = run(top_view(*balls, gravity=0.0, substep=0.05), 1.0)
+    normal = np.array([np.sqrt(reach**2 - offset**2), -offset]) / reach
+    np.testing.assert_allclose(motion.velocities[0, -1, 1, :2], 4.0 * normal[0] * normal, atol=2e-3)
+
+
 @pytest.mark.parametrize("gap", [0.0, 0.01])
 @pytest.mark.parametrize("balls", [3, 5])
 def test_newtons_cradle_passes_the_blow_to_the_last_ball(balls: int, gap: float) -> None:

@@ -109,9 +109,10 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
     scene.first = _ints(np.concatenate([[0], np.cumsum([len(o.vertices) for o in outlines])]))
     scene.sweep = _doubles([o.sweep for o in outlines])
     scene.bound = _doubles(bound)
-    scene.depth = _doubles([leap_limit(o) for o in outlines])
     scene.collides = _ints(collides)
     scene.touch = TOUCH * min(bound[:n])
+    unseen = unseen_graze(min(bound[:n]), scene.touch)
+    scene.depth = _doubles([min(leap_limit(o), unseen) for o in outlines])
     scene.skin = SKIN * float(np.mean(bound[:n]))
     scene.axes = wp.mat33d(*axes.ravel())
     scene.segment_end = _doubles(table.end)
@@ -159,6 +160,12 @@ def leap_limit(outline: Outline) -> float:
         return 0.5 * outline.sweep
     inner = np.einsum("ij,ij->i", edge_normals(outline.vertices), outline.vertices).min()
     return 0.5 * (outline.sweep + max(float(inner), 0.0))
+
+
+def unseen_graze(radius: float, depth: float) -> float:
+    """Path [m] along which two discs, the smaller of a radius [m], overlap if they graze so deep [m] at most: the
+    chord of a circle no larger than that which one centre may not enter about the other."""
+    return float(np.sqrt(8.0 * radius * depth))
 
 
 def _extent(shape: Any, rotation: Array, centre: Array, normal: Array) -> tuple[float, float]:

@@ -10,13 +10,18 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
-from polyworld.discrepancy.mending import anew, mended
+from polyworld.discrepancy.mending import anew, mended, searched
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.several_ways import best_way
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.window_search import WindowSearch
 from polyworld.discrepancy.windows import windows
+from polyworld.recording import Recording, Run
+from polyworld.world import World
+from tests.benchmarks.hidden_cases import Case
+from tests.benchmarks.hidden_disc_cases import draw_discs
 from tests.benchmarks.hidden_discs import Discs
 from tests.polyworld.discrepancy.test_several_bodies import recordings, scene, world
 
@@ -40,18 +45,52 @@ def plain(count: int, seed: int) -> tuple[Bench, Trial]:
 
 
 @pytest.mark.parametrize(
-    ("count", "seed", "start", "off"), [(4, 1, "disc2.velocity.x", -0.1), (3, 2, "disc0.velocity.x", -0.4)]
+    ("count", "seed", "start", "off"), [(4, 1, "disc0.velocity.y", -0.4), (3, 2, "disc0.velocity.x", -0.4)]
 )
 def test_a_run_that_a_collision_led_astray_is_fitted_anew(count: int, seed: int, start: str, off: float) -> None:
-    bench, right = plain(count, seed)
+    _, right = plain(count, seed)
     assert right.misfits.max() < 1.1
-    bent = list(right.fit.states)
-    bent[1] = right.fit.states[1] + off * np.array([label == start for label in bench.design.runs[1].labels])
-    lost = bench.fit(right.hypothesis, right.values, bent)
-    assert 1.3 < lost.misfits[1] < 1.5  # no slope leads back, and alone it is no great misfit
+    lost = bent_run(right, 1, start, off)
+    assert 1.2 < lost.misfits[1] < 2.0  # no slope leads back, and alone it is no great misfit
     assert mended(lost).chi2 == pytest.approx(right.chi2, abs=1.0)
     assert anew(lost, lost.hypothesis).chi2 < right.chi2 + 1.0
     assert mended(right) is right
+
+
+def bent_run(right: Trial, run: int, start: str, off: float) -> Trial:
+    """A fit begun with one initial state of one run off."""
+    states = list(right.fit.states)
+    labels = right.bench.design.runs[run].labels
+    states[run] = right.fit.states[run] + off * np.array([label == start for label in labels])
+    return right.bench.fit(right.hypothesis, right.values, states)
+
+
+@pytest.mark.parametrize(("start", "off"), [("disc2.velocity.x", 0.4), ("disc3.velocity.x", -0.1)])
+def test_where_one_way_leads_astray_several_do_not(start: str, off: float) -> None:
+    _, right = plain(4, 2)
+    lost = bent_run(right, 1, start, off)
+    assert mended(lost).chi2 > right.chi2 + 100.0
+    assert searched(lost).chi2 < right.chi2 + 1.0
+    assert searched(lost, right.chi2 - 100.0).chi2 > right.chi2 + 100.0  # of no interest even so
+
+
+@pytest.mark.parametrize(("draw", "bodies", "run", "seed"), [(29, 6, 1, 1), (32, 5, 0, 3)])
+def test_several_ways_find_the_motion_that_one_misses(draw: int, bodies: int, run: int, seed: int) -> None:
+    case = Case("bodies", 9000 + draw, draw, (), 0.03, "white", "discs", 4, 60.0, bodies)
+    drawn = draw_discs(case, 4711)
+    told = World.model_validate(drawn.world_json())
+    data = Recording(
+        tuple(Run(n, tuple(drawn.names), *rest) for n, *rest in drawn.runs(np.random.default_rng(seed), [run]))
+    )
+    plan = design(told.with_substep(1.001 / 60.0), data)
+    bench = Bench(plan, measured_noise(plan), 1)
+    begun = profile.start_states(plan)
+    one = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), begun, horizons=profile.FINE_HORIZONS)
+    assert one.misfits[0] > 2.0
+    way = best_way(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
+    assert way.chi2 < 1.1 * bench.observations
+    again = best_way(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
+    np.testing.assert_array_equal(way.state, again.state)
 
 
 def test_a_contender_on_windows_is_not_held_by_what_another_law_made_of_them() -> None:
