@@ -10,7 +10,7 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.mending import searched
+from polyworld.discrepancy.mending import IN_DOUBT, searched
 from polyworld.discrepancy.noise import measured_noise, refined_noise
 from polyworld.discrepancy.trial import Bench, Trial
 
@@ -38,7 +38,7 @@ def fitted_base(
     horizons = profile.horizons_for(plan)
     if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=ITERATIONS)
-        trial = searched(trial)
+        trial = searched(trial, doubt=IN_DOUBT)
     else:
         trial = _first(bench.fit(nothing, starts, states, horizons=horizons, iterations=ROUGH_ITERATIONS))
     trial = with_refined_noise(trial)

@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
 WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is
-UNLIKELY = 4.0  # standard deviations of chi2 above that of the better half: where bodies collide, lost already so
+UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: where bodies collide, lost already so
+IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
 ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
 
@@ -42,10 +43,11 @@ def mended(trial: Trial) -> Trial:
     return _carried_on(trial, states)
 
 
-def searched(trial: Trial, level: float = np.inf) -> Trial:
+def searched(trial: Trial, level: float = np.inf, doubt: float = UNLIKELY) -> Trial:
     """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
 
-    level: chi2 above which the trial is of no interest even if such runs came to fit as the better half does.
+    level: chi2 above which the trial is of no interest even if such runs came to fit as the better half does. doubt:
+    standard deviations of chi2 above that of the better half, beyond which a run is ill.
     """
     trial = mended(trial)
     bench = trial.bench
@@ -53,7 +55,7 @@ def searched(trial: Trial, level: float = np.inf) -> Trial:
     if not profile.collide(bench.design) or bench.design.world.coupled or middle >= ILL:
         return trial  # or rollouts take too long for so many
     states, costs = list(trial.fit.states), _costs(trial)
-    limits = _limits(trial, middle)
+    limits = _limits(trial, middle, doubt)
     ill = np.flatnonzero(costs > limits)
     if trial.chi2 - float(np.sum(costs[ill] - limits[ill])) > level:
         return trial
@@ -99,11 +101,11 @@ def _middle(trial: Trial) -> float:
     return float(np.sort(trial.misfits)[(len(trial.misfits) - 1) // 2])
 
 
-def _limits(trial: Trial, middle: float) -> Array:
+def _limits(trial: Trial, middle: float, doubt: float = UNLIKELY) -> Array:
     """chi2 (R,) beyond which runs may be lost."""
     counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
     if profile.collide(trial.bench.design) and middle < ILL:
-        unlikely: Array = middle * (1.0 + UNLIKELY * np.sqrt(2.0 / counts)) * counts
+        unlikely: Array = middle * (1.0 + doubt * np.sqrt(2.0 / counts)) * counts
         return unlikely
     worse: Array = max(ILL, WORSE * middle) * counts
     return worse

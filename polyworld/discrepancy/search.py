@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
-from polyworld.discrepancy.mending import anew, searched
+from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, searched
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
@@ -413,7 +413,7 @@ class Search:
         doubt = max(self.settings.credible, DOUBT * self.bench.observations if untold else 0.0)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + doubt]
         for trial in near[: self.settings.finalists]:
-            self._anew("settled", trial.hypothesis, trial)
+            self._anew("settled", trial.hypothesis, trial, IN_DOUBT)
 
     def beyond(self, effects: int) -> None:
         """Fit the best from greater friction: where a grip suffices more of it changes nothing, and a fit that stopped
@@ -430,9 +430,9 @@ class Search:
                 self.tell("beyond", further.figures())
             self.take(further)
 
-    def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial) -> None:
+    def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial, doubt: float = UNLIKELY) -> None:
         """Fit a hypothesis from a trial's values and the data's own starts, a little more of each run at a time."""
-        again = searched(anew(trial, hypothesis))
+        again = searched(anew(trial, hypothesis), doubt=doubt)
         if again.chi2 < trial.chi2 - ALIKE_FIT:
             self.tell(step, again.figures())
         self.take(again)
