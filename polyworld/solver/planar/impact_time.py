@@ -54,14 +54,16 @@ def first_touch(
 ) -> wp.float64:
     """First time in 0..until at which a near pair touches; h + 1 if it does not. Notes the pair's gap at time 0.
 
-    Marches so far at a time that the pair can neither pass through nor touch and part unseen by much, then
+    Marches so far at a time that the pair can neither pass through nor graze unseen by more than `touch`, then
     closes in by regula falsi (Illinois) on the middle of the contact band 0..touch.
     """
     a = contacts.near[w, slot][0]
     b = contacts.near[w, slot][1]
     leap = scene.depth[a]
     if scene.first[b + 1] > scene.first[b]:
-        leap = wp.min(leap, scene.depth[b])
+        leap = wp.min(wp.min(leap, scene.depth[b]), scene.graze)
+    elif scene.first[a + 1] - scene.first[a] > 1:  # a corner may graze a half plane as it turns; a disc does not
+        leap = wp.min(leap, scene.graze)
     close = HALF * HALF * scene.touch
     time = ZERO
     early = ZERO

@@ -111,8 +111,8 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
     scene.bound = _doubles(bound)
     scene.collides = _ints(collides)
     scene.touch = TOUCH * min(bound[:n])
-    unseen = unseen_graze(min(bound[:n]), scene.touch)
-    scene.depth = _doubles([min(leap_limit(o), unseen) for o in outlines])
+    scene.depth = _doubles([leap_limit(o) for o in outlines])
+    scene.graze = unseen_graze(min(bound[:n]), scene.touch)
     scene.skin = SKIN * float(np.mean(bound[:n]))
     scene.axes = wp.mat33d(*axes.ravel())
     scene.segment_end = _doubles(table.end)
@@ -163,8 +163,8 @@ def leap_limit(outline: Outline) -> float:
 
 
 def unseen_graze(radius: float, depth: float) -> float:
-    """Path [m] along which two discs, the smaller of a radius [m], overlap if they graze so deep [m] at most: the
-    chord of a circle no larger than that which one centre may not enter about the other."""
+    """Length [m] of a path that may lead through an overlap no deeper than given [m]: the chord of that height in a
+    circle of a radius [m]. The circle about one disc that another's centre may not enter is larger than either."""
     return float(np.sqrt(8.0 * radius * depth))
 
 
