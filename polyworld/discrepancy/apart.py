@@ -34,6 +34,8 @@ def descend_apart(
 
     tolerance: of a run's chi2, below whose fall it is at rest.
     """
+    if not any(len(s) for s in at.states):
+        return at, steps, 0, True  # nothing to fit
     runs = len(at.states)
     damping, resting, failed = np.full(runs, FIRST), np.zeros(runs, dtype=bool), np.zeros(runs, dtype=bool)
     for iteration in range(iterations):
@@ -43,6 +45,7 @@ def descend_apart(
         failed, resting = failed | lost, resting | lost
         if resting.all():
             return at, steps, iteration, not failed.any()
+        linear = _without(linear, lost)
         steps = standard_steps(forward, linear)
         normal = NormalEquations(forward, linear)
         moved = resting.copy()
@@ -57,7 +60,8 @@ def descend_apart(
                 foretold = _foretold(linear, at, options[0])
             states = tuple(options[best[k]].states[k] if better[k] else s for k, s in enumerate(at.states))
             at = Point(at.values, states)
-            resting = resting | (better & (chi2 - least < tolerance + 1e-6 * chi2))
+            fallen = np.subtract(chi2, least, out=np.zeros(runs), where=better)
+            resting = resting | (better & (fallen < tolerance + 1e-6 * chi2))
             damping = np.where(better, np.clip(dampings[best, np.arange(runs)], LEAST, MOST), damping)
             moved = moved | better
             if moved.all():
@@ -68,6 +72,12 @@ def descend_apart(
         if resting.all():
             return at, steps, iteration + 1, not failed.any()
     return at, steps, iterations, False
+
+
+def _without(linear: Linearised, lost: NDArray[np.bool_]) -> Linearised:
+    """The same with runs whose rollout diverges left where they are."""
+    own = zip(linear.r, lost, strict=True)
+    return Linearised(tuple(np.zeros_like(r) if gone else r for r, gone in own), linear.a, linear.b)
 
 
 def _foretold(linear: Linearised, at: Point, to: Point) -> Array:

@@ -46,18 +46,21 @@ def mended(trial: Trial) -> Trial:
 def searched(trial: Trial, level: float = np.inf, doubt: float = UNLIKELY) -> Trial:
     """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
 
-    level: chi2 above which the trial is of no interest even if such runs came to fit as the better half does. doubt:
+    level: EBIC above which the trial is of no interest even if such runs came to fit as well as any does. doubt:
     standard deviations of chi2 above that of the better half, beyond which a run is ill.
     """
     trial = mended(trial)
     bench = trial.bench
     middle = _middle(trial)
-    if not profile.collide(bench.design) or bench.design.world.coupled or middle >= ILL:
-        return trial  # or rollouts take too long for so many
+    if not profile.collide(bench.design) or middle >= ILL:
+        return trial
+    if bench.design.world.coupled:  # so many rollouts would take too long
+        return trial
     states, costs = list(trial.fit.states), _costs(trial)
     limits = _limits(trial, middle, doubt)
-    ill = np.flatnonzero(costs > limits)
-    if trial.chi2 - float(np.sum(costs[ill] - limits[ill])) > level:
+    ill = [k for k in np.flatnonzero(costs > limits) if bench.design.runs[k].count]
+    hoped = np.minimum(costs, _limits(trial, middle, -UNLIKELY))
+    if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
         return trial
     world = trial.hypothesis.fitted_world(trial.values)
     for k in ill:

@@ -72,7 +72,8 @@ def fit(
     horizons: parts of each run's time fitted one after another; the result is that of the last, so end with 1 for the
     whole. tolerance: a fit has converged when chi2 falls by less than this, absolutely: differences of 10 decide
     between hypotheses. target: chi2 below which the fit is of interest; a fit far above it that comes no nearer is
-    given up.
+    given up. Where nothing is shared, runs are fitted each by itself: the tolerance is that of a run, and there is no
+    target.
     """
     at = Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
     start = at.values

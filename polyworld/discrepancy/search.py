@@ -457,7 +457,7 @@ class Search:
             if known is not None and known.ebic <= best.ebic + self.settings.credible:
                 continue
             again = self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
-            again = searched(again, best.chi2 + self.settings.credible)
+            again = searched(again, best.ebic + self.settings.credible)
             self.tell("rival", again.figures())
             self.take(again)
 
@@ -480,7 +480,7 @@ class Search:
             if known is None or known.chi2 > best.chi2 + ALIKE_FIT:
                 horizons = profile.horizons_for(self.bench.design)
                 again = self.bench.fit(lead.hypothesis, lead.values, states, horizons=horizons)
-                trial = searched(again, best.chi2 + self.settings.credible)
+                trial = searched(again, best.ebic + self.settings.credible)
                 self.tell("twin", trial.figures())
                 self.take(trial)
 

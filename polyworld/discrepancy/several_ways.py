@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 FIRST = 0.05  # part of a run's time that is fitted before all else
 PARTS = (14, 11, 17)  # stages to the whole: where one way of parting it leads astray, another may not
 WAYS = 3  # states that are fitted side by side
-DRAWN = 300  # around the best, of which the nearest to the data are fitted
+DRAWN = 100 * WAYS  # around the best, of which the nearest to the data are fitted
 WIDTHS = (1.0, 2.0)  # standard deviations in which they are drawn, in turn
 UNKNOWN = 0.1  # of a typical change: the spread before anything is fitted
 ITERATIONS, LAST = 2, 12  # at each stage, and at the whole
@@ -87,8 +87,9 @@ def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, floa
 
 def _root(slopes: Array, typical: Array) -> Array:
     """Root (N, N) of the covariance that residuals with these slopes (m, N) leave the initial state."""
-    size, turn = np.linalg.eigh(slopes.T @ slopes + np.diag(1.0 / typical**2))
-    root: Array = turn / np.sqrt(size)
+    scaled = slopes * typical
+    size, turn = np.linalg.eigh(scaled.T @ scaled + np.eye(len(typical)))
+    root: Array = typical[:, None] * turn / np.sqrt(np.maximum(size, 1.0))  # none is less, but for rounding
     return root
 
 

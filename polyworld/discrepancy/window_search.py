@@ -52,8 +52,7 @@ class WindowSearch:
             return []
         if key not in self._led:
             if key not in self.trials:
-                # A window that is lost to the parent already lets no shared value move.
-                self.trials[key] = searched(self.cut.ground(parent.hypothesis, parent.values))
+                self.trials[key] = self.cut.ground(parent.hypothesis, parent.values)
             ground = self.trials[key]
             held = [h for h in more(ground) if self.cut.holds(h)]
             found = leads(self.cut.bench, ground, [h for h in held if not _at_contacts(h)], self.starts)

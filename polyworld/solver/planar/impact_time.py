@@ -11,7 +11,8 @@ wp.set_module_options({"enable_backward": False})
 ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
-MARCHES = 1_000_000  # never reached: at 1e6 m/s a body of 1 cm is followed for half a second
+EIGHT = wp.float64(8.0)
+MARCHES = 1_000_000  # a body of 1 cm is followed for 30 m along another that it all but touches, in one step
 
 
 @wp.func
@@ -54,16 +55,19 @@ def first_touch(
 ) -> wp.float64:
     """First time in 0..until at which a near pair touches; h + 1 if it does not. Notes the pair's gap at time 0.
 
-    Marches so far at a time that the pair can neither pass through nor graze unseen by more than `touch`, then
+    Marches so far at a time that the pair cannot pass through, nor two discs graze by more than `touch` unseen, then
     closes in by regula falsi (Illinois) on the middle of the contact band 0..touch.
     """
     a = contacts.near[w, slot][0]
     b = contacts.near[w, slot][1]
+    # The chord of a circle of the lesser radius that is as high as the contact band: on a path no longer than that, two
+    # discs overlap by no more. (About one disc, the circle that another's centre may not enter is larger.)
+    radius = scene.bound[a]
     leap = scene.depth[a]
     if scene.first[b + 1] > scene.first[b]:
-        leap = wp.min(wp.min(leap, scene.depth[b]), scene.graze)
-    elif scene.first[a + 1] - scene.first[a] > 1:  # a corner may graze a half plane as it turns; a disc does not
-        leap = wp.min(leap, scene.graze)
+        radius = wp.min(radius, scene.bound[b])
+        leap = wp.min(leap, scene.depth[b])
+    leap = wp.min(leap, wp.sqrt(EIGHT * radius * scene.touch))
     close = HALF * HALF * scene.touch
     time = ZERO
     early = ZERO
@@ -88,7 +92,8 @@ def first_touch(
             early_offset = offset
             time = wp.min(until, time + h * (gap + leap) / bound)
         else:
-            if wp.abs(offset) < close or late - early < wp.float64(1.0e-15) * h:
+            within = bracketed == 0 and offset > ZERO  # nearer than `touch` already, and perhaps never nearer
+            if within or wp.abs(offset) < close or late - early < wp.float64(1.0e-15) * h:
                 return time
             if bracketed == 0 or offset <= ZERO:
                 late = time

@@ -21,7 +21,6 @@ class Scene:
     sweep: wp.array[wp.float64]  # (n + s,) radius of the disc swept along the outline [m]
     bound: wp.array[wp.float64]  # (n + s,) radius of the bounding circle [m]
     depth: wp.array[wp.float64]  # (n + s,) a relative motion shorter than this cannot pass through [m]
-    graze: wp.float64  # along a path no longer than this, outlines overlap by no more than `touch` if they part [m]
     collides: wp.array2d[wp.int32]  # (n, n + s)
     touch: wp.float64  # a gap below this is contact [m]
     skin: wp.float64  # pairs nearer than this are kept in the near list [m]

@@ -112,7 +112,6 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
     scene.collides = _ints(collides)
     scene.touch = TOUCH * min(bound[:n])
     scene.depth = _doubles([leap_limit(o) for o in outlines])
-    scene.graze = unseen_graze(min(bound[:n]), scene.touch)
     scene.skin = SKIN * float(np.mean(bound[:n]))
     scene.axes = wp.mat33d(*axes.ravel())
     scene.segment_end = _doubles(table.end)
@@ -160,12 +159,6 @@ def leap_limit(outline: Outline) -> float:
         return 0.5 * outline.sweep
     inner = np.einsum("ij,ij->i", edge_normals(outline.vertices), outline.vertices).min()
     return 0.5 * (outline.sweep + max(float(inner), 0.0))
-
-
-def unseen_graze(radius: float, depth: float) -> float:
-    """Length [m] of a path that may lead through an overlap no deeper than given [m]: the chord of that height in a
-    circle of a radius [m]. The circle about one disc that another's centre may not enter is larger than either."""
-    return float(np.sqrt(8.0 * radius * depth))
 
 
 def _extent(shape: Any, rotation: Array, centre: Array, normal: Array) -> tuple[float, float]:
