@@ -45,7 +45,6 @@ def descend_apart(
         failed, resting = failed | lost, resting | lost
         if resting.all():
             return at, steps, iteration, not failed.any()
-        linear = _without(linear, lost)
         steps = standard_steps(forward, linear)
         normal = NormalEquations(forward, linear)
         moved = resting.copy()
@@ -74,16 +73,13 @@ def descend_apart(
     return at, steps, iterations, False
 
 
-def _without(linear: Linearised, lost: NDArray[np.bool_]) -> Linearised:
-    """The same with runs whose rollout diverges left where they are."""
-    own = zip(linear.r, lost, strict=True)
-    return Linearised(tuple(np.zeros_like(r) if gone else r for r, gone in own), linear.a, linear.b)
-
-
 def _foretold(linear: Linearised, at: Point, to: Point) -> Array:
-    """The fall of chi2 (R,) that the slopes foretell for a step."""
+    """The fall of chi2 (R,) that the slopes foretell for a step, 0 of a run whose rollout diverges."""
     falls = []
     for r, b, new, old in zip(linear.r, linear.b, to.states, at.states, strict=True):
+        if not np.all(np.isfinite(r)):
+            falls.append(0.0)
+            continue
         after = r + b @ (new - old)
         falls.append(float(r @ r) - float(after @ after))
     return np.array(falls)

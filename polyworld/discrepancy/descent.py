@@ -230,7 +230,8 @@ def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon
 
 
 class NormalEquations:
-    """Those at a linearisation, run by run, filled up with zeros to the longest initial state N.
+    """Those at a linearisation, run by run, filled up with zeros to the longest initial state N. A run whose rollout
+    diverges asks for no step.
 
     bb (R, N, N), ba (R, N, S), br (R, N): products of slopes by states, with those by shared unknowns and residuals.
     aa (S, S), ar (S,): of shared unknowns, all runs together. typical (R, N), shared (S,): ordinary changes.
@@ -244,8 +245,8 @@ class NormalEquations:
         self.bb, self.ba = np.zeros((len(runs), n, n)), np.zeros((len(runs), n, s))
         self.br, self.typical = np.zeros((len(runs), n)), np.ones((len(runs), n))
         self.aa, self.ar = np.zeros((s, s)), np.zeros(s)
-        for i, (r, a, b, res) in enumerate(zip(runs, linear.a, linear.b, linear.r, strict=True)):
-            own = slice(0, r.count)
+        for i, (r, a, b, raw) in enumerate(zip(runs, linear.a, linear.b, linear.r, strict=True)):
+            own, res = slice(0, r.count), np.where(np.isfinite(raw), raw, 0.0)
             self.bb[i, own, own], self.ba[i, own], self.br[i, own] = b.T @ b, b.T @ a, b.T @ res
             self.typical[i, own] = r.typical
             self.aa += a.T @ a
