@@ -230,8 +230,9 @@ def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon
 
 
 class NormalEquations:
-    """Those at a linearisation, run by run, filled up with zeros to the longest initial state N. A run whose rollout
-    diverges asks for no step.
+    """The normal equations at a linearisation, run by run, filled up with zeros to the longest initial state N.
+
+    A run whose rollout diverges asks for no step.
 
     bb (R, N, N), ba (R, N, S), br (R, N): products of slopes by states, with those by shared unknowns and residuals.
     aa (S, S), ar (S,): of shared unknowns, all runs together. typical (R, N), shared (S,): ordinary changes.

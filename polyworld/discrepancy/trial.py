@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.criteria import extended_bic, held_out
+from polyworld.discrepancy.descent import Point, trial_costs
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.goodness import Goodness, goodness
@@ -202,15 +203,8 @@ class Bench:
 
     def run_costs(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Array:
         """chi2 (K, R) of each run at K starts of a hypothesis, infinite where a rollout diverges."""
-        settings = [
-            Settings(r.index, np.array([o.values for o in options]), np.array([o.states[r.index] for o in options]))
-            for r in self.design.runs
-        ]
-        found = np.empty((len(options), len(self.design.runs)))
-        for r, raw in zip(self.design.runs, self.forward(hypothesis).residuals(settings), strict=True):
-            white = self.noise.whiten(r.index, raw)
-            found[:, r.index] = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
-        return found
+        points = [Point(o.values, o.states) for o in options]
+        return trial_costs(self.forward(hypothesis), self.noise, points, 1.0)
 
     def raw_residuals(self, trial: Trial) -> list[Array]:
         """Simulated less observed (m,) of every run at a fit [m, rad], as measured, not whitened."""
