@@ -46,7 +46,8 @@ class Variant:
     when it is at its start; None where there is none. same_as: other effects that this design cannot tell
     from it by construction (a uniform force on one body and a tilt), told with every verdict. idle: unknowns that do
     nothing while the effect is off (its place, its rhythm), where it is off at all of its starts: the score test leaves
-    them out, and takes the motion at all starts to be the parent's.
+    them out, and takes the motion at all starts to be the parent's. everywhere: of an effect that acts within a radius
+    of a place, values of these at which it acts on all that was seen; None for all others.
     """
 
     world: World
@@ -56,6 +57,7 @@ class Variant:
     strength: str | None = None
     same_as: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
+    everywhere: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from polyworld.discrepancy.trial import Trial
 Array = NDArray[np.float64]
 
 ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
-WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is
-UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: where bodies collide, lost already so
+WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is, where that is ill too
+UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: lost already so where that is explained
 IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
 ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
@@ -107,7 +107,7 @@ def _middle(trial: Trial) -> float:
 def _limits(trial: Trial, middle: float, doubt: float = UNLIKELY) -> Array:
     """chi2 (R,) beyond which runs may be lost."""
     counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
-    if profile.collide(trial.bench.design) and middle < ILL:
+    if middle < ILL:
         unlikely: Array = middle * (1.0 + doubt * np.sqrt(2.0 / counts)) * counts
         return unlikely
     worse: Array = max(ILL, WORSE * middle) * counts

@@ -13,7 +13,8 @@ from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.mending import mended, searched
 from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
-from polyworld.discrepancy.trial import Start, Trial
+from polyworld.discrepancy.strength_map import mapped
+from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.windows import Windows
 from polyworld.discrepancy.zoom import closer
 
@@ -79,8 +80,7 @@ class WindowSearch:
         unforeseen = [key for key in rest[most:] if _unforeseen(ways[key][0][1].hypothesis)]
         for key in (*rest[:most], *unforeseen):
             if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
-                hypothesis, at = self.cut.nearest(ways[key])
-                trial = self._first_fit(hypothesis, at)
+                trial = self._first_fit(ways[key])
                 leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
                 fits.append(mended(trial) if leads_so_far else trial)
         wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
@@ -94,11 +94,16 @@ class WindowSearch:
         ranked = _worth_more(wanted, before)
         return self._to_the_end(ranked) if ranked else []
 
-    def _first_fit(self, hypothesis: Hypothesis, at: Start) -> Trial:
-        """First iterations of a contender. Where bodies collide, states bent to a law that lacked something lie behind
-        other collisions than the right ones: it is fitted from the data's own too, a little more at a time."""
+    def _first_fit(self, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
+        """First iterations of a contender; of one with an edge also from where its map has it. Where bodies collide,
+        states bent to a law that lacked something lie behind other collisions than the right ones: it is fitted from
+        the data's own too, a little more at a time."""
         bench = self.cut.bench
+        hypothesis, at = self.cut.nearest(ways)
         trial = bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
+        if not _explains(trial):
+            ground = ways[0][0]
+            trial = self._best_of(trial, ground, mapped(ground, hypothesis))
         if not profile.collide(bench.design) or _explains(trial):
             return trial
         begun, horizons = profile.start_states(bench.design), profile.horizons_for(bench.design)
@@ -112,11 +117,17 @@ class WindowSearch:
         same = [(p, lead) for p, lead in ways if labels(lead.hypothesis) == labels(trial.hypothesis)]
         ground = same[0][0]
         own = [lead for parent, lead in same if parent is ground]
-        found = closer(self.cut.bench, ground, trial.hypothesis, own)
-        tried = [
-            self.cut.bench.fit(x.hypothesis, x.values, ground.fit.states, iterations=CLOSER) for x in found[:TRIED]
-        ]
-        return min([trial, *tried], key=lambda t: t.chi2)
+        return self._best_of(trial, ground, closer(self.cut.bench, ground, trial.hypothesis, own)[:TRIED])
+
+    def _best_of(self, trial: Trial, ground: Trial, found: Sequence[Lead]) -> Trial:
+        """The best of a trial and of fits from some leads, up to the first that explains the windows."""
+        bench = self.cut.bench
+        for x in found:
+            tried = mended(bench.fit(x.hypothesis, x.values, ground.fit.states, iterations=CLOSER))
+            trial = min([trial, tried], key=lambda t: t.chi2)
+            if _explains(trial):
+                break
+        return trial
 
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""

@@ -71,7 +71,9 @@ def _friction_patch(world: World, recording: Recording) -> tuple[Variant, ...]:
         for share in PATCH_RADII
     )
     idle = tuple(u.name for u in unknowns[1:])
-    return (Variant(with_effects(world, added), unknowns, starts, strength="friction", idle=idle),)
+    all_over = {u.name: float(found.middle["xyz".index(u.name)]) for u in centre} | {"radius": radius.upper}
+    child = with_effects(world, added)
+    return (Variant(child, unknowns, starts, strength="friction", idle=idle, everywhere=all_over),)
 
 
 def _drop(world: World, axis: int) -> float:
