@@ -22,6 +22,7 @@ ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
 WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is, where that is ill too
 UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: lost already so where that is explained
 IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
+ODD = 0.25  # of chi2, by which a run has to be above that even if it is long: a law may be a little off
 ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
 
@@ -108,7 +109,10 @@ def _limits(trial: Trial, middle: float, doubt: float = UNLIKELY) -> Array:
     """chi2 (R,) beyond which runs may be lost."""
     counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
     if middle < ILL:
-        unlikely: Array = middle * (1.0 + doubt * np.sqrt(2.0 / counts)) * counts
+        above = doubt * np.sqrt(2.0 / counts)
+        if not profile.collide(trial.bench.design):
+            above = np.maximum(above, ODD)
+        unlikely: Array = middle * (1.0 + above) * counts
         return unlikely
     worse: Array = max(ILL, WORSE * middle) * counts
     return worse

@@ -14,34 +14,42 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
+from polyworld import geometry
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.score import Lead
-from polyworld.discrepancy.trial import Trial
-from polyworld.discrepancy.windows import windows
+from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.windows import FEWEST, Windows, windows
+from polyworld.recording import Run
 
 Array = NDArray[np.float64]
 
 GROUND_ITERATIONS = 4  # so short a window is nearly straight
-SURE = 4.0  # standard deviations by which a window asks for an effect
+SURE = 4.0  # standard deviations by which a window, or a disc, asks for an effect
 ROUGH = 0.3  # of a usual strength, that slopes misjudge: a grip ends the slide that it acts on
 FILLED = 0.4  # of a window that has to lie inside for the effect to show there in full
+LITTLE = 1e-6  # of what is told of all windows, below which a disc is told apart from none
 POPULATION, GENERATIONS, SEED = 40, 60, 1977  # of the search for discs (Storn & Price 1997)
+MOST_WINDOWS = 512
 SAMPLES = 8  # of each window, by which it is told how much of it lies inside
 KEPT = 8  # discs to begin with
 APART = 1.0  # of a typical change, by which these differ
+BEGUN = 0.7  # of the strength asked for, to begin with: less friction than none is no place to start
+ALIGNED = 0.999  # component of a plane's normal along a world axis, from which on a disc lies along the others
 
 
 @dataclass(frozen=True)
 class StrengthMap:
     """What windows ask for: strength (W,), its weight (W,), and places (W, T, D) on them, D the axes of a disc.
 
-    Weights allow for the roughness of the slope, so that no single window outweighs many.
+    Weights allow for the roughness of the slope, so that no single window outweighs many. known: whether the motion
+    elsewhere is known; where something of it is fitted too, elsewhere may ask for some of the effect all over.
     """
 
     strength: Array
     weight: Array
     places: Array
+    known: bool
 
     def gain(self, centres: Array, radii: Array) -> tuple[Array, Array]:
         """For K discs with centres (K, D) and radii (K,): the fall (K,) of the weighted sum of squares if the effect
@@ -49,15 +57,20 @@ class StrengthMap:
         beside = self.places[None] - centres[:, None, None]
         within = np.einsum("kwtd,kwtd->kwt", beside, beside) < (radii**2)[:, None, None]
         part = np.minimum(within.mean(axis=2) / FILLED, 1.0)
-        information = part**2 @ self.weight
-        strength = part @ (self.weight * self.strength) / np.maximum(information, 1e-300)
+        asked, whole = self.weight * self.strength, float(self.weight.sum())
+        information, pull = part**2 @ self.weight, part @ asked
+        if not self.known:
+            share = part @ self.weight / whole
+            information, pull = information - whole * share**2, pull - share * float(asked.sum())
+        told = information > LITTLE * whole
+        strength = np.divide(pull, information, out=np.zeros(len(pull)), where=told)
         return information * strength**2, strength
 
 
 def strength_map(ground: Trial, hypothesis: Hypothesis) -> StrengthMap | None:
     """The map of the last effect of a hypothesis over windows that a trial without it was fitted to.
 
-    None where it cannot be drawn, or no window asks for the effect.
+    None where it cannot be drawn.
     """
     design = ground.bench.design
     variant = hypothesis.parts[-1].variant
@@ -76,28 +89,56 @@ def strength_map(ground: Trial, hypothesis: Hypothesis) -> StrengthMap | None:
             by_strength = ground.ground.off(r.index, linear.a[r.index][:, column])
             slope[r.index] = by_strength @ ground.ground.off(r.index, linear.r[r.index])
             information[r.index] = by_strength @ by_strength
-        sampled = np.linspace(0, len(r.run.times) - 1, SAMPLES).round().astype(int)
-        places.append(r.run.positions[sampled, 0][:, axes])
+        places.append(_sampled(r.run, axes))
     information = np.maximum(information, 1e-300)
     strength = -slope / information
     sure = np.abs(slope) > SURE * np.sqrt(information)
-    if not sure.any():
-        return None
-    usual = float(np.median(np.abs(strength[sure])))
-    return StrengthMap(strength, 1.0 / (1.0 / information + (ROUGH * usual) ** 2), np.array(places))
+    usual = float(np.median(np.abs(strength[sure]))) if sure.any() else 0.0
+    weight = 1.0 / (1.0 / information + (ROUGH * usual) ** 2)
+    return StrengthMap(strength, weight, np.array(places), not len(ground.values))
+
+
+def _sampled(run: Run, axes: list[int]) -> Array:
+    """Places (SAMPLES, D) of a run's one body, from start to end; NaN where it was never seen."""
+    places: Array = run.positions[:, 0][:, axes]
+    seen = np.flatnonzero(np.isfinite(places).all(axis=1))
+    if not len(seen):
+        return np.full((SAMPLES, len(axes)), np.nan)
+    chosen: Array = places[seen[np.linspace(0, len(seen) - 1, SAMPLES).round().astype(int)]]
+    return chosen
 
 
 def _drawn(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect can be made to act everywhere, and one body moves, so that a window is at one place."""
-    return hypothesis.parts[-1].variant.everywhere is not None and len(hypothesis.world.moving_names) == 1
+    """Whether the last effect can be made to act everywhere, one body moves, so that a window is at one place, and not
+    on an oblique plane."""
+    world = hypothesis.world
+    if hypothesis.parts[-1].variant.everywhere is None or len(world.moving_names) != 1:
+        return False
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    return not world.planar or float(np.max(np.abs(normal))) > ALIGNED
+
+
+def _shortest(bench: Bench) -> Windows | None:
+    """The shortest windows that a design can be cut into, not too many."""
+    runs = bench.design.runs
+    pieces = min(max(len(r.times) for r in runs) // FEWEST, MOST_WINDOWS // len(runs))
+    while pieces > 1:
+        cut = windows(bench, pieces)
+        if cut is not None:
+            return cut
+        pieces //= 2
+    return windows(bench, 1)
 
 
 def mapped(parent: Trial, hypothesis: Hypothesis) -> list[Lead]:
-    """Leads to a hypothesis that adds an effect with an edge to a trial, from its map over the shortest windows; best
-    first, none where there is no map. chi2 in them is what is left of the map's sum of squares."""
+    """Leads to a hypothesis that adds an effect with an edge to a trial, from its map over the shortest windows.
+
+    Best first; none where there is no map, or no disc of it asks for the effect. chi2 in them is what is left of the
+    map's sum of squares.
+    """
     if not _drawn(hypothesis):
         return []
-    cut = windows(parent.bench, max(len(r.times) for r in parent.bench.design.runs))
+    cut = _shortest(parent.bench)
     if cut is None:
         return []
     states = profile.start_states(cut.bench.design)
@@ -139,17 +180,16 @@ def mapped(parent: Trial, hypothesis: Hypothesis) -> list[Lead]:
             kept.append(row)
         if len(kept) == KEPT:
             break
-    return [_lead(parent, hypothesis, row, axes, at, total) for row in kept]
+    return [_lead(ground.values, hypothesis, row, axes, at, total) for row in kept if row[0] > SURE**2]
 
 
-def _lead(parent: Trial, hypothesis: Hypothesis, row: Array, axes: list[int], at: dict[str, int], total: float) -> Lead:
+def _lead(before: Array, hypothesis: Hypothesis, row: Array, axes: list[int], at: dict[str, int], total: float) -> Lead:
     variant = hypothesis.parts[-1].variant
     values = np.array([u.start for u in variant.unknowns])
     values[axes], values[at["radius"]] = row[2:-1], row[-1]
     off = values.copy()
     unknown = variant.unknowns[at[str(variant.strength)]]
-    values[at[unknown.name]] = np.clip(row[1], unknown.lower, unknown.upper)
-    before = parent.values
+    values[at[unknown.name]] = np.clip(BEGUN * row[1], unknown.lower, unknown.upper)
     return Lead(
         hypothesis, np.concatenate([before, values]), total - float(row[0]), before=np.concatenate([before, off])
     )

@@ -14,7 +14,7 @@ from polyworld.discrepancy.mending import mended, searched
 from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.strength_map import mapped
-from polyworld.discrepancy.trial import Trial
+from polyworld.discrepancy.trial import Start, Trial
 from polyworld.discrepancy.windows import Windows
 from polyworld.discrepancy.zoom import closer
 
@@ -80,7 +80,9 @@ class WindowSearch:
         unforeseen = [key for key in rest[most:] if _unforeseen(ways[key][0][1].hypothesis)]
         for key in (*rest[:most], *unforeseen):
             if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
-                trial = self._first_fit(ways[key])
+                trial = self._first_fit(*self.cut.nearest(ways[key]))
+                if not any(_explains(t) for t in (*fits, trial)):
+                    trial = self._where_asked(trial, ways[key])
                 leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
                 fits.append(mended(trial) if leads_so_far else trial)
         wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
@@ -94,21 +96,24 @@ class WindowSearch:
         ranked = _worth_more(wanted, before)
         return self._to_the_end(ranked) if ranked else []
 
-    def _first_fit(self, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
-        """First iterations of a contender; of one with an edge also from where its map has it. Where bodies collide,
-        states bent to a law that lacked something lie behind other collisions than the right ones: it is fitted from
-        the data's own too, a little more at a time."""
+    def _first_fit(self, hypothesis: Hypothesis, at: Start) -> Trial:
+        """First iterations of a contender. Where bodies collide, states bent to a law that lacked something lie behind
+        other collisions than the right ones: it is fitted from the data's own too, a little more at a time."""
         bench = self.cut.bench
-        hypothesis, at = self.cut.nearest(ways)
         trial = bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
-        if not _explains(trial):
-            ground = ways[0][0]
-            trial = self._best_of(trial, ground, mapped(ground, hypothesis))
         if not profile.collide(bench.design) or _explains(trial):
             return trial
         begun, horizons = profile.start_states(bench.design), profile.horizons_for(bench.design)
         other = bench.fit(hypothesis, at.values, begun, horizons=horizons, iterations=ITERATIONS)
         return min([trial, other], key=lambda t: t.chi2)
+
+    def _where_asked(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
+        """A trial, or a better one from where windows ask for its effect, if that has an edge."""
+        edged = [(p, x.hypothesis) for p, x in ways if x.hypothesis.parts[-1].variant.everywhere is not None]
+        if not edged:
+            return trial
+        ground, hypothesis = edged[0]
+        return self._best_of(trial, ground, mapped(ground, hypothesis))
 
     def _closer(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
         """A trial, or a better one from closer starts where the effect has a place or a rhythm."""

@@ -53,7 +53,8 @@ def _friction_patch(world: World, recording: Recording) -> tuple[Variant, ...]:
     height = {"xyz"[a]: float(np.median(places[:, a])) - (0.0 if world.planar else _drop(world, a)) for a in range(3)}
     added = effect(world, "friction_patch", height | {"radius": PATCH_RADII[0] * found.spread})
     friction = of_effect(added, "friction", 0.1, lower=-2.0, upper=2.0)
-    radius = of_effect(added, "radius", 0.3 * found.spread, lower=0.02 * found.spread, upper=3.0 * found.spread)
+    widest = max(3.0 * found.spread, float(np.linalg.norm(found.upper - found.lower)))
+    radius = of_effect(added, "radius", 0.3 * found.spread, lower=0.02 * found.spread, upper=widest)
     centre = [
         of_effect(
             added,
