@@ -230,6 +230,7 @@ def _searched(
         if _passed(search, effects):
             break
         parents = search.ranked(effects)[: settings.search.parents]
+    effects = search.fewest(effects)  # on the way back from two, one may have come to explain all
     while effects > 1 and search.best(effects) is None:
         effects -= 1  # nothing promised to better those
     best = search.best(effects)

@@ -99,6 +99,11 @@ class Search:
             self.trials[key] = trial
         return self.trials.get(key, trial)
 
+    def fewest(self, effects: int) -> int:
+        """The least number of effects, up to so many, whose best passes the gate; all of them where none does."""
+        best = ((k, self.best(k)) for k in range(1, effects))
+        return next((k for k, trial in best if trial is not None and trial.passes), effects)
+
     def under(self, bench: Bench, effects: int) -> None:
         """Go on under other noise: trials near the best are refitted, the others dropped."""
         before = self.ranked(effects)

@@ -9,6 +9,7 @@ of the place is flat in one stretch and jumps in the next.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,9 @@ LITTLE = 1e-6  # of what is told of all windows, below which a disc is told apar
 POPULATION, GENERATIONS, SEED = 40, 60, 1977  # of the search for discs (Storn & Price 1997)
 MOST_WINDOWS = 512
 SAMPLES = 8  # of each window, by which it is told how much of it lies inside
-KEPT = 8  # discs to begin with
-APART = 1.0  # of a typical change, by which these differ
+BANDS = (0.0, 1.2, 2.5, 5.0, np.inf)  # typical changes of the radius: small and large discs are looked for apart
+KEPT = 2  # of each, to begin with
+APART = 0.1  # of what windows tell, that these do not hold in common
 BEGUN = 0.7  # of the strength asked for, to begin with: less friction than none is no place to start
 ALIGNED = 0.999  # component of a plane's normal along a world axis, from which on a disc lies along the others
 
@@ -51,12 +53,29 @@ class StrengthMap:
     places: Array
     known: bool
 
+    def held(self, centres: Array, radii: Array) -> Array:
+        """How much (K, W), from 0 to 1, of what an effect does to each window it does within each of K discs."""
+        beside = self.places[None] - centres[:, None, None]
+        within = np.einsum("kwtd,kwtd->kwt", beside, beside) < (radii**2)[:, None, None]
+        part: Array = np.minimum(within.mean(axis=2) / FILLED, 1.0)
+        return part
+
+    def unlike(self, rows: Array) -> NDArray[np.intp]:
+        """The first few of some discs (K, D + 1), centre and radius, that do not hold nearly the same windows."""
+        kept: list[int] = []
+        part = self.held(rows[:, :-1], rows[:, -1])
+        for k in range(len(rows)):
+            common = ((part[kept] - part[k]) ** 2) @ self.weight
+            if not len(kept) or float(common.min()) > APART * float(part[k] ** 2 @ self.weight):
+                kept.append(k)
+            if len(kept) == KEPT:
+                break
+        return np.array(kept, dtype=np.intp)
+
     def gain(self, centres: Array, radii: Array) -> tuple[Array, Array]:
         """For K discs with centres (K, D) and radii (K,): the fall (K,) of the weighted sum of squares if the effect
         acts in there and nowhere else, and the strength (K,) at which it falls so much."""
-        beside = self.places[None] - centres[:, None, None]
-        within = np.einsum("kwtd,kwtd->kwt", beside, beside) < (radii**2)[:, None, None]
-        part = np.minimum(within.mean(axis=2) / FILLED, 1.0)
+        part = self.held(centres, radii)
         asked, whole = self.weight * self.strength, float(self.weight.sum())
         information, pull = part**2 @ self.weight, part @ asked
         if not self.known:
@@ -150,18 +169,28 @@ def mapped(parent: Trial, hypothesis: Hypothesis) -> list[Lead]:
     at = {u.name: i for i, u in enumerate(own)}
     axes = [at[name] for name in "xyz" if name in at]
     radius = own[at["radius"]]
-    bounds = [(own[i].lower, own[i].upper) for i in axes] + [(np.log(radius.lower), np.log(radius.upper))]
-    seen: list[Array] = []  # rows of gain, strength, centre and radius
+    kept = []
+    for low, high in pairwise(np.clip(np.array(BANDS) * radius.typical, radius.lower, radius.upper)):
+        if low < high:
+            kept += _discs(found, [(own[i].lower, own[i].upper) for i in axes], (float(low), float(high)))
+    total = float(found.weight @ found.strength**2)
+    asked = sorted((row for row in kept if row[0] > SURE**2), key=lambda row: -float(row[0]))
+    return [_lead(ground.values, hypothesis, row, axes, at, total) for row in asked]
+
+
+def _discs(found: StrengthMap, places: list[tuple[float, float]], radii: tuple[float, float]) -> list[Array]:
+    """Rows of gain, strength, centre and radius: the best few discs within bounds."""
+    seen: list[Array] = []
 
     def left(discs: Array) -> Array:
-        places, sizes = discs[:-1].T, np.exp(discs[-1])
-        gain, strength = found.gain(places, sizes)
-        seen.append(np.column_stack([gain, strength, places, sizes]))
+        centres, sizes = discs[:-1].T, np.exp(discs[-1])
+        gain, strength = found.gain(centres, sizes)
+        seen.append(np.column_stack([gain, strength, centres, sizes]))
         return -gain
 
     differential_evolution(
         left,
-        bounds,
+        [*places, (float(np.log(radii[0])), float(np.log(radii[1])))],
         popsize=POPULATION,
         maxiter=GENERATIONS,
         rng=SEED,
@@ -172,15 +201,8 @@ def mapped(parent: Trial, hypothesis: Hypothesis) -> list[Lead]:
         updating="deferred",
     )
     rows = np.concatenate(seen)
-    typical = np.array([*(own[i].typical for i in axes), radius.typical])
-    total = float(found.weight @ found.strength**2)
-    kept: list[Array] = []
-    for row in rows[np.argsort(-rows[:, 0], kind="stable")]:
-        if all(float(np.max(np.abs(row[2:] - other[2:]) / typical)) > APART for other in kept):
-            kept.append(row)
-        if len(kept) == KEPT:
-            break
-    return [_lead(ground.values, hypothesis, row, axes, at, total) for row in kept if row[0] > SURE**2]
+    rows = rows[np.argsort(-rows[:, 0], kind="stable")]
+    return list(rows[found.unlike(rows[:, 2:])])
 
 
 def _lead(before: Array, hypothesis: Hypothesis, row: Array, axes: list[int], at: dict[str, int], total: float) -> Lead:

@@ -6,9 +6,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from polyworld.discrepancy import GapReport, GapSettings, find_gap
+from polyworld.discrepancy import GapReport, GapSettings, find_gap, profile
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.design import design
+from polyworld.discrepancy.examine import fitted_base
+from polyworld.discrepancy.hypothesis import extended
+from polyworld.discrepancy.search import Search
 from polyworld.recording import Recording
 from tests.polyworld.discrepancy.scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
@@ -50,6 +54,20 @@ def test_two_effects_are_found_together() -> None:
     report = found(hidden(ball)).to_dict()
     assert report["verdict"] == "identified"
     assert sorted(report["credible_set"][0]) == ["restitution_error", "tilt"]
+
+
+def test_one_effect_that_explains_all_is_told_though_two_were_tried_after_it() -> None:
+    recording = hidden(Bouncing(acceleration=drag(0.02)))
+    plan = design(ball_world(), recording)
+    ground = fitted_base(plan, ())
+    offered = tuple(catalogue()[n] for n in FEW)
+    search = Search(ground.bench, offered, QUICK.search, lambda _step, _figures: None, ground, 1e-3)
+    (one,) = extended(ground.hypothesis, catalogue()["quadratic_drag"], recording)
+    (two,) = extended(one, catalogue()["restitution_error"], recording)
+    search.take(ground.bench.fit(two, np.array([0.01, 0.6]), ground.fit.states, iterations=0))
+    assert search.fewest(2) == 2
+    search.take(ground.bench.fit(one, np.array([0.01]), profile.start_states(plan), horizons=profile.HORIZONS))
+    assert search.fewest(2) == 1
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
