@@ -131,6 +131,8 @@ class Search:
             self._through_windows(on_windows, parents, most, level)
             best = self.best(effects)
             unclear = best is None or best.chi2 > EXPLAINED * self.bench.observations
+            # An effect with an edge may be at a wrong place, which gets near to the data and not there.
+            unclear = unclear or (best is not None and _edged(best.hypothesis.parts[-1]) and not best.passes)
             if unclear and not further and self._longer is not None and self._longer is not on_windows:
                 self.on_windows, cut = self._longer, self._longer.cut
                 self._through_windows(self._longer, parents, most, level)
