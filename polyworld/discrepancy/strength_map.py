@@ -86,18 +86,14 @@ class StrengthMap:
         return information * strength**2, strength
 
 
-def strength_map(ground: Trial, hypothesis: Hypothesis) -> StrengthMap | None:
-    """The map of the last effect of a hypothesis over windows that a trial without it was fitted to.
-
-    None where it cannot be drawn.
-    """
+def strength_map(ground: Trial, hypothesis: Hypothesis) -> StrengthMap:
+    """The map of the last effect of a hypothesis, made to act everywhere, over windows that a trial without it was
+    fitted to."""
     design = ground.bench.design
     variant = hypothesis.parts[-1].variant
-    if variant.everywhere is None or variant.strength is None or not _drawn(hypothesis):
-        return None
-    start = {u.name: u.start for u in variant.unknowns} | dict(variant.everywhere)
+    start = {u.name: u.start for u in variant.unknowns} | dict(variant.everywhere or {})
     values = np.concatenate([ground.values, [start[u.name] for u in variant.unknowns]])
-    column = len(ground.values) + [u.name for u in variant.unknowns].index(variant.strength)
+    column = len(ground.values) + [u.name for u in variant.unknowns].index(str(variant.strength))
     forward = ground.bench.forward(hypothesis)
     linear = profile.linearise(forward, ground.bench.noise, values, ground.fit.states, ground.fit)
     axes = ["xyz".index(u.name) for u in variant.unknowns if u.name in ("x", "y", "z")]
@@ -163,8 +159,6 @@ def mapped(parent: Trial, hypothesis: Hypothesis) -> list[Lead]:
     states = profile.start_states(cut.bench.design)
     ground = cut.bench.fit(parent.hypothesis, parent.values, states, iterations=GROUND_ITERATIONS)
     found = strength_map(ground, hypothesis)
-    if found is None:
-        return []
     own = hypothesis.parts[-1].variant.unknowns
     at = {u.name: i for i, u in enumerate(own)}
     axes = [at[name] for name in "xyz" if name in at]
@@ -209,9 +203,6 @@ def _lead(before: Array, hypothesis: Hypothesis, row: Array, axes: list[int], at
     variant = hypothesis.parts[-1].variant
     values = np.array([u.start for u in variant.unknowns])
     values[axes], values[at["radius"]] = row[2:-1], row[-1]
-    off = values.copy()
     unknown = variant.unknowns[at[str(variant.strength)]]
     values[at[unknown.name]] = np.clip(BEGUN * row[1], unknown.lower, unknown.upper)
-    return Lead(
-        hypothesis, np.concatenate([before, values]), total - float(row[0]), before=np.concatenate([before, off])
-    )
+    return Lead(hypothesis, np.concatenate([before, values]), total - float(row[0]))

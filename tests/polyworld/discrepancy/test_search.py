@@ -56,7 +56,7 @@ def test_two_effects_are_found_together() -> None:
     assert sorted(report["credible_set"][0]) == ["restitution_error", "tilt"]
 
 
-def test_one_effect_that_explains_all_is_told_though_two_were_tried_after_it() -> None:
+def test_of_one_effect_and_two_the_fewest_that_explain_all_are_counted() -> None:
     recording = hidden(Bouncing(acceleration=drag(0.02)))
     plan = design(ball_world(), recording)
     ground = fitted_base(plan, ())
