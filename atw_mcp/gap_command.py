@@ -54,7 +54,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         return _run(options)
     except ValidationError as error:
-        print(f"{options.world}: {validation_text(error)}", file=sys.stderr)
+        advice = "`atw-mcp schema world` prints every field"
+        print(f"{options.world}: {validation_text(error)}; {advice}", file=sys.stderr)
     except (OSError, ValueError, KeyError) as error:
         print(error.args[0] if isinstance(error, KeyError) else error, file=sys.stderr)
     return FAILED
@@ -86,7 +87,7 @@ def _run(options: argparse.Namespace) -> int:
         base=unknowns_at(world, options.fit),
         candidates=wanted,
         settings=GapSettings(search=SearchSettings(max_effects=options.max_effects), seed=options.seed),
-        progress=None if options.json else lambda share, step: print(f"  {100 * share:3.0f} % {step}", file=sys.stderr),
+        progress=None if options.json else _Steps(),
     )
     told = report.to_dict()
     told["sealed_data"] = parts.said
@@ -102,6 +103,18 @@ def _run(options: argparse.Namespace) -> int:
     print(verdict_text(told))
     print(_sealed(told))
     return OK
+
+
+class _Steps:
+    """Writes each step of the search to the terminal, once however often it is repeated."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, share: float, step: str) -> None:
+        if step != self._last:
+            print(f"  {100 * share:3.0f} % {step}", file=sys.stderr)
+        self._last = step
 
 
 def _sealed(told: dict[str, Any]) -> str:

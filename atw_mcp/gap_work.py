@@ -237,7 +237,7 @@ def _starting_as(trial: Trial) -> World:
     for own in run.states:
         values = states[at : at + len(own.labels)]
         at += len(own.labels)
-        numbers |= {path: float(value[0]) for path, value in own.overrides(values[None]).items()}
+        numbers |= {path: float(value[0]) for path, value in own.overrides(values[None], {}).items()}
     return with_parameters(trial.hypothesis.world, numbers)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.representations.joint import Hinge, Joint, Slider
+from polyworld.representations.joint import Hinge, Joint, Slider, Spring
 from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
 
@@ -81,6 +82,29 @@ def check_joints_hold(before: World, after: World) -> None:
                 f"{joint.object!r} is fixed by joint {joint.name!r} to "
                 f"{'the world' if joint.other is None else repr(joint.other)} and cannot be moved against it"
             )
+
+
+def carry_springs(before: World, after: dict[str, Any]) -> None:
+    """Let the ends of springs go with their bodies: `after` is the dump of `before` with objects moved and turned.
+
+    A spring without a rest length keeps that of `before`.
+    """
+    places = {d["name"]: d for d in after["objects"]}
+    for joint, changed in zip(before.joints, after["joints"], strict=True):
+        if not isinstance(joint, Spring):
+            continue
+        for end, name in (("anchor", joint.object), ("other_anchor", joint.other)):
+            if name is None:
+                continue
+            item, place = before.object(name), places[name]
+            if (place["position"], place["orientation"]) == (item.position, item.orientation):
+                continue
+            turn = geometry.quaternion_matrix(np.asarray(place["orientation"]))
+            turn = turn @ geometry.quaternion_matrix(np.asarray(item.orientation)).T
+            point = np.asarray(place["position"]) + turn @ (np.asarray(changed[end]) - np.asarray(item.position))
+            changed[end] = (float(point[0]), float(point[1]), float(point[2]))
+        if (changed["anchor"], changed["other_anchor"]) != (joint.anchor, joint.other_anchor):
+            changed["rest_length"] = joint.length
 
 
 def with_stops_kept(before: World, after: World) -> World:

@@ -89,7 +89,14 @@ JOINT_PARAMETERS = {
     "friction": ParameterSpec("N m or N", 0.0, 1e9, (0.0, 1.0), "dry resistance of a joint"),
     "damping": ParameterSpec("N m s or N s/m", 0.0, 1e9, (0.0, 1.0), "viscous resistance of a joint"),
     "stiffness": ParameterSpec("N/m", 0.0, 1e9, (1.0, 1e3), "force per extension of a spring"),
+    "lower": ParameterSpec("rad or m", -1e6, 1e6, (-np.pi, 0.0), "lower stop, from the pose at the start"),
+    "upper": ParameterSpec("rad or m", -1e6, 1e6, (0.0, np.pi), "upper stop, from the pose at the start"),
 }
+_ANCHOR = {
+    "anchor": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "the joint's point at the start"),
+    "other_anchor": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "a spring's other end at the start"),
+}
+ANCHOR_PARAMETERS = {f"{name}.{axis}": spec for name, spec in _ANCHOR.items() for axis in "xyz"}
 MOTOR_PARAMETERS = {
     "target_speed": ParameterSpec("rad/s or m/s", -1e6, 1e6, (-20.0, 20.0), "speed a motor aims at, about the axis"),
     "limit": ParameterSpec("N m or N", 0.0, 1e9, (0.0, 10.0), "greatest torque or force of a motor"),

@@ -15,7 +15,9 @@ import numpy as np
 
 from polyworld import geometry
 from polyworld.expressions.effect import law_of
+from polyworld.joints import carry_springs
 from polyworld.parameter_tables import (
+    ANCHOR_PARAMETERS,
     DEFORMABLE_PARAMETERS,
     DEFORMABLE_STATE,
     EMITTER_PARAMETERS,
@@ -56,9 +58,13 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         planar = world.deformable(emitter.fluid).representation == "fluid_planar"
         for field, spec in EMITTER_PARAMETERS.items():
             paths[f"emitters.{emitter.name}.{field}"] = replace(spec, unit="m^2/s") if planar else spec
+    for joint in world.joints:
+        for field, spec in ANCHOR_PARAMETERS.items():
+            if hasattr(joint, field[:-2]):
+                paths[f"joints.{joint.name}.{field}"] = spec
     for joint in () if world.planar and not world.coupled else world.joints:  # planar hinges turn freely
         for field, spec in JOINT_PARAMETERS.items():
-            if hasattr(joint, field):
+            if getattr(joint, field, None) is not None:
                 paths[f"joints.{joint.name}.{field}"] = spec
         motor = getattr(joint, "motor", None)
         for field, spec in MOTOR_PARAMETERS.items() if motor is not None else ():
@@ -126,7 +132,7 @@ def read_parameter(world: World, path: str) -> float | None:
     if parts[0] in ("pulleys", "emitters", "joints"):
         part: Any = next(x for x in getattr(world, parts[0]) if x.name == parts[1])
         for field in parts[2:]:
-            part = getattr(part, field)
+            part = part["xyz".index(field)] if isinstance(part, tuple) else getattr(part, field)
         return float(part)
     if parts[0] == "statics":
         return _static_value(world, parts[1], parts[2:])
@@ -161,6 +167,9 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
                 item[parts[2]] = _replace(item[parts[2]], "xyz".index(parts[3]), float(value))
             else:
                 item[parts[2]] = float(value)
+        elif parts[0] == "joints" and parts[2] in ("anchor", "other_anchor"):
+            part = next(d for d in data["joints"] if d["name"] == parts[1])
+            part[parts[2]] = _replace(part[parts[2]], "xyz".index(parts[3]), float(value))
         elif parts[0] in ("pulleys", "emitters", "joints"):
             part = next(d for d in data[parts[0]] if d["name"] == parts[1])
             (part["motor"] if parts[2] == "motor" else part)[parts[-1]] = float(value)
@@ -201,6 +210,7 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
             geometry.rotation_quaternion(np.asarray(vector)), np.asarray(item["orientation"])
         )
         item["orientation"] = tuple(float(x) for x in turned)
+    carry_springs(world, data)
     return World.model_validate(data)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.joints import check_joints_hold, turned_about, with_stops_kept
+from polyworld.joints import carry_springs, check_joints_hold, turned_about, with_stops_kept
 from polyworld.meshing import mesh_of
 from polyworld.meshing.rope import threading
 from polyworld.parameters import shift_deformable
@@ -61,12 +61,7 @@ def moved(world: World, name: str, position: Vector | None, orientation: Turn | 
         """Where a point fixed to the body goes."""
         return _vector(np.asarray(after.position) + turn @ (np.asarray(point) - np.asarray(item.position)))
 
-    for joint in data["joints"]:
-        if joint["kind"] == "spring" and name in (joint["object"], joint["other"]):
-            if joint["rest_length"] is None:
-                joint["rest_length"] = float(np.linalg.norm(np.subtract(joint["anchor"], joint["other_anchor"])))
-            end = "anchor" if joint["object"] == name else "other_anchor"
-            joint[end] = carried(joint[end])
+    carry_springs(world, data)
     for pulley in data["pulleys"]:
         if pulley["object"] == name:
             raise ValueError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from polyworld.discrepancy.design import Design, owner
+from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.discrepancy.one_course import follows_one_course
 
 FEW = 16  # instants of a series below which its noise is a guess
@@ -18,6 +19,13 @@ def cautions(plan: Design) -> tuple[str, ...]:
         missing = ["xyz"[axis] for axis in range(3) if (name, axis) not in measured]
         if missing:
             found.append(f"{' and '.join(missing)} of {name} was never measured: there it starts as the world says")
+    known = {link.item.name for linkage in linkages(plan.world) for link in linkage.links}
+    stuck = sorted({name for name, _ in measured if is_held(plan.world, name)} - known)
+    if stuck:
+        found.append(
+            f"{' and '.join(stuck)} are held by joints that are no tree of parallel hinges and sliders from "
+            "the world outwards: they start as the world says"
+        )
     if follows_one_course(plan):
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
     shortest = min((len(s.rows) for s in plan.series), default=0)

@@ -284,13 +284,16 @@ def _separation(a: _Forecast, b: _Forecast, experiment: int) -> float:
 def _watch(
     own: RunDesign, contenders: Sequence[Contender], forecasts: list[_Forecast], chosen: int, sigma: Array
 ) -> tuple[str, dict[str, float]]:
-    """The component and instant of the first pair's greatest difference, and what each contender expects there."""
+    """The component and instant of the first pair's greatest difference, and what each contender expects there.
+
+    It counts as far as the forecasts are apart, and as far as another start cannot make that up.
+    """
     difference = forecasts[0].motion[chosen] - forecasts[1].motion[chosen]
     starts = forecasts[0].by_start[chosen]
     basis, size, _ = np.linalg.svd(starts, full_matrices=False)
     basis = basis[:, size > 1e-9 * size.max(initial=0.0)]
     left = np.abs(np.nan_to_num(difference - basis @ (basis.T @ difference)))
-    at = int(np.argmax(left))
+    at = int(np.argmax(np.minimum(left, np.abs(np.nan_to_num(difference)))))
     series = next(s for s in own.series if s.where.start <= at < s.where.stop)
     time = own.times[series.rows[at - series.where.start]]
     label = f"{series.kind}.{'xyz'[series.axis]} of {series.name} at {time:.3g} s"

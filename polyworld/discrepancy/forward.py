@@ -128,7 +128,7 @@ class _Group:
         """Roll out all settings as one batch; also the observer's parameters of each world."""
         count = sum(len(s.shared) for s in settings)
         shared = np.concatenate([s.shared for s in settings])
-        values = {path: shared[:, i] for i, u in enumerate(unknowns) for path in u.paths}
+        values = {path: shared[:, i].copy() for i, u in enumerate(unknowns) for path in u.paths}
         self._state_values(values, settings, count)
         self._origins(values, settings)
         observer = {path: v for path, v in values.items() if path.startswith("observer.")}
@@ -241,13 +241,14 @@ class _Group:
             values[ORIGIN] = values.get(ORIGIN, base) + np.concatenate(origins)
 
     def _state_values(self, values: dict[str, Array], settings: Sequence[Settings], count: int) -> None:
-        at = 0
+        at, given = 0, tuple(values)
         for item in settings:
             k = len(item.shared)
+            own = {path: values[path][at : at + k].copy() for path in given}
             offset = 0
             for coordinates in self._runs[item.run].states:
                 n = len(coordinates.labels)
-                for path, v in coordinates.overrides(item.states[:, offset : offset + n]).items():
+                for path, v in coordinates.overrides(item.states[:, offset : offset + n], own).items():
                     if path not in values:
                         start = read_parameter(self.world, path)
                         values[path] = np.full(count, 0.0 if start is None else start)

@@ -52,12 +52,12 @@ def motions(
         for path in u.paths
         if not path.startswith("observer.")
     }
-    at = 0
+    at, states_of = 0, dict[str, Array]()
     for coordinates in run.states:
         n = len(coordinates.labels)
-        overrides |= coordinates.overrides(states[None, at : at + n])
+        states_of |= coordinates.overrides(states[None, at : at + n], overrides)
         at += n
-    batch = simulator(world, run.times, n_worlds=1, record_events=True, threads=1).run(overrides or None)
+    batch = simulator(world, run.times, n_worlds=1, record_events=True, threads=1).run(overrides | states_of or None)
     trajectory = batch.world(0)
     count, length = len(trajectory.times), len(run.times)
     rows = np.minimum(np.arange(length), count - 1)  # beyond a divergence the last state stays

@@ -159,8 +159,9 @@ def _by_axis(scales: Scales) -> Iterator[Term]:
         factors: frozenset[Factor] = frozenset({"speed"})
         direction = "against each component by itself"
         yield Term("unequal drag of the components", text, direction, factors, strengths, p)
-        straight = " ".join(f"- {{k{a}}}*(speed/{v})^{{p}}*v{a}/{v}*e{a}" for a in scales.axes)
-        shapes = (Shape("p", "1", -1.0, 5.0, 0.5, (0.0, 1.0)),)
+        # By the direction of the velocity, so that p is the exponent of the force.
+        straight = " ".join(f"- {{k{a}}}*(speed/{v})^{{p}}*dot(unit(v), e{a})*e{a}" for a in scales.axes)
+        shapes = (_exponent(starts=(1.0, 2.0)),)
         direction = "against the velocity, by axes"
         yield Term("anisotropic drag", straight, direction, factors, strengths, shapes)
     for a, b in itertools.permutations(scales.axes, 2):

@@ -74,7 +74,8 @@ class Search:
     """All trials so far, the best of each hypothesis, and the story of how they came about.
 
     ground: the base, fitted. substep [s]: of the world that was given, which the design's may exceed; the best are
-    judged with it. on_windows: the search on windows, once it was begun.
+    judged with it. on_windows: the search on windows, once it was begun. foretold: least chi2 that the score test on
+    whole runs foretold of each hypothesis, of the effects tried last.
     """
 
     bench: Bench
@@ -86,6 +87,7 @@ class Search:
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
     on_windows: WindowSearch | None = None
+    foretold: dict[tuple[str, ...], float] = field(default_factory=dict)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
         """The best trial of every hypothesis (with so many effects), lowest EBIC first."""
@@ -140,12 +142,16 @@ class Search:
             if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
                 return
         found: list[tuple[Trial, Lead]] = []
+        self.foretold = {}
         for parent in parents:
             more = self._more(parent)
             left = [h for h in more if cut is None or not cut.holds(parent.hypothesis) or not cut.holds(h)]
             own = self._scored(parent, parent, left, 1.0)
             self._promised(parent, own)
             found += [(parent, lead) for lead in own]
+            for lead in own:
+                key = identity(lead.hypothesis)
+                self.foretold[key] = min(lead.chi2, self.foretold.get(key, np.inf))
         promises = shares(found, level, self.bench.observations)
         if cut is None and far and not further:
             early = [
@@ -358,7 +364,8 @@ class Search:
         explained = False
         for rank, trial in enumerate(ranked[: self.settings.finalists]):
             least = min(t.chi2 for t in self.trials.values() if len(t.hypothesis.parts) == len(trial.hypothesis.parts))
-            if trial.fit.converged or level - trial.chi2 <= HOPELESS * (level - least):
+            hopeless = level - trial.chi2 <= HOPELESS * (level - least) and not self._was_to_lead(trial, level, least)
+            if trial.fit.converged or hopeless:
                 continue
             if rank == 0 or (rank < LEADERS and not explained):
                 trial = self._to_the_end(trial)
@@ -366,6 +373,11 @@ class Search:
                 self.tell("fit", trial.figures())
             else:
                 self.tell("fit", self.take(self.bench.refit(trial, target=least + MARGIN)).figures())
+
+    def _was_to_lead(self, trial: Trial, level: float, least: float) -> bool:
+        """Whether a trial that began near the data, at chi2 `level`, was to become better than the least there is."""
+        foretold = self.foretold.get(identity(trial.hypothesis), np.inf)
+        return level < FAR * self.bench.observations and foretold < least
 
     def _to_the_end(self, trial: Trial) -> Trial:
         """A leader fitted as long as chi2 falls: with strongly coupled unknowns the way is long, in small steps."""

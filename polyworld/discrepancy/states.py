@@ -1,7 +1,7 @@
 """Coordinates of the initial states of a run, and how they become parameters of the world.
 
-A free body has its position and velocity, and its turn and spin where its orientation was measured. A body on a hinge
-that is fixed to the world has one angle and one rate: its position and velocity follow.
+A free body has its position and velocity, and its turn and spin where its orientation was measured. Bodies that joints
+hold to the world and to each other have one coordinate and one rate a joint: places and velocities follow.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.discrepancy.bearing import is_borne, keeps_height, may_be_borne, rest_place
+from polyworld.discrepancy.linkage import Linkage, is_held, linkages
 from polyworld.recording import Run
 from polyworld.representations.fluid import Fluid
-from polyworld.representations.joint import Hinge
 from polyworld.representations.rigid import RigidObject
 from polyworld.symmetry import rotation_vector
 from polyworld.world import World
@@ -36,8 +36,8 @@ TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
 class StateCoordinates:
     """The coordinates (N,) of one object's initial state in one run.
 
-    kind: free, or hinged. labels (N,). start (N,): first guess. typical (N,): ordinary changes.
-    pivot, axis (3,): of the hinge; arm (3,): from the pivot to the object's centre in the world's description.
+    kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first.
+    labels (N,). start (N,): first guess. typical (N,): ordinary changes.
     spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
     reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
     samples, in case a body hits something right after the start. at_rest: components of the position that are known,
@@ -45,40 +45,23 @@ class StateCoordinates:
     """
 
     name: str
-    kind: Literal["free", "hinged"]
+    kind: Literal["free", "jointed"]
     labels: tuple[str, ...]
     start: Array
     typical: Array
-    pivot: Array
-    axis: Array
-    arm: Array
     spread: Array
     reach: Array
     hasty: Array
     at_rest: Mapping[str, float] = field(default_factory=dict)
+    linkage: Linkage | None = None
 
-    def overrides(self, values: Array) -> dict[str, Array]:
-        """Parameter path -> values (k,) for coordinates (k, N)."""
-        if self.kind == "free":
-            known = {label: np.full(len(values), v) for label, v in self.at_rest.items()}
-            found = {label: values[:, i] for i, label in enumerate(self.labels)}
-            return {f"objects.{self.name}.{label}": v for label, v in (known | found).items()}
-        angle, rate = values[:, 0], values[:, 1]
-        turn = angle[:, None] * self.axis
-        rotation = geometry.quaternion_matrix(geometry.rotation_quaternion(turn))
-        arm = np.einsum("kij,j->ki", rotation, self.arm)
-        spin = rate[:, None] * self.axis
-        vectors = {
-            "position": self.pivot + arm,
-            "velocity": np.cross(spin, arm),
-            "rotation": turn,
-            "angular_velocity": spin,
-        }
-        return {
-            f"objects.{self.name}.{name}.{axis}": vector[:, i]
-            for name, vector in vectors.items()
-            for i, axis in enumerate("xyz")
-        }
+    def overrides(self, values: Array, given: Mapping[str, Array]) -> dict[str, Array]:
+        """Parameter path -> values (k,) for coordinates (k, N); `given`: parameters (k,) that differ from it."""
+        if self.linkage is not None:
+            return self.linkage.overrides(values, given)
+        known = {label: np.full(len(values), v) for label, v in self.at_rest.items()}
+        found = {label: values[:, i] for i, label in enumerate(self.labels)}
+        return {f"objects.{self.name}.{label}": v for label, v in (known | found).items()}
 
 
 def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
@@ -86,20 +69,16 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
 
     Components that were not measured keep the values of the world's description.
     """
-    found: list[StateCoordinates] = []
+    jointed = linkages(world)
+    found = [_jointed(k, run) for k in jointed if any(link.item.name in run.names for link in k.links)]
     owners = dict.fromkeys(name.split("#", 1)[0] for name in run.names)
     for name in owners:
         item = world.item(name)
         if not isinstance(item, RigidObject):
             found.append(_deformable(name, world, run))
             continue
-        hinge = next((j for j in world.joints if isinstance(j, Hinge) and j.object == name and j.other is None), None)
         column = run.names.index(name)
-        if hinge is not None:
-            found.append(_hinged(item, hinge, run, column))
-        elif any(name in (j.object, j.other) for j in world.joints):
-            continue  # held by other bodies: it starts as the world says
-        else:
+        if not is_held(world, name):
             hasty = np.array([_free(world, item, run, column, count).start for count in HASTY])
             found.append(replace(_free(world, item, run, column, EARLY), hasty=hasty))
     return tuple(found)
@@ -158,16 +137,12 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest nothing tells which way to go
         typical.append(10.0 * TURN)
         spread = np.append(spread, SPIN)
-    zero = np.zeros(3)
     return StateCoordinates(
         item.name,
         "free",
         tuple(labels),
         np.array(start),
         np.array(typical),
-        zero,
-        zero,
-        zero,
         spread,
         np.array([reach.get(label, 0.0) for label in labels]),
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
@@ -191,46 +166,14 @@ def _spin_shows(world: World, item: RigidObject) -> bool:
     return meets or (rubs and item.torsional_radius != 0.0)
 
 
-def _hinged(item: RigidObject, hinge: Hinge, run: Run, column: int) -> StateCoordinates:
-    pivot = np.asarray(hinge.anchor, dtype=float)
-    axis = np.asarray(hinge.axis, dtype=float)
-    axis = axis / np.linalg.norm(axis)
-    arm = np.asarray(item.position) - pivot
-    flat = arm - axis * (axis @ arm)
-    side = np.cross(axis, flat)
-    reach = float(flat @ flat)
-    times = run.times - run.times[0] + run.lead
-    angles = np.full(len(times), np.nan)
-    # What lies along the axis does not turn, and need not have been measured.
-    places = np.where(np.abs(axis) > 1.0 - 1e-9, pivot, run.positions[:, column])
-    seen = np.all(np.isfinite(places), axis=-1)
-    if reach > 1e-12 and seen.any():
-        there = places[seen] - pivot
-        angles[seen] = np.arctan2(there @ side, there @ flat)
-    else:
-        turned = np.all(np.isfinite(run.orientations[:, column]), axis=-1)
-        vectors = rotation_vector(
-            run.orientations[turned, column], np.broadcast_to(np.asarray(item.orientation), (int(turned.sum()), 4))
-        )
-        angles[turned] = vectors @ axis
-    rows = np.flatnonzero(np.isfinite(angles))
-    angles[rows] = np.unwrap(angles[rows])
-    early = rows[: 2 * EARLY]  # curved by an acceleration that nobody told
-    coefficients = np.polyfit(times[early], angles[early], min(2, len(early) - 1))
-    speed, place = float(coefficients[-2]), float(coefficients[-1])
-    return StateCoordinates(
-        item.name,
-        "hinged",
-        ("angle", "rate"),
-        np.array([place, speed]),
-        np.array([TURN, 10.0 * TURN]),
-        pivot,
-        axis,
-        arm,
-        np.zeros(2),
-        np.zeros(2),
-        np.repeat(np.array([[place, speed]]), len(HASTY), axis=0),
-    )
+def _jointed(linkage: Linkage, run: Run) -> StateCoordinates:
+    start = linkage.first_guess(run)
+    n = len(start)
+    typical = np.tile([TURN, 10.0 * TURN], n // 2)
+    none = np.zeros(n)
+    hasty = np.repeat(start[None], len(HASTY), axis=0)
+    name = linkage.links[0].item.name
+    return StateCoordinates(name, "jointed", linkage.labels, start, typical, none, none, hasty, linkage=linkage)
 
 
 def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
@@ -247,13 +190,12 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     columns = [k for k, n in enumerate(run.names) if n.split("#", 1)[0] == name]
     seen = np.isfinite(run.positions[:, columns]).sum(axis=(0, 1)) >= 2
     labels = [label for label in labels if seen["xyz".index(label[-1])]]
-    zero = np.zeros(3)
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
     none = np.zeros(len(labels))
     hasty = np.repeat(start[None], len(HASTY), axis=0)
-    return StateCoordinates(name, "free", tuple(labels), start, typical, zero, zero, zero, none, none, hasty)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, none, none, hasty)
 
 
 def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import Design, RunDesign, design
 from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.score import Lead
 from polyworld.discrepancy.trial import Bench, Start, Trial
@@ -26,7 +27,7 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-FEWEST = 16  # samples of a window
+FEWEST, MOST = 16, 128  # samples of a window
 ABOUT = 8  # samples about the start of a window that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 8
@@ -110,21 +111,30 @@ def windows(bench: Bench, pieces: int) -> Windows | None:
 
 
 def _starts_anywhere(world: World, recording: Recording) -> bool:
-    """Whether every body that moves is a free rigid one, there from the start, and seen in every run."""
+    """Whether every body that moves is rigid, free or in a linkage, there from the start, and seen in every run."""
     items = [world.item(name) for name in world.moving_names]
-    if world.joints or not all(isinstance(i, RigidObject) and i.start_time == 0.0 for i in items):
+    linked = {link.item.name for linkage in linkages(world) for link in linkage.links}
+    if any(is_held(world, i.name) and i.name not in linked for i in items):
+        return False
+    if any(getattr(j, "motor", None) is not None for j in world.joints):  # it switches at instants of a run
+        return False
+    if not all(isinstance(i, RigidObject) and i.start_time == 0.0 for i in items):
         return False
     if any(set(run.names) != {i.name for i in items} or run.lead for run in recording.runs):
         return False
     if world.planar or not (world.statics or len(items) > 1) or not any(o.friction for o in world.objects):
         return True
     # Where turns were not measured, spins in space are as they were when a run began, which a window cannot know.
-    return all(bool(np.isfinite(run.orientations).any(axis=(0, 2)).all()) for run in recording.runs)
+    free = [i.name for i in items if i.name not in linked]
+    turns = [run.orientations[:, run.names.index(name)] for run in recording.runs for name in free]
+    return all(bool(np.isfinite(turn).any()) for turn in turns)
 
 
 def _cut(run: Run, most: int) -> list[Run]:
-    """At most so many windows of equal length; none where a component that was measured is missing in one of them."""
+    """At most so many windows of equal length, more of a long run; none where a component that was measured is missing
+    in one of them."""
     count = len(run.times)
+    most = max(most, count // MOST)
     size = count // min(most, max(count // FEWEST, 1))  # all alike, to be rolled out together
     rough = _roughness(run)
     pieces: list[Run] = []

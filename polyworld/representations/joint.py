@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -91,13 +92,31 @@ class Fixed(_Joint):
 
 
 class Spring(_Joint):
-    """A straight spring and damper between a point of the object and a point of the other (or of the world)."""
+    """A straight spring and damper between a point of the object and a point of the other (or of the world).
+
+    It is fastened to the points of its bodies that lie at its two anchors in the world as described; where a fit lets a
+    body start elsewhere, its point goes with it.
+    """
 
     kind: Literal["spring"] = "spring"
     other_anchor: Vec3 = Field(description="the spring's other end at the start, world axes [m]")
     stiffness: NonNegative = Field(description="force per extension [N/m]")
     damping: NonNegative = Field(default=0.0, description="force per speed of extension [N s/m]")
     rest_length: NonNegative | None = Field(default=None, description="length without force [m]; default: as it starts")
+
+    @property
+    def length(self) -> float:
+        """Length without force [m]."""
+        return math.dist(self.anchor, self.other_anchor) if self.rest_length is None else self.rest_length
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> Self:
+        if self.anchor == self.other_anchor and self.length > 0.0:
+            raise ValueError(
+                f"spring {self.name!r} has both ends at {self.anchor}, so it cannot tell where to push: anchor is "
+                "where it holds the object, in world axes at the start, and other_anchor its other end"
+            )
+        return self
 
 
 Joint = Annotated[Hinge | Slider | Ball | Fixed | Spring, Field(discriminator="kind")]

@@ -18,11 +18,13 @@ from polyworld.parameters import (
     specification,
     torsional_radius,
 )
+from polyworld.representations.joint import Joint, Spring
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
 OWN = -1.0  # marks a static or plane coefficient that is left to the touching object
+NEVER = 1.0e30  # a stop that is never reached
 
 
 @dataclass
@@ -36,7 +38,9 @@ class RigidArrays:
     gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own;
     time_origin (R, 1) [s].
     joint_friction, joint_damping, joint_stiffness, and motor_target_speed, motor_limit, motor_delay of the joints'
-    motors (R, joints): 0 where a joint has none.
+    motors (R, joints): 0 where a joint has none. joint_anchor, joint_other_anchor (R, joints, 3) [m]: the points of the
+    joint's object and of the other at the start, world axes, one point but for springs. joint_lower, joint_upper
+    (R, joints): stops, far away where a joint has none.
     effect_kind (e,), effect_acts (e, n), effect_programs (rows, 4) of `polyworld.expressions.effect`: not varied.
     """
 
@@ -63,6 +67,10 @@ class RigidArrays:
     joint_friction: Array
     joint_damping: Array
     joint_stiffness: Array
+    joint_anchor: Array
+    joint_other_anchor: Array
+    joint_lower: Array
+    joint_upper: Array
     motor_target_speed: Array
     motor_limit: Array
     motor_delay: Array
@@ -99,9 +107,9 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         angular_velocity=_rows([o.angular_velocity for o in objects], 3),
         static_position=_rows([s.position for s in world.statics], 3),
         static_orientation=_rows([s.orientation for s in world.statics], 4),
-        static_friction=_row([OWN if s.friction is None else s.friction for s in world.statics]),
-        static_restitution=_row([OWN if s.restitution is None else s.restitution for s in world.statics]),
-        plane_friction=_row([_or_own(world.environment.motion_plane.friction)]),
+        static_friction=_row([_or(s.friction, OWN) for s in world.statics]),
+        static_restitution=_row([_or(s.restitution, OWN) for s in world.statics]),
+        plane_friction=_row([_or(world.environment.motion_plane.friction, OWN)]),
         gravity=_row(list(world.environment.gravity)),
         effect_parameters=_effect_parameters(world),
         time_scale=np.ones((1, 1)),
@@ -109,6 +117,10 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         joint_friction=_row([getattr(j, "friction", 0.0) for j in world.joints]),
         joint_damping=_row([getattr(j, "damping", 0.0) for j in world.joints]),
         joint_stiffness=_row([getattr(j, "stiffness", 0.0) for j in world.joints]),
+        joint_anchor=_rows([j.anchor for j in world.joints], 3),
+        joint_other_anchor=_rows([getattr(j, "other_anchor", j.anchor) for j in world.joints], 3),
+        joint_lower=_row([_or(getattr(j, "lower", None), -NEVER) for j in world.joints]),
+        joint_upper=_row([_or(getattr(j, "upper", None), NEVER) for j in world.joints]),
         motor_target_speed=_motor_row(world, "target_speed"),
         motor_limit=_motor_row(world, "limit"),
         motor_delay=_motor_row(world, "delay"),
@@ -162,8 +174,7 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
         elif parts[0] == "environment":
             _widen(arrays, "plane_friction", rows)[:, 0] = values
         elif parts[0] == "joints":
-            field = f"motor_{parts[3]}" if parts[2] == "motor" else f"joint_{parts[2]}"
-            _widen(arrays, field, rows)[:, joint_columns[parts[1]]] = values
+            _apply_joint(arrays, world.joints[joint_columns[parts[1]]], parts[2:], joint_columns[parts[1]], values)
         elif parts[0] == "effects":
             if parts[1] in effect_columns:  # a disabled effect has no column: its parameters act on nothing
                 slot = list(law_of(effects[parts[1]]).parameters).index(parts[2])
@@ -178,6 +189,19 @@ def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) ->
         column = static_columns[name] if is_static else columns[name]
         turn = geometry.rotation_quaternion(vectors)
         orientation[:, column] = geometry.quaternion_product(turn, orientation[:, column])
+
+
+def _apply_joint(arrays: RigidArrays, joint: Joint, field: list[str], column: int, values: Array) -> None:
+    rows = len(values)
+    if field[0] == "motor":
+        _widen(arrays, f"motor_{field[1]}", rows)[:, column] = values
+    elif len(field) == 1:
+        _widen(arrays, f"joint_{field[0]}", rows)[:, column] = values
+    else:
+        axis = "xyz".index(field[1])
+        _widen(arrays, f"joint_{field[0]}", rows)[:, column, axis] = values
+        if not isinstance(joint, Spring):  # one point for both ends
+            _widen(arrays, "joint_other_anchor", rows)[:, column, axis] = values
 
 
 def _widen(arrays: RigidArrays, name: str, rows: int) -> Array:
@@ -211,5 +235,5 @@ def _rows(values: list[tuple[float, ...]], width: int) -> Array:
     return np.asarray(values, dtype=float).reshape(1, -1, width)
 
 
-def _or_own(value: float | None) -> float:
-    return OWN if value is None else value
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value

@@ -198,7 +198,7 @@ def mend_hinge(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32, j: wp.
     if joints.active[w, j] == 0:
         return ZERO
     k = reach_pivot(bodies, joints, w, j)
-    gap = joints.anchor[j]
+    gap = joints.anchor[w, j]
     if joints.body[j, 1] >= 0:
         gap = wp.vec2d()
     size = ZERO

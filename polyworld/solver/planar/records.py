@@ -80,7 +80,7 @@ class Joints:
     ends: wp.int32  # 2; not a constant, for Warp would unroll loops over it and compile twice as much
     body: wp.array2d[wp.int32]  # (j, 2), -1 for the world, which is always second
     hinged: wp.array[wp.int32]  # (n,) whether a body has any
-    anchor: wp.array[wp.vec2d]  # (j,) the pivot at the start [m]
+    anchor: wp.array2d[wp.vec2d]  # (W, j) the pivot at the start [m]
     arm: wp.array3d[wp.vec2d]  # (W, j, 2) the pivot in the body's own axes, from its centre [m]
     active: wp.array2d[wp.int32]  # (W, j) whether its bodies move yet
     lever: wp.array3d[wp.vec2d]  # (W, j, 2) where the impulse being solved for acts, from the centre [m]

@@ -132,15 +132,12 @@ def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array
 
 def build_joints(world: World) -> Joints:
     """The hinges of a planar world, without the arrays that differ per world."""
-    flat = geometry.plane_axes(world.environment.motion_plane)[:2]
     pairs = _hinged(world)
     joints = Joints()
     joints.count = len(pairs)
     joints.ends = 2
     joints.hinged = _ints([any(i in pair for pair in pairs) for i in range(len(world.objects))])
     joints.body = _ints(np.reshape(pairs, (-1, 2)))
-    anchors = np.array([hinge.anchor for hinge in world.joints]).reshape(-1, 3)
-    joints.anchor = wp.array(anchors @ flat.T, dtype=wp.vec2d, device="cpu")
     return joints
 
 

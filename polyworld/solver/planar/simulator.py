@@ -135,6 +135,7 @@ class PlanarSimulator:
         # Touching outlines form a planar graph: at most 3 (n + s) pairs of two points, twice that for overlaps.
         contacts.rows = _zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
         joints = self._joints
+        joints.anchor = _zeros((w, joints.count), wp.vec2d)
         joints.arm = _zeros((w, joints.count, 2), wp.vec2d)
         joints.lever = _zeros((w, joints.count, 2), wp.vec2d)
         joints.impulse = _zeros((w, joints.count), wp.vec2d)
@@ -199,7 +200,7 @@ class PlanarSimulator:
         _view(b.decay_step)[:] = -1.0
         _view(b.reaction)[:] = 0.0
         _view(b.touching)[:] = 0
-        self._write_joints()
+        self._write_joints(arrays)
         _view(self._log.open)[:] = -1
         _view(self._log.count)[:] = 0
         out = self._samples
@@ -209,12 +210,13 @@ class PlanarSimulator:
         _view(out.diverged_time)[:] = np.nan
         _view(out.crowded)[:] = 0
 
-    def _write_joints(self) -> None:
+    def _write_joints(self, arrays: RigidArrays) -> None:
         """Where each hinge's pivot lies in its bodies' own axes, at the poses the run starts from."""
         body, anchor, pose = _view(self._joints.body), _view(self._joints.anchor), _view(self._bodies.pose)
+        anchor[:] = arrays.joint_anchor @ self._axes[:2].T
         arm = _view(self._joints.arm)
         for j, e in np.argwhere(body >= 0):
-            x, y = (anchor[j] - pose[:, body[j, e], :2]).T
+            x, y = (anchor[:, j] - pose[:, body[j, e], :2]).T
             angle = pose[:, body[j, e], 2]
             arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x

@@ -6,7 +6,7 @@ impulse adds are those of the whole chain (`Joints.yields`), not those of the tw
 
 import warp as wp
 
-from polyworld.solver.spatial.joint_layout import BALL, NEVER, SPRING, JointKind, Joints
+from polyworld.solver.spatial.joint_layout import BALL, NEVER, SPRING, Joints
 from polyworld.solver.spatial.joint_rows import hold_joints
 from polyworld.solver.spatial.joint_sticking import damped_share, push_axis, solve_together, spring_lack, spring_slope
 from polyworld.solver.spatial.layout import State
@@ -187,11 +187,11 @@ def let_go(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
 
 
 @wp.func
-def gap_to_stop(d: JointKind, place: wp.float64, s: int) -> wp.float64:
+def gap_to_stop(joints: wp.array[Joints], k: int, j: int, s: int) -> wp.float64:
     """How far a joint is from its lower (0) or upper (1) stop; negative beyond it."""
     if s == 0:
-        return place - d.lower
-    return d.upper - place
+        return joints[0].joint[k, j].place - joints[0].joint[k, j].lower
+    return joints[0].joint[k, j].upper - joints[0].joint[k, j].place
 
 
 @wp.func
@@ -203,7 +203,7 @@ def aim_at_stops(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
         joints[0].joint[k, j].stop_aim = wp.vec2d(UNREACHED, UNREACHED)
         if d.axes == 1 and d.kind != SPRING:
             for s in range(2):
-                gap = gap_to_stop(d, joints[0].joint[k, j].place, s)
+                gap = gap_to_stop(joints, k, j, s)
                 side = wp.float64(1 - 2 * s)
                 if gap <= STOPPED:
                     joints[0].joint[k, j].stop_aim[s] = zero
@@ -230,7 +230,7 @@ def time_to_stop(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp
         if d.axes == 1 and d.kind != SPRING and joints[0].joint[k, j].active == 1:
             v = velocity_along(state, k, d.a, d.b, joints[0].base + joints[0].equalities + d.axis)
             for s in range(2):
-                gap = gap_to_stop(d, joints[0].joint[k, j].place, s)
+                gap = gap_to_stop(joints, k, j, s)
                 speed = -v * wp.float64(1 - 2 * s)
                 if gap > STOPPED and speed * h > gap:
                     earliest = wp.min(earliest, (gap - wp.float64(0.5) * STOPPED) / speed)

@@ -16,7 +16,7 @@ class JointKind:
     """What a joint is, the same in all worlds.
 
     a, b: the bodies it joins; the world is the body after the last static. column: its place among the world's
-    joints. anchor, other_anchor: its points at the bodies' start, world axes [m]; they differ for springs only.
+    joints.
     frame: columns axis and two tangents, world axes. point, points: its rows hold the coordinates
     [point, point + points) of the anchor in the frame, and then of the rotation [turn, turn + turns). first: its
     first row. axis, axes: its rows along which it moves with friction, motors and stops, or along which a spring
@@ -34,12 +34,9 @@ class JointKind:
     first: int
     axis: int
     axes: int
-    anchor: wp.vec3d
-    other_anchor: wp.vec3d
     frame: wp.mat33d
-    lower: wp.float64
-    upper: wp.float64
-    rest_length: wp.float64  # negative: as long as it starts
+    bounded: int  # 1 where it has a stop
+    rest_length: wp.float64
     driven: int  # 0: no motor; 1: with a constant effort; 2: towards a speed
     direction: wp.float64
     switched_on: wp.float64
@@ -64,6 +61,8 @@ class Joint:
     damping: wp.float64
     stiffness: wp.float64
     rest_length: wp.float64
+    lower: wp.float64
+    upper: wp.float64
     target_speed: wp.float64  # of its motor
     effort: wp.float64  # of its motor, with its sign
     delay: wp.float64
@@ -126,9 +125,14 @@ class Joints:
     end_q: wp.array2d[wp.quatd]
     end_rotation: wp.array2d[wp.mat33d]
     half_impulse: wp.array2d[wp.float64]
+    # (1 or W, joints): where it holds a and b, springs in the bodies' axes, others in the world's at the start [m]
+    anchor: wp.array2d[wp.vec3d]
+    other_anchor: wp.array2d[wp.vec3d]
     friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.solver.arrays.RigidArrays`
     damping: wp.array2d[wp.float64]
     stiffness: wp.array2d[wp.float64]
     target_speed: wp.array2d[wp.float64]
     limit: wp.array2d[wp.float64]
     delay: wp.array2d[wp.float64]
+    lower: wp.array2d[wp.float64]
+    upper: wp.array2d[wp.float64]

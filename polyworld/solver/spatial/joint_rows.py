@@ -7,7 +7,7 @@ masses. Rows that depend on others, as in closed loops, are left out.
 
 import warp as wp
 
-from polyworld.solver.spatial.joint_layout import BALL, HINGE, NEVER, SLIDER, SPRING, Joint, JointKind, Joints
+from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, SPRING, Joint, JointKind, Joints
 from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
 
@@ -162,8 +162,7 @@ def backward(joints: wp.array[Joints], k: int) -> None:
 def resists(d: JointKind, joint: Joint) -> bool:
     """Whether anything acts along the joint's axes."""
     zero = wp.float64(0.0)
-    bounded = d.lower > wp.float64(-0.5 * NEVER) or d.upper < wp.float64(0.5 * NEVER)
-    return d.kind == SPRING or joint.friction > zero or joint.damping > zero or d.driven > 0 or bounded
+    return d.kind == SPRING or joint.friction > zero or joint.damping > zero or d.driven > 0 or d.bounded > 0
 
 
 @wp.func(inline=False)

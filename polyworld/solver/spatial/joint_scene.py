@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from polyworld import geometry
 from polyworld.representations.joint import Ball, Fixed, Hinge, Joint, Slider, Spring
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial import joint_layout
@@ -41,7 +42,10 @@ _FIELDS = {
     "target_speed": "motor_target_speed",
     "limit": "motor_limit",
     "delay": "motor_delay",
+    "lower": "joint_lower",
+    "upper": "joint_upper",
 }
+_POINTS = {"anchor": "object", "other_anchor": "other"}
 
 
 def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
@@ -102,6 +106,8 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
         setattr(joints, name, _zeros((rows, n if order else 0), dtype))
     for name in _FIELDS:
         setattr(joints, name, _zeros((1, len(order)), wp.float64))
+    for name in _POINTS:
+        setattr(joints, name, _zeros((1, len(order)), wp.vec3d))
     return joints
 
 
@@ -110,17 +116,32 @@ def joint_rows(world: World) -> int:
     return sum(_HELD[type(j)][1] + _HELD[type(j)][3] + _HELD[type(j)][4] for j in world.joints)
 
 
-def write_joints(joints: joint_layout.Joints, arrays: RigidArrays) -> None:
-    """Copy the joints' parameters into the kernel's arrays, which are made anew where a field changes its rows."""
+def write_joints(joints: joint_layout.Joints, arrays: RigidArrays, world: World) -> None:
+    """Copy the joints' parameters into the kernel's arrays, which are made anew where a field changes its rows.
+
+    world: as described; a spring is fastened where it lies there, wherever `arrays` start its bodies.
+    """
     if not joints.count:
         return
     for name, field in _FIELDS.items():
-        values = getattr(arrays, field)
-        kept = getattr(joints, name)
-        if kept.shape == values.shape:
-            kept.numpy()[:] = values
-        else:
-            setattr(joints, name, wp.array(values, dtype=wp.float64, device="cpu"))
+        _write(joints, name, getattr(arrays, field), wp.float64)
+    for name, end in _POINTS.items():
+        points = getattr(arrays, f"joint_{name}").copy()
+        for column, joint in enumerate(world.joints):
+            body = getattr(joint, end)
+            if isinstance(joint, Spring) and body is not None:
+                item = world.object(body)
+                rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+                points[:, column] = (points[:, column] - np.asarray(item.position)) @ rotation
+        _write(joints, name, points, wp.vec3d)
+
+
+def _write(joints: joint_layout.Joints, name: str, values: Array, dtype: Any) -> None:
+    kept = getattr(joints, name)
+    if kept.shape == values.shape[:2]:
+        kept.numpy()[:] = values
+    else:
+        setattr(joints, name, wp.array(values, dtype=dtype, device="cpu"))
 
 
 def _order(world: World) -> list[int]:
@@ -146,21 +167,16 @@ def _envelope(kinds: Any, n: int) -> NDArray[np.int64]:
 
 def _describe(row: Any, joint: Joint, world: World) -> None:
     """Fill in what the joint's kind asks for."""
-    row["anchor"] = joint.anchor
-    row["other_anchor"] = joint.other_anchor if isinstance(joint, Spring) else joint.anchor
     axis = np.array([1.0, 0.0, 0.0])
     if isinstance(joint, Hinge) and world.planar:
         axis = np.asarray(world.environment.motion_plane.normal, dtype=float)
     elif isinstance(joint, Hinge | Slider):
         axis = np.asarray(joint.axis, dtype=float)
     row["frame"] = _frame(axis / np.linalg.norm(axis))
-    row["rest_length"] = -1.0
-    if isinstance(joint, Spring) and joint.rest_length is not None:
-        row["rest_length"] = joint.rest_length
-    row["lower"], row["upper"] = -joint_layout.NEVER, joint_layout.NEVER
+    if isinstance(joint, Spring):
+        row["rest_length"] = joint.length
     if isinstance(joint, Hinge | Slider):
-        row["lower"] = -joint_layout.NEVER if joint.lower is None else joint.lower
-        row["upper"] = joint_layout.NEVER if joint.upper is None else joint.upper
+        row["bounded"] = joint.lower is not None or joint.upper is not None
         motor = joint.motor
         if motor is not None:
             row["driven"] = 1 if motor.target_speed is None else 2

@@ -67,8 +67,11 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
         a = state[0].bodies[k, d.a]
         b = state[0].bodies[k, d.b]
         joint = Joint()
-        joint.arm_a = wp.transpose(a.rotation) * (d.anchor - a.x)
-        joint.arm_b = wp.transpose(b.rotation) * (d.other_anchor - b.x)
+        joint.arm_a = joints[0].anchor[w % joints[0].anchor.shape[0], d.column]
+        joint.arm_b = joints[0].other_anchor[w % joints[0].other_anchor.shape[0], d.column]
+        if d.kind != SPRING:
+            joint.arm_a = wp.transpose(a.rotation) * (joint.arm_a - a.x)
+            joint.arm_b = wp.transpose(b.rotation) * (joint.arm_b - b.x)
         joint.frame_a = wp.transpose(a.rotation) * d.frame
         joint.frame_b = wp.transpose(b.rotation) * d.frame
         joint.friction = joints[0].friction[w % joints[0].friction.shape[0], d.column]
@@ -77,9 +80,9 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
         joint.target_speed = joints[0].target_speed[w % joints[0].target_speed.shape[0], d.column]
         joint.effort = d.direction * joints[0].limit[w % joints[0].limit.shape[0], d.column]
         joint.delay = joints[0].delay[w % joints[0].delay.shape[0], d.column]
+        joint.lower = joints[0].lower[w % joints[0].lower.shape[0], d.column]
+        joint.upper = joints[0].upper[w % joints[0].upper.shape[0], d.column]
         joint.rest_length = d.rest_length
-        if d.rest_length < wp.float64(0.0):
-            joint.rest_length = wp.length(d.anchor - d.other_anchor)
         joints[0].joint[k, j] = joint
         joints[0].resists[k, j] = 0
     for r in range(joints[0].equalities + joints[0].axes):

@@ -109,7 +109,7 @@ class SpatialSimulator:
 
     def _write(self, arrays: RigidArrays) -> None:
         self._parameters.write(arrays)
-        write_joints(self._joints, arrays)
+        write_joints(self._joints, arrays, self.world)
         self._passed_joints = passed(self._joints, Joints, self._passed_joints)
         for content in self._motion.values():
             content[:] = np.nan

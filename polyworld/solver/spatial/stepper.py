@@ -70,7 +70,7 @@ class RigidStepper:
             for name, values in vars(arrays).items()
         }
         self._parameters.write(replace(arrays, **wide))
-        write_joints(self.joints, replace(arrays, **wide))
+        write_joints(self.joints, replace(arrays, **wide), self.world)
         self._passed_joints = passed(self.joints, Joints, self._passed_joints)
 
     def reset(self) -> None:

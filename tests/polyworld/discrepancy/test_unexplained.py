@@ -83,6 +83,15 @@ def test_drag_of_each_component_is_told_from_drag_along_the_velocity():
     assert found.speed_exponents[0].value == pytest.approx(2.0, abs=0.1)
 
 
+def test_drag_that_is_weaker_along_one_axis_is_told_with_the_exponent_of_the_force():
+    found = described(lambda _t, _x, v: -np.array([0.15, 0.35]) * np.linalg.norm(v) ** 1.2 * v)
+    assert found.explains
+    assert found.directions == ("against the velocity, by axes",)
+    low, high = found.speed_exponents[0].interval95
+    assert low - 0.02 < 2.2 < high + 0.02
+    assert high - low < 0.5
+
+
 def test_a_force_that_grows_with_the_place_is_told_with_its_components():
     found = described(lambda _t, x, _v: 0.9 * x[1] * np.array([0.8, -0.6]))
     assert found.explains
