@@ -5,6 +5,7 @@ from __future__ import annotations
 from polyworld.discrepancy.design import Design, owner
 from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.discrepancy.one_course import follows_one_course
+from polyworld.representations.rigid import RigidObject
 
 FEW = 16  # instants of a series below which its noise is a guess
 
@@ -13,14 +14,22 @@ def cautions(plan: Design) -> tuple[str, ...]:
     """In words: components that no run measured, and series too short to tell noise from motion."""
     found = []
     measured = {(owner(s.name), s.axis) for s in plan.series if s.kind == "position"}
-    for name in sorted({name for name, _ in measured}):
-        if plan.world.planar:
-            continue
+    turned = {owner(s.name) for s in plan.series if s.kind == "rotation"}
+    names = sorted({name for name, _ in measured})
+    held = {name for name in names if is_held(plan.world, name)}
+    for name in () if plan.world.planar else [n for n in names if n not in held]:
         missing = ["xyz"[axis] for axis in range(3) if (name, axis) not in measured]
         if missing:
             found.append(f"{' and '.join(missing)} of {name} was never measured: there it starts as the world says")
+        item = plan.world.item(name)
+        if len(missing) < 2 and isinstance(item, RigidObject) and name not in turned:
+            spin = ", ".join(f"{v:g}" for v in item.angular_velocity)
+            found.append(
+                f"turns of {name} were never measured: it starts with the spin the world says, ({spin}) rad/s, and "
+                "what spin does, lift in flight or grip at a bounce, is right only as far as that is"
+            )
     known = {link.item.name for linkage in linkages(plan.world) for link in linkage.links}
-    stuck = sorted({name for name, _ in measured if is_held(plan.world, name)} - known)
+    stuck = sorted(held - known)
     if stuck:
         found.append(
             f"{' and '.join(stuck)} are held by joints that are no tree of parallel hinges and sliders from "

@@ -24,15 +24,29 @@ def seen(*axes: int, count: int = 60) -> Recording:
     return Recording(tuple(runs))
 
 
+def with_turns(recording: Recording) -> Recording:
+    """The same with orientations: the ball does not turn."""
+    still = np.array([1.0, 0.0, 0.0, 0.0])
+    return Recording(
+        tuple(replace(r, orientations=np.broadcast_to(still, r.orientations.shape).copy()) for r in recording.runs)
+    )
+
+
 def test_a_whole_recording_calls_for_no_caution() -> None:
-    assert cautions(design(ball_world(), seen(0, 1, 2))) == ()
+    assert cautions(design(ball_world(), with_turns(seen(0, 1, 2)))) == ()
+
+
+def test_a_spin_that_nobody_measured_is_told_with_what_it_is_taken_for() -> None:
+    (said,) = cautions(design(ball_world(), seen(0, 1, 2)))
+    assert said.startswith("turns of ball were never measured")
+    assert "(0, 0, 0) rad/s" in said
 
 
 def test_components_that_were_never_measured_are_named() -> None:
-    (said,) = cautions(design(ball_world(), seen(0, 2)))
+    (said,) = cautions(design(ball_world(), with_turns(seen(0, 2))))
     assert said.startswith("y of ball was never measured")
 
 
 def test_short_series_make_the_verdict_a_guess() -> None:
-    (said,) = cautions(design(ball_world(), seen(0, 1, 2, count=12)))
+    (said,) = cautions(design(ball_world(), with_turns(seen(0, 1, 2, count=12))))
     assert said.startswith("series of 12 instants")

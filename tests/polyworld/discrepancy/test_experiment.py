@@ -51,8 +51,10 @@ def test_linear_and_quadratic_drag_are_told_apart_by_a_faster_launch():
 
 
 def test_what_is_to_be_watched_is_where_the_forecasts_are_apart():
-    """Drag and viscous friction slow a block on a ramp alike and part when it is thrown: not at the first instant, where
-    each of them would have it start a little otherwise."""
+    """Drag and viscous friction slow a block on a ramp alike and part when it is thrown.
+
+    Not at the first instant, where each of them would have it start a little otherwise.
+    """
     slope, high, rate = np.radians(20.0), 0.05, 0.4
     pull = 9.81 * (np.sin(slope) - 0.25 * np.cos(slope))
     times = np.arange(48) / 60.0
