@@ -113,6 +113,7 @@ class _Group:
         self._simulators: dict[tuple[int, bytes], Simulator] = {}
         self._markers: dict[tuple[int, str], MaterialPoints] = {}
         self._paths = frozenset(parameter_paths(world))
+        self._described: dict[str, float] = {}
 
     def takes(self, design: RunDesign) -> bool:
         """Whether a run can be simulated by this group's simulators."""
@@ -240,6 +241,11 @@ class _Group:
         if any(np.any(o) for o in origins):
             values[ORIGIN] = values.get(ORIGIN, base) + np.concatenate(origins)
 
+    def _described_value(self, path: str) -> float:
+        if path not in self._described:
+            self._described[path] = read_parameter(self.world, path) or 0.0
+        return self._described[path]
+
     def _state_values(self, values: dict[str, Array], settings: Sequence[Settings], count: int) -> None:
         at, given = 0, tuple(values)
         for item in settings:
@@ -250,8 +256,7 @@ class _Group:
                 n = len(coordinates.labels)
                 for path, v in coordinates.overrides(item.states[:, offset : offset + n], own).items():
                     if path not in values:
-                        start = read_parameter(self.world, path)
-                        values[path] = np.full(count, 0.0 if start is None else start)
+                        values[path] = np.full(count, self._described_value(path))
                     values[path][at : at + k] = v
                 offset += n
             at += k
