@@ -58,10 +58,6 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         planar = world.deformable(emitter.fluid).representation == "fluid_planar"
         for field, spec in EMITTER_PARAMETERS.items():
             paths[f"emitters.{emitter.name}.{field}"] = replace(spec, unit="m^2/s") if planar else spec
-    for joint in world.joints:
-        for field, spec in ANCHOR_PARAMETERS.items():
-            if hasattr(joint, field[:-2]):
-                paths[f"joints.{joint.name}.{field}"] = spec
     for joint in () if world.planar and not world.coupled else world.joints:  # planar hinges turn freely
         for field, spec in JOINT_PARAMETERS.items():
             if getattr(joint, field, None) is not None:
@@ -70,6 +66,10 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         for field, spec in MOTOR_PARAMETERS.items() if motor is not None else ():
             if getattr(motor, field) is not None:  # one of constant effort aims at no speed
                 paths[f"joints.{joint.name}.motor.{field}"] = spec
+    for joint in world.joints:
+        for field, spec in ANCHOR_PARAMETERS.items():
+            if hasattr(joint, field[:-2]):
+                paths[f"joints.{joint.name}.{field}"] = spec
     for axis in "xyz":
         paths[f"environment.gravity.{axis}"] = GRAVITY
     paths["environment.motion_plane.friction"] = OBJECT_PARAMETERS["friction"]

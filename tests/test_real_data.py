@@ -50,7 +50,7 @@ def test_the_pendulum_begins_as_a_mathematical_pendulum_of_its_length_does() -> 
     assert np.abs(solution.y[0] - angle[start:end]).max() < 0.2
     assert np.allclose(bob.position, np.nan_to_num(place[0]))
     (state,) = design(world, recording).runs[0].states
-    assert state.kind == "hinged"
+    assert state.kind == "jointed"
 
     assert np.isfinite(state.start).all()  # although y was not measured
 

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld.discrepancy import profile
+from polyworld.discrepancy import GapSettings, find_gap, profile
+from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.forward import Forward
@@ -71,8 +72,11 @@ def run(places: dict[str, Array], seed: int = 0, name: str = "r") -> Run:
     return Run(name, tuple(places), TIMES, told, np.full((len(TIMES), len(places), 4), np.nan))
 
 
-def swung(start: tuple[float, float, float, float]) -> dict[str, Array]:
-    """A double pendulum by Lagrange's equations, with the balls' own inertia: angles from hanging, and their rates."""
+def swung(start: tuple[float, float, float, float], damping: float = 0.0) -> dict[str, Array]:
+    """A double pendulum by Lagrange's equations, with the balls' own inertia: angles from hanging, and their rates.
+
+    damping [N m s/rad]: of the upper hinge.
+    """
     own = 0.4 * MASS * RADIUS**2
 
     def rate(_t: float, y: Array) -> Array:
@@ -83,7 +87,7 @@ def swung(start: tuple[float, float, float, float]) -> dict[str, Array]:
             [couple * np.cos(a - b), MASS * LOWER**2 + own],
         ]
         force = [
-            -couple * np.sin(a - b) * db**2 - 2 * MASS * G * UPPER * np.sin(a),
+            -couple * np.sin(a - b) * db**2 - 2 * MASS * G * UPPER * np.sin(a) - damping * da,
             couple * np.sin(a - b) * da**2 - MASS * G * LOWER * np.sin(b),
         ]
         return np.array([da, db, *np.linalg.solve(matrix, force)])
@@ -153,6 +157,19 @@ def test_runs_of_a_double_pendulum_that_start_each_its_own_way_are_fitted_to_the
     cut = windows(Bench(plan, noise, 1), 2)
     assert cut is not None
     assert len(cut.bench.design.runs) == 4
+
+
+def test_damping_in_one_hinge_of_two_is_named_with_the_hinge() -> None:
+    starts = [(1.2, 0.4, 0.0, 0.0), (-0.6, 0.5, 0.0, 1.0)]
+    runs = tuple(run(swung(s, 0.002), k, f"r{k}") for k, s in enumerate(starts))
+    offered = [catalogue()[n] for n in ("joint_damping", "joint_friction")]
+    settings = GapSettings(null_control=False, experiment=False)
+    report = find_gap(double(), Recording(runs), candidates=offered, settings=settings).to_dict()
+    assert report["verdict"] == "identified"
+    (effect,) = report["effects"]
+    assert (effect["name"], effect["label"]) == ("joint_damping", "of h1")
+    low, high = effect["unknowns"]["damping"]["interval95"]
+    assert low - 2e-5 < 0.002 < high + 2e-5
 
 
 @pytest.mark.parametrize(
