@@ -99,7 +99,8 @@ def carry_springs(before: World, after: dict[str, Any]) -> None:
             item, place = before.object(name), places[name]
             if (place["position"], place["orientation"]) == (item.position, item.orientation):
                 continue
-            turn = geometry.quaternion_matrix(np.asarray(place["orientation"]))
+            turned = np.asarray(place["orientation"], dtype=float)
+            turn = geometry.quaternion_matrix(turned / np.linalg.norm(turned))
             turn = turn @ geometry.quaternion_matrix(np.asarray(item.orientation)).T
             point = np.asarray(place["position"]) + turn @ (np.asarray(changed[end]) - np.asarray(item.position))
             changed[end] = (float(point[0]), float(point[1]), float(point[2]))

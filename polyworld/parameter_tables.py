@@ -93,8 +93,8 @@ JOINT_PARAMETERS = {
     "upper": ParameterSpec("rad or m", -1e6, 1e6, (0.0, np.pi), "upper stop, from the pose at the start"),
 }
 _ANCHOR = {
-    "anchor": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "the joint's point at the start"),
-    "other_anchor": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "a spring's other end at the start"),
+    "anchor": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "the joint's point; of a spring, in the pose described"),
+    "other_anchor": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "a spring's other end, in the pose described"),
 }
 ANCHOR_PARAMETERS = {f"{name}.{axis}": spec for name, spec in _ANCHOR.items() for axis in "xyz"}
 MOTOR_PARAMETERS = {

@@ -30,6 +30,12 @@ def cautions(plan: Design) -> tuple[str, ...]:
             )
     known = {link.item.name for linkage in linkages(plan.world) for link in linkage.links}
     stuck = sorted(held - known)
+    there = {name for run in plan.recording.runs for name in run.names}
+    for linkage in linkages(plan.world):
+        bodies = [link.item.name for link in linkage.links if link.free]
+        unseen = [name for name in bodies if name not in there]
+        if unseen and len(unseen) < len(bodies):
+            found.append(f"{' and '.join(unseen)} hang together with what was measured: they start as the world says")
     if stuck:
         found.append(
             f"{' and '.join(stuck)} are held by joints that are no tree of parallel hinges and sliders from "

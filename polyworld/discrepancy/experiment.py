@@ -59,7 +59,8 @@ class Separation:
 class Experiment:
     """A run to be made. position [m], velocity [m/s], angular_velocity [rad/s] at its start, world axes.
 
-    watch: component and instant at which the two likeliest contenders differ most once their starts are adjusted;
+    watch: component and instant at which the two likeliest contenders differ most, as they stand and once their starts
+    are adjusted;
     forecasts: what each contender expects there. decides: whether every pair is separated by at least `ENOUGH`.
     """
 

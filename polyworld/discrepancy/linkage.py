@@ -8,7 +8,7 @@ coordinates, body by body from the world outwards (Featherstone, Rigid Body Dyna
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ EARLY = 16  # samples from which a first place and rate are taken: with a curvat
 class Link:
     """One body of a linkage and the joint that holds it to its parent (-1: the world), in the world's description.
 
-    forward: whether the body is the joint's `object`, which its stops refer to.
+    forward: whether the body is the joint's `object`, which its stops refer to. rate: of its coordinate as described.
+    free: whether the coordinate is one of a run's own; it is not where the body was not seen, and is as described then.
     """
 
     item: RigidObject
@@ -37,11 +38,20 @@ class Link:
     parent: int
     axis: Array
     forward: bool
+    rate: float
+    free: bool
 
     @property
     def moves(self) -> bool:
         """Whether the joint has a coordinate."""
         return not isinstance(self.joint, Fixed)
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """Least and greatest value of the coordinate."""
+        lower, upper = getattr(self.joint, "lower", None), getattr(self.joint, "upper", None)
+        low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
+        return (low, high) if self.forward else (-high, -low)
 
 
 @dataclass(frozen=True)
@@ -75,7 +85,7 @@ class Linkage:
         """Of the coordinates, two a moving link: its angle [rad] or displacement [m], and the rate of it."""
         found = []
         for i, link in enumerate(self.links):
-            if link.moves:
+            if link.free:
                 own = f"{link.item.name}." if i else ""
                 found += [f"{own}{'displacement' if isinstance(link.joint, Slider) else 'angle'}", f"{own}rate"]
         return tuple(found)
@@ -89,8 +99,8 @@ class Linkage:
         at = 0
         motions: list[_Motion] = []
         for link in self.links:
-            q, rate = np.zeros(len(values)), np.zeros(len(values))
-            if link.moves:
+            q, rate = np.zeros(len(values)), np.full(len(values), link.rate)
+            if link.free:
                 q, rate = values[:, at], values[:, at + 1]
                 at += 2
             path = f"joints.{link.joint.name}"
@@ -124,20 +134,26 @@ class Linkage:
         found: list[float] = []
         for link in self.links:
             parent = _still(len(times)) if link.parent < 0 else motions[link.parent]
-            q = self._seen(link, run, parent) if link.moves else np.zeros(len(times))
+            q = self._seen(link, run, parent) if link.free else link.rate * times
             rows = np.flatnonzero(np.isfinite(q))
             if isinstance(link.joint, Hinge):
                 q[rows] = np.unwrap(q[rows])
-            if link.moves and len(rows) < 2:
-                found += [0.0, 0.0]
-                q = np.zeros(len(times))
-            elif link.moves:
+            if link.free and len(rows) < 2:
+                found += [0.0, link.rate]
+                q = link.rate * times
+            elif link.free:
+                if isinstance(link.joint, Hinge):
+                    q = q + _turns_between(link.stops, float(q[rows[0]]))
                 early = rows[:EARLY]
                 fitted = np.polyfit(times[early], q[early], min(2, len(early) - 1))
                 found += [float(fitted[-1]), float(fitted[-2])]
             anchor = np.asarray(link.joint.anchor, dtype=float)
             motions.append(_moved(link, parent, anchor, q, np.zeros(len(times))))
         return np.array(found)
+
+    def of_run(self, run: Run) -> Linkage:
+        """The linkage with the coordinates of those bodies alone that a run shows."""
+        return Linkage(tuple(replace(k, free=k.free and k.item.name in run.names) for k in self.links))
 
     @property
     def _axis(self) -> Array:
@@ -162,7 +178,8 @@ class Linkage:
         pivot = parent.of(np.asarray(link.joint.anchor, dtype=float))
         arm = place - pivot
         arm = arm - axis * (axis * arm).sum(axis=1)[:, None]
-        if float(np.max((arm**2).sum(axis=1))) > 1e-12:
+        described = np.asarray(link.item.position) - np.asarray(link.joint.anchor)
+        if float(np.linalg.norm(np.cross(described, link.axis))) > 1e-6:
             there = seen - pivot
             angle: Array = np.arctan2((there * np.cross(axis, arm)).sum(axis=1), (there * arm).sum(axis=1))
             return angle
@@ -176,6 +193,7 @@ def linkages(world: World) -> tuple[Linkage, ...]:
     """The linkages of a world; bodies that joints hold otherwise (closed chains, ball joints, a hinge that another
     tilts, trees that begin at no wall) are in none."""
     joints = [j for j in world.joints if not isinstance(j, Spring)]
+    tied = {a.to for a in world.attachments} | {p.object for p in world.pulleys}
     placed: dict[str, tuple[int, int]] = {}  # body -> its linkage and place in it
     found: list[list[Link]] = []
     left = list(joints)
@@ -189,21 +207,48 @@ def linkages(world: World) -> tuple[Linkage, ...]:
         joint, name, parent = ready[0]
         left.remove(joint)
         assert name is not None
+        if name in placed:  # a closed chain, unless it is a door's other hinge
+            own, at = placed[name]
+            if not (parent is None and _same_hinge(world, found[own][at], joint)):
+                broken |= {own} if parent is None else {own, placed[parent][0]}
+            continue
         if parent is None:
             found.append([])
         number, above = (len(found) - 1, -1) if parent is None else placed[parent]
-        if name in placed:  # a closed chain, or held to the world twice
-            broken |= {number, placed[name][0]}
-            continue
         axis, forward = _axis(world, joint), name == joint.object
         if any(isinstance(k.joint, Hinge) and k.axis @ axis < 0.0 for k in found[number]):
             axis, forward = -axis, not forward  # angles of one tree count one way round
-        link = Link(world.object(name), joint, above, axis, forward)
-        if not _simple(link, found[number]):
+        item, base = world.object(name), None if parent is None else world.object(parent)
+        rate = _described_rate(joint, axis, item, base)
+        link = Link(item, joint, above, axis, forward, rate, free=not isinstance(joint, Fixed))
+        if name in tied or not _simple(link, found[number]):  # what a rope holds would be torn off it
             broken.add(number)
         found[number].append(link)
         placed[name] = (number, len(found[number]) - 1)
     return tuple(Linkage(tuple(links)) for i, links in enumerate(found) if i not in broken and links)
+
+
+def _same_hinge(world: World, link: Link, joint: Joint) -> bool:
+    """Whether a joint lets a body that a link holds to the world turn as that does: its axis is the same line."""
+    if not (isinstance(joint, Hinge) and isinstance(link.joint, Hinge) and link.parent < 0):
+        return False
+    apart = np.asarray(joint.anchor) - np.asarray(link.joint.anchor)
+    off = (np.cross(_axis(world, joint), link.axis), np.cross(apart, link.axis))
+    return all(float(np.linalg.norm(v)) < 1e-9 for v in off)
+
+
+def _described_rate(joint: Joint, axis: Array, item: RigidObject, base: RigidObject | None) -> float:
+    """How fast a joint's coordinate changes at the start in the world's description."""
+    field = "velocity" if isinstance(joint, Slider) else "angular_velocity"
+    own = np.asarray(getattr(item, field)) - (np.zeros(3) if base is None else np.asarray(getattr(base, field)))
+    return float(own @ axis)
+
+
+def _turns_between(stops: tuple[float, float], angle: float) -> float:
+    """The full turns [rad] that bring an angle nearest to where stops let it be; of several the least."""
+    whole = 2.0 * np.pi * np.array([0.0, 1.0, -1.0, 2.0, -2.0])
+    beyond = np.maximum(stops[0] - (angle + whole), 0.0) + np.maximum(angle + whole - stops[1], 0.0)
+    return float(whole[int(np.argmin(np.round(beyond, 9)))])
 
 
 def is_held(world: World, name: str) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design, RunDesign, owner
 from polyworld.events import REST_SPEED, REST_SPIN
+from polyworld.parameters import parameter_paths
 from polyworld.rollout import simulator
 from polyworld.shapes import Sphere
 from polyworld.trajectory import Event
@@ -46,11 +47,9 @@ def motions(
 ) -> dict[str, Motion]:
     """How the world moves in one run, by recorded name. values: of the unknowns, where there are any; states (N,)."""
     world = run.world(design.world)
+    known = {p for p in parameter_paths(world) if not p.startswith("observer.")}
     overrides = {
-        path: np.array([v])
-        for u, v in zip(unknowns, values, strict=False)
-        for path in u.paths
-        if not path.startswith("observer.")
+        path: np.array([v]) for u, v in zip(unknowns, values, strict=False) for path in u.paths if path in known
     }
     at, states_of = 0, dict[str, Array]()
     for coordinates in run.states:

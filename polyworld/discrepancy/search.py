@@ -110,7 +110,7 @@ class Search:
         """Go on under other noise: trials near the best are refitted, the others dropped."""
         before = self.ranked(effects)
         self.bench = bench
-        self.trials = {}
+        self.trials, self.foretold = {}, {}
         for trial in before[: self.settings.finalists]:
             self.take(bench.refit(trial))
 
@@ -120,6 +120,7 @@ class Search:
         if not parents:
             return
         level = min(p.chi2 for p in parents)
+        self.foretold = {}
         effects = len(parents[0].hypothesis.parts) + 1
         further = effects > 1
         most = self.settings.further if further else self.settings.contenders
@@ -142,7 +143,6 @@ class Search:
             if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
                 return
         found: list[tuple[Trial, Lead]] = []
-        self.foretold = {}
         for parent in parents:
             more = self._more(parent)
             left = [h for h in more if cut is None or not cut.holds(parent.hypothesis) or not cut.holds(h)]

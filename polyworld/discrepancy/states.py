@@ -166,7 +166,8 @@ def _spin_shows(world: World, item: RigidObject) -> bool:
     return meets or (rubs and item.torsional_radius != 0.0)
 
 
-def _jointed(linkage: Linkage, run: Run) -> StateCoordinates:
+def _jointed(whole: Linkage, run: Run) -> StateCoordinates:
+    linkage = whole.of_run(run)
     start = linkage.first_guess(run)
     n = len(start)
     typical = np.tile([TURN, 10.0 * TURN], n // 2)

@@ -27,7 +27,8 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-FEWEST, MOST = 16, 128  # samples of a window
+FEWEST = 16  # samples of a window
+LONG_RUN = 512  # samples of a run beyond which it is cut into more windows, one more set for each as many
 ABOUT = 8  # samples about the start of a window that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 8
@@ -134,7 +135,7 @@ def _cut(run: Run, most: int) -> list[Run]:
     """At most so many windows of equal length, more of a long run; none where a component that was measured is missing
     in one of them."""
     count = len(run.times)
-    most = max(most, count // MOST)
+    most *= max(count // LONG_RUN, 1)
     size = count // min(most, max(count // FEWEST, 1))  # all alike, to be rolled out together
     rough = _roughness(run)
     pieces: list[Run] = []

@@ -19,12 +19,12 @@ from polyworld.parameters import (
     torsional_radius,
 )
 from polyworld.representations.joint import Joint, Spring
+from polyworld.solver.spatial.joint_layout import NEVER
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
 OWN = -1.0  # marks a static or plane coefficient that is left to the touching object
-NEVER = 1.0e30  # a stop that is never reached
 
 
 @dataclass
@@ -38,9 +38,9 @@ class RigidArrays:
     gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own;
     time_origin (R, 1) [s].
     joint_friction, joint_damping, joint_stiffness, and motor_target_speed, motor_limit, motor_delay of the joints'
-    motors (R, joints): 0 where a joint has none. joint_anchor, joint_other_anchor (R, joints, 3) [m]: the points of the
-    joint's object and of the other at the start, world axes, one point but for springs. joint_lower, joint_upper
-    (R, joints): stops, far away where a joint has none.
+    motors (R, joints): 0 where a joint has none. joint_anchor, joint_other_anchor (R, joints, 3) [m]: the points of
+    the joint's object and of the other, world axes, at the start; of springs, which have two, in the pose described.
+    joint_lower, joint_upper (R, joints): stops, far away where a joint has none.
     effect_kind (e,), effect_acts (e, n), effect_programs (rows, 4) of `polyworld.expressions.effect`: not varied.
     """
 

@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
+from polyworld.interventions import Move, branch
 from polyworld.parameters import read_parameter, with_parameters
 from polyworld.rollout import simulator
 from polyworld.world import World
@@ -80,6 +81,15 @@ def test_a_described_world_that_starts_elsewhere_moves_as_the_one_of_a_batch() -
     again = rolled(sprung(), **{"joints.s.other_anchor.x": 0.05})
     assert rolled(held).positions == pytest.approx(again.positions, abs=1e-12)
     assert np.ptp(again.positions[:, 0, 0]) > 0.05  # the wall's end pulled it off its place
+
+
+def test_a_spring_goes_with_a_body_that_is_turned_by_a_quaternion_of_any_length() -> None:
+    item = ball("ball", (0.0, 0.0, 0.0))
+    world = sprung(anchor=(-0.1, 0, 0), other_anchor=(-1, 0, 0)).model_dump() | {"objects": [item]}
+    for length in (1.0, 2.0):
+        turned = (length * np.cos(np.pi / 4), 0.0, 0.0, length * np.sin(np.pi / 4))  # a quarter turn about z
+        after = branch(World.model_validate(world), [Move(object="ball", orientation=turned)])
+        assert after.joints[0].anchor == pytest.approx((0.0, -0.1, 0.0), abs=1e-12)
 
 
 def test_a_hinge_may_stand_elsewhere_in_each_world_of_a_batch() -> None:

@@ -119,9 +119,11 @@ def test_places_and_velocities_follow_from_the_joints_coordinates() -> None:
 def test_lengths_are_those_that_are_being_fitted() -> None:
     (tree,) = linkages(double())
     given = {"objects.a.position.z": np.array([-0.5]), "joints.h2.anchor.z": np.array([-0.5])}
-    found = tree.overrides(np.array([[np.pi / 2, 0.0, 0.0, 0.0]]), given)
+    found = tree.overrides(np.array([[np.pi / 2, 0.0, -np.pi / 2, 0.0]]), given)
     assert found["objects.a.position.x"] == pytest.approx(-0.5)
-    assert found["objects.b.position.x"] == pytest.approx(-UPPER - LOWER)
+    assert found["joints.h2.anchor.x"] == pytest.approx(-0.5)
+    assert found["objects.b.position.x"] == pytest.approx(-0.5)
+    assert found["objects.b.position.z"] == pytest.approx(0.5 - UPPER - LOWER)
 
 
 def test_stops_stay_where_they_are_whatever_angle_a_run_begins_at() -> None:
@@ -186,6 +188,55 @@ def test_what_is_held_otherwise_starts_as_the_world_says_and_that_is_told(joint:
     assert state_coordinates(world, measured) == ()
     told = cautions(design(world, Recording((measured,))))
     assert any("a and b are held by joints" in text for text in told)
+
+
+def test_a_sample_that_was_dropped_of_one_body_costs_no_other_its_start() -> None:
+    measured = run(swung((1.2, 0.4, 0.5, -1.0)))
+    (whole,) = state_coordinates(double(), measured)
+    measured.positions[50, measured.names.index("a")] = np.nan
+    (found,) = state_coordinates(double(), measured)
+    assert found.start == pytest.approx(whole.start, abs=1e-12)
+    assert abs(found.start[2]) > 0.5
+
+
+def test_a_body_that_was_not_seen_starts_as_the_world_says_on_what_was() -> None:
+    world = cart().model_dump()
+    world["objects"][1]["angular_velocity"] = (0.0, 2.0, 0.0)
+    place = np.stack([0.1 + 0.4 * TIMES, 0 * TIMES, 0 * TIMES], axis=-1)
+    measured, made = run({"a": place}), World.model_validate(world)
+    (found,) = state_coordinates(made, measured)
+    assert found.labels == ("displacement", "rate")
+    told = found.overrides(np.array([[0.1, 0.4]]), {})
+    assert told["objects.b.position.x"] == pytest.approx(0.1)
+    assert told["objects.b.angular_velocity.y"] == pytest.approx(2.0)
+    assert told["objects.b.velocity.x"] == pytest.approx(0.4 - 2.0 * LOWER)
+    assert any(text.startswith("b hang together") for text in cautions(design(made, Recording((measured,)))))
+
+
+def test_a_door_on_two_hinges_has_one_angle() -> None:
+    door = {"name": "a", "shape": {"kind": "box", "half_extents": [0.4, 0.02, 1.0]}, "position": (0.4, 0, 0)}
+    hinges = [
+        {"kind": "hinge", "name": f"h{z}", "object": "a", "anchor": (0, 0, z - 1), "axis": (0, 0, 1)} for z in (0, 2)
+    ]
+    (tree,) = linkages(World.model_validate({"objects": [door], "joints": hinges}))
+    assert tree.labels == ("angle", "rate")
+    bent = hinges[0] | {"name": "bent", "anchor": (0.1, 0, 0.2)}
+    assert linkages(World.model_validate({"objects": [door], "joints": [*hinges, bent]})) == ()
+
+
+def test_an_angle_beyond_half_a_turn_is_the_one_that_stops_allow() -> None:
+    bob = ball("a", (0, 0, -UPPER))
+    world = World.model_validate({"objects": [bob], "joints": [hinge("h", (0, 0, 0), object="a", lower=0, upper=4.7)]})
+    (found,) = state_coordinates(world, run({"a": hung(UPPER, 4.0 + 0.3 * TIMES)}))
+    assert found.start == pytest.approx([4.0, 0.3], abs=0.05)
+    assert found.overrides(found.start[None], {})["joints.h.lower"] == pytest.approx(-4.0, abs=0.05)
+
+
+def test_what_a_rope_is_tied_to_starts_as_the_world_says() -> None:
+    rope = {"name": "line", "representation": "rope", "points": [(0, 0, 0), (0, 0, -0.5)], "linear_density": 0.1}
+    knot = {"name": "knot", "object": "line", "end": "start", "to": "a"}
+    parts = cart().model_dump() | {"deformables": [rope], "attachments": [knot]}
+    assert linkages(World.model_validate(parts)) == ()
 
 
 def test_a_closed_chain_has_no_coordinates_of_its_own() -> None:
