@@ -21,6 +21,9 @@ class Record:
         self._count = count
         w, n = shard.n_worlds, len(shard.world.objects)
         self.rigid = [np.full((w, count, n, k), np.nan) for k in (3, 4, 3, 3)]
+        # Seen once, here: for every view of records NumPy parses their layout, and threads of CPython 3.11 that parse
+        # at the same time were seen to fail (SystemError: AST constructor recursion depth mismatch).
+        self._bodies = shard.rigid.bodies.numpy()[:, :n] if n else None
         sizes = shard.point_counts()
         asked = 48 * w * count * sum(sizes.values())
         if asked > MOST_BYTES:
@@ -36,10 +39,9 @@ class Record:
         """Keep the state of this moment as sample number `sample`."""
         shard = self.shard
         live = shard.diverged_node.numpy() < 0
-        if shard.world.objects:
-            bodies = shard.rigid.bodies.numpy()[:, : len(shard.world.objects)]
+        if self._bodies is not None:
             for values, name in zip(self.rigid, ("x", "q", "v", "w"), strict=True):
-                state = np.asarray(bodies[name], dtype=float)
+                state = np.asarray(self._bodies[name], dtype=float)
                 values[live, sample] = (np.roll(state, 1, axis=-1) if name == "q" else state)[live]
         for name, (x, v) in shard.points().items():
             self.points[name][live, sample] = x[live]
