@@ -11,7 +11,7 @@ FEW = 16  # instants of a series below which its noise is a guess
 
 
 def cautions(plan: Design) -> tuple[str, ...]:
-    """In words: components that no run measured, and series too short to tell noise from motion."""
+    """In words: what no run measured and starts as the world says, and series too short to tell noise from motion."""
     found = []
     measured = {(owner(s.name), s.axis) for s in plan.series if s.kind == "position"}
     turned = {owner(s.name) for s in plan.series if s.kind == "rotation"}
@@ -28,11 +28,12 @@ def cautions(plan: Design) -> tuple[str, ...]:
                 f"turns of {name} were never measured: it starts with the spin the world says, ({spin}) rad/s, and "
                 "what spin does, lift in flight or grip at a bounce, is right only as far as that is"
             )
-    known = {link.item.name for linkage in linkages(plan.world) for link in linkage.links}
+    trees = linkages(plan.world)
+    known = {link.item.name for tree in trees for link in tree.links}
     stuck = sorted(held - known)
     there = {name for run in plan.recording.runs for name in run.names}
-    for linkage in linkages(plan.world):
-        bodies = [link.item.name for link in linkage.links if link.free]
+    for tree in trees:
+        bodies = [link.item.name for link in tree.links if link.free]
         unseen = [name for name in bodies if name not in there]
         if unseen and len(unseen) < len(bodies):
             found.append(f"{' and '.join(unseen)} hang together with what was measured: they start as the world says")

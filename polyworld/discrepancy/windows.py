@@ -28,7 +28,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a window
-LONG_RUN = 512  # samples of a run beyond which it is cut into more windows, one more set for each as many
+LONG_RUN = 512  # samples of a run; one that is so many times as long is cut into so many times the windows
 ABOUT = 8  # samples about the start of a window that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 8
