@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
     gap.add_argument(
         "--effects", metavar="NAME,NAME", help="consider these effects only (default: the whole catalogue)"
     )
-    gap.add_argument("--max-effects", type=int, default=2, choices=(1, 2, 3), help="default: %(default)s")
+    gap.add_argument("--max-effects", type=int, default=3, choices=(1, 2, 3), help="default: %(default)s")
     gap.add_argument("--seed", type=int, default=0, help="of the null control (default: %(default)s)")
     gap.add_argument("--out", type=Path, metavar="FILE", help="write the better world here")
     gap.add_argument("--pictures", type=Path, metavar="FOLDER", help="write pictures here")

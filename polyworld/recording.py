@@ -24,7 +24,7 @@ class Run:
     [m], NaN for each component that was not measured. orientations (T, n, 4) w, x, y, z, NaN where unknown. sigma:
     standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in
     `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
-    not fitted.
+    not fitted. part_of: the longer run that it was cut from.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Run:
     sigma: float | None = None
     symmetry: tuple[int, ...] = ()
     lead: float = 0.0
+    part_of: str | None = None
 
     def __post_init__(self) -> None:
         t, n = len(self.times), len(self.names)

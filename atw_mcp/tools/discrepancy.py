@@ -97,7 +97,7 @@ def propose_effects(
         list[Annotated[str, Field(max_length=64)]] | None,
         Field(max_length=64, description=f"effects to consider; default all: {', '.join(catalogue())}"),
     ] = None,
-    max_effects: Annotated[int, Field(ge=1, le=3, description="most effects that may be missing at once")] = 2,
+    max_effects: Annotated[int, Field(ge=1, le=3, description="most effects that may be missing at once")] = 3,
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="of the null control")] = 0,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:

@@ -68,7 +68,7 @@ class Candidate:
     absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
     written down. variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of
     its own, for an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this
-    candidate, how many to keep) -> where to begin fits, best first.
+    candidate, how many to keep) -> where to begin fits, best first. torque: whether it turns bodies and pushes none.
     """
 
     name: str
@@ -80,3 +80,4 @@ class Candidate:
     variants: Callable[[World, Recording], tuple[Variant, ...]]
     confused_with: Mapping[str, str] = field(default_factory=dict)
     leads: Callable[[Bench, Trial, Sequence[Hypothesis], int], list[Lead]] | None = None
+    torque: bool = False

@@ -44,6 +44,13 @@ def cautions(plan: Design) -> tuple[str, ...]:
         )
     if follows_one_course(plan):
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
+    whole = sorted({r.run.part_of for r in plan.runs if r.run.part_of is not None})
+    for name in whole:
+        lengths = [len(r.times) for r in plan.runs if r.run.part_of == name]
+        found.append(
+            f"run {name} is long: it was fitted in {len(lengths)} parts of {min(lengths)} to {max(lengths)} instants, "
+            "each with an initial state of its own; what shows only over a longer time was not asked"
+        )
     shortest = min((len(s.rows) for s in plan.series), default=0)
     if shortest < FEW:
         found.append(

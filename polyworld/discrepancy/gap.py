@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Candidate, Unknown
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.criteria import extended_bic
+from polyworld.discrepancy.described import described, law_ebic
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.examine import LEFT, fitted_base, refitted
 from polyworld.discrepancy.experiment import Contender, propose_experiment
-from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
+from polyworld.discrepancy.parts import in_parts
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
-from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
+from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce
 from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
 STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
+PLAINLY = 2  # effects beyond which a further one is added only where most of what lacks is foretold to go with it
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
 SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to several effects of it
 KEPT_CHANGED = 0.002  # the same of the share of outliers
@@ -78,6 +79,7 @@ def find_gap(
     recording does not fit the world.
     """
     settings = settings or GapSettings()
+    recording = in_parts(world, recording)
     plan = design(coarsened(world, recording), recording)
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
     story = _Story(progress)
@@ -92,17 +94,10 @@ def find_gap(
     if settings.residual_force and (verdict.kind == "unexplained" or several):
         # Beside several effects only one law that says it all is of interest.
         terms = 1 if verdict.kind != "unexplained" else MAX_TERMS
-        force = describe_unexplained(
-            plan,
-            bench.noise,
-            tuple(base),
-            ground.fit,
-            most_terms=terms,
-            near=search.near,
-            cancelled=cancelled,
-        )
+        nearest = best if verdict.kind == "unexplained" else None
+        force = described(ground, nearest, search.near, most_terms=terms, cancelled=cancelled)
         if best is not None and verdict.kind != "unexplained":
-            if _simpler(force, best):
+            if _simpler(force, ground, best):
                 verdict = Verdict("unexplained", best, (), verdict.runner_up)
             else:
                 force = None
@@ -141,19 +136,15 @@ def find_gap(
     )
 
 
-def _simpler(force: ResidualForce, best: Trial) -> bool:
+def _simpler(force: ResidualForce, ground: Trial, best: Trial) -> bool:
     """Whether one law outside the catalogue explains the data better for its unknowns than several effects together.
 
     Effects of the catalogue added up can mimic a law that is not in it; their sum is then no name for it.
     """
     if not force.explains or force.world is None:
         return False
-    bench = best.bench
-    forward = Forward(bench.design, force.world, ())
-    fit = profile.fit(forward, bench.noise, np.zeros(0), force.fit.states, iterations=4)
-    law = extended_bic(fit.chi2, len(force.numbers), bench.observations, 0, 1)
-    effects = extended_bic(best.chi2, best.hypothesis.extra, bench.observations, 0, 1)
-    return law < effects - SIMPLER
+    effects = extended_bic(best.chi2, best.hypothesis.extra, best.bench.observations, 0, 1)
+    return law_ebic(force, ground) < effects - SIMPLER
 
 
 def _told_world(trial: Trial, world: World) -> World:
@@ -215,6 +206,8 @@ def _searched(
     effects = 0
     parents = [ground]
     while effects < settings.search.max_effects:
+        if effects >= PLAINLY and not search.foreseen(parents):
+            break  # a sum of so many mimics much
         effects += 1
         search.add_effect(parents)
         _renoise(search, effects)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import fdtrc  # scipy.stats is slow to import
 
 from polyworld.discrepancy import differences, spectrum
 from polyworld.discrepancy.design import Design, Series
@@ -229,7 +229,7 @@ def _energy(amplitudes: Array, covariance: Array) -> tuple[float, int]:
 def _tail(energy: float, count: int, *errors: float) -> float:
     """Probability of at least this energy: chi-squared over a scale known with relative errors (of the variance)."""
     variance = sum(e**2 for e in errors)
-    return float(stats.f.sf(energy / count, count, 2.0 / max(variance, 1e-6)))
+    return float(fdtrc(count, 2.0 / max(variance, 1e-6), energy / count))
 
 
 class _Scale:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.forward import Forward, Settings
@@ -15,7 +15,7 @@ from polyworld.discrepancy.trial import Bench, Trial
 
 Array = NDArray[np.float64]
 
-LEVEL = float(norm.isf(0.025))  # standard deviations of a two-sided 95% interval
+LEVEL = float(-ndtri(0.025))  # standard deviations of a two-sided 95% interval
 ROUNDS = 3
 FOLLOWED = 3  # steps of all else after an unknown that was moved
 STRETCH = (0.8, 3.0)  # of the parabola's half width, beyond which a correction is not believed

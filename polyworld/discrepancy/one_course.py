@@ -20,8 +20,8 @@ ITERATIONS = 8
 
 
 def follows_one_course(plan: Design) -> bool:
-    """Whether nothing but one coordinate of one run was measured."""
-    return len(plan.series) == 1
+    """Whether nothing but one coordinate of one run was measured, be it in parts."""
+    return len({(plan.runs[s.run].run.part_of or s.run, s.name, s.kind, s.axis) for s in plan.series}) == 1
 
 
 def rivals(search: Search, ground: Trial, best: Trial) -> list[Trial]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import chndtr
 
 from polyworld.discrepancy.candidate import Candidate, Unknown
 from polyworld.discrepancy.criteria import extended_bic
@@ -104,7 +104,7 @@ def noncentrality_needed(unknowns: int, observations: float, candidates: int) ->
     lower, upper = 0.0, 4.0 * price + 100.0
     for _ in range(60):
         middle = 0.5 * (lower + upper)
-        if stats.ncx2.sf(price, unknowns, middle) >= POWER:
+        if 1.0 - chndtr(price, unknowns, middle) >= POWER:
             upper = middle
         else:
             lower = middle

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2 as chi_squared
+from scipy.special import chdtrc
 
 from polyworld.discrepancy.residual_law import FittedLaw, Problem, Score, room_for, score_term
 from polyworld.discrepancy.residual_terms import Factor, Scales, Term
@@ -88,7 +88,7 @@ def _probed(factor: str, problem: Problem, best: FittedLaw, probe: Term | None) 
 
 
 def _dependence(factor: str, in_law: bool, chi2: float, numbers: int) -> Dependence:
-    return Dependence(factor, in_law, chi2, numbers, float(chi_squared.sf(max(chi2, 0.0), numbers)))
+    return Dependence(factor, in_law, chi2, numbers, float(chdtrc(numbers, max(chi2, 0.0))))
 
 
 def _probes(problem: Problem, best: FittedLaw, scales: Scales) -> dict[str, Term]:

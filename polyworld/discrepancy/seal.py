@@ -14,6 +14,7 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.noise import Noise, measured_noise
+from polyworld.discrepancy.parts import in_parts
 from polyworld.recording import Recording
 from polyworld.world import World
 
@@ -41,8 +42,8 @@ class SealedGap:
 
 def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
     """The gap on sealed runs before and after: everything that runs share stays as it was fitted, each run's own
-    initial state is fitted to it."""
-    plan = design(before, recording)
+    initial state, or that of each part of a long one, is fitted to it."""
+    plan = design(before, in_parts(before, recording))
     noise = measured_noise(plan)
     kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     floor = _noise_level(plan, noise, kind)

@@ -32,6 +32,7 @@ SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
 OF_ONE_RUN = 0.75  # share of what is missing that what happens to one run has to promise
+THIRD = 0.8  # share of what is lacking that an effect beyond the second has to promise
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
@@ -66,7 +67,7 @@ class SearchSettings:
     parents: int = 3
     finalists: int = 5
     credible: float = 10.0
-    max_effects: int = 2
+    max_effects: int = 3
 
 
 @dataclass
@@ -100,6 +101,16 @@ class Search:
         if np.isfinite(trial.chi2) and (key not in self.trials or trial.chi2 < self.trials[key].chi2):
             self.trials[key] = trial
         return self.trials.get(key, trial)
+
+    def foreseen(self, parents: Sequence[Trial]) -> bool:
+        """Whether the score test foretells that one more effect takes off most of what the best of these lacks."""
+        level = parents[0].chi2
+        lacking = level - self.bench.observations
+        for parent in parents:
+            for lead in leads(self.bench, parent, self._more(parent), 1):
+                if level - promise(lead, self.bench.observations) > THIRD * lacking:
+                    return True
+        return False
 
     def fewest(self, effects: int) -> int:
         """The least number of effects, up to so many, whose best passes the gate; all of them where none does."""

@@ -18,9 +18,10 @@ from scipy.optimize import differential_evolution
 from polyworld import geometry
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.parts import FEWEST
 from polyworld.discrepancy.score import Lead
 from polyworld.discrepancy.trial import Bench, Trial
-from polyworld.discrepancy.windows import FEWEST, Windows, windows
+from polyworld.discrepancy.windows import Windows, windows
 from polyworld.recording import Run
 
 Array = NDArray[np.float64]

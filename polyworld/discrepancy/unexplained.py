@@ -66,7 +66,8 @@ class ResidualForce:
     chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
     worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
     fit: of the base unknowns followed by the law's numbers. tried: laws fitted. complete: False where the search ended
-    at its limit of rollouts, so that a better law may have been left untried.
+    at its limit of rollouts, so that a better law may have been left untried. beside: effects of the catalogue, no
+    forces, that are in the world with it.
     """
 
     explains: bool
@@ -85,6 +86,7 @@ class ResidualForce:
     unknowns: tuple[Unknown, ...]
     tried: int
     complete: bool
+    beside: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """One sentence for readers."""
@@ -92,7 +94,8 @@ class ResidualForce:
         if not self.expression:
             return f"no term describes what is unexplained{end}"
         so = "explains the data" if self.explains else "comes closest, but does not explain the data"
-        return f"an acceleration {self.written} {so}{end}"
+        beside = f" beside {' and '.join(self.beside)}" if self.beside else ""
+        return f"an acceleration {self.written}{beside} {so}{end}"
 
     def to_json(self) -> dict[str, Any]:
         """As reports and evidence hold it; the world is left out."""
@@ -109,6 +112,7 @@ class ResidualForce:
             "chi2_after": self.chi2_after,
             "data": self.data,
             "complete": self.complete,
+            "beside": list(self.beside),
             "alternatives": [{"expression": e, "ebic_behind": b} for e, b in self.alternatives],
         }
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtri
 
 from polyworld.discrepancy.criteria import HeldOutGain, held_out_gain
 from polyworld.discrepancy.trial import Trial
@@ -91,7 +91,7 @@ def one_of_each_name(trials: Sequence[Trial]) -> list[Trial]:
 
 def _preferred(trial: Trial, best: Trial) -> bool:
     more = trial.hypothesis.extra - best.hypothesis.extra
-    return more > 0 and best.chi2 - trial.chi2 > float(chi2_distribution.isf(SAME, more))
+    return more > 0 and best.chi2 - trial.chi2 > float(chdtri(more, SAME))
 
 
 def _foretells(trial: Trial, best: Trial) -> bool:
@@ -107,7 +107,7 @@ def _contains(richer: Trial, simpler: Trial) -> bool:
     if more <= 0:
         return False
     apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(richer.fit.linear.r, simpler.fit.linear.r, strict=True))
-    return apart < float(chi2_distribution.isf(SAME, more))
+    return apart < float(chdtri(more, SAME))
 
 
 def _runner_up(best: Trial, ranked: Sequence[Trial]) -> RunnerUp | None:

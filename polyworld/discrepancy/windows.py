@@ -11,26 +11,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import Design, RunDesign, design
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.parts import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
 from polyworld.discrepancy.score import Lead
 from polyworld.discrepancy.trial import Bench, Start, Trial
 from polyworld.recording import Recording, Run
-from polyworld.representations.rigid import RigidObject
-from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-FEWEST = 16  # samples of a window
 LONG_RUN = 512  # samples of a run; one that is so many times as long is cut into so many times the windows
-ABOUT = 8  # samples about the start of a window that have to lie on a parabola,
-ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no window begins there
 GROUND_ITERATIONS = 8
 
 
@@ -97,7 +91,7 @@ def windows(bench: Bench, pieces: int) -> Windows | None:
     """The windows of a design, so many of each run; None where what was measured in a window does not tell its initial
     state."""
     plan = bench.design
-    if not _starts_anywhere(plan.world, plan.recording):
+    if not starts_anywhere(plan.world, plan.recording):
         return None
     cut: list[Run] = []
     first: list[int] = []
@@ -111,77 +105,18 @@ def windows(bench: Bench, pieces: int) -> Windows | None:
     return Windows(bench, made, tuple(first))
 
 
-def _starts_anywhere(world: World, recording: Recording) -> bool:
-    """Whether every body that moves is rigid, free or in a linkage, there from the start, and seen in every run."""
-    items = [world.item(name) for name in world.moving_names]
-    linked = {link.item.name for linkage in linkages(world) for link in linkage.links}
-    if any(is_held(world, i.name) and i.name not in linked for i in items):
-        return False
-    if any(getattr(j, "motor", None) is not None for j in world.joints):  # it switches at instants of a run
-        return False
-    if not all(isinstance(i, RigidObject) and i.start_time == 0.0 for i in items):
-        return False
-    if any(set(run.names) != {i.name for i in items} or run.lead for run in recording.runs):
-        return False
-    if world.planar or not (world.statics or len(items) > 1) or not any(o.friction for o in world.objects):
-        return True
-    # Where turns were not measured, spins in space are as they were when a run began, which a window cannot know.
-    free = [i.name for i in items if i.name not in linked]
-    turns = [run.orientations[:, run.names.index(name)] for run in recording.runs for name in free]
-    return all(bool(np.isfinite(turn).any()) for turn in turns)
-
-
 def _cut(run: Run, most: int) -> list[Run]:
     """At most so many windows of equal length, more of a long run; none where a component that was measured is missing
     in one of them."""
     count = len(run.times)
     most *= max(count // LONG_RUN, 1)
     size = count // min(most, max(count // FEWEST, 1))  # all alike, to be rolled out together
-    rough = _roughness(run)
+    rough = roughness(run)
     pieces: list[Run] = []
     for begin in range(0, count - size + 1, size):
-        # Not just before or at an impact: what state a window begins with could hardly be told.
-        moved = [0] if not begin else sorted(range(-size // 4, size // 4 + 1), key=abs)
-        there = [begin + m for m in moved if begin + m + size <= count]
-        smooth = [k for k in there if rough[k] <= ROUGH]
-        first = smooth[0] if smooth else min(there, key=lambda k: rough[k])
+        moved = range(-size // 4, size // 4 + 1) if begin else (0,)
+        first = smooth_near(rough, begin, [begin + m for m in moved if begin + m + size <= count])
         keep = np.zeros(count, dtype=bool)
         keep[first : first + size] = True
         pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}"))
-    return pieces if all(_seen(run, p) for p in pieces) else []
-
-
-def _roughness(run: Run) -> Array:
-    """At each instant (T,), how ill a parabola of the run's usual curvature fits the next samples of any position and
-    the one before them, as a multiple of what is ordinary in the run; infinite beside samples that are missing, 0 for
-    the first instant and the last few.
-
-    A body that rebounds just after a sample looks as if it had left the floor before it. Noise that hides an impact
-    from differences of neighbours does not hide it from this.
-    """
-    count = len(run.times)
-    rough = np.zeros(count)
-    if count <= ABOUT:
-        return rough
-    powers = np.vander(np.linspace(-1.0, 1.0, ABOUT), 2)
-    off = np.eye(ABOUT) - powers @ np.linalg.pinv(powers)
-    half = ABOUT // 2
-    for values in run.positions.reshape(count, -1).T:
-        bent = values[2 * half :] - 2.0 * values[half:-half] + values[: -2 * half]
-        if not np.isfinite(bent).any():
-            continue
-        straight = values - 0.5 * float(np.nanmedian(bent)) * (np.arange(count) / half) ** 2
-        left = np.linalg.norm(sliding_window_view(straight, ABOUT) @ off, axis=1)
-        if np.isfinite(left).any():
-            relative = np.nan_to_num(left / max(float(np.nanmedian(left)), 1e-12), nan=np.inf)
-            rough[1 : len(relative) + 1] = np.maximum(rough[1 : len(relative) + 1], relative)
-    return rough
-
-
-def _seen(run: Run, piece: Run) -> bool:
-    for whole, part in ((run.positions, piece.positions), (run.orientations, piece.orientations)):
-        needed: Sequence[int] = np.flatnonzero(np.isfinite(whole).any(axis=0)).tolist()
-        there = np.isfinite(part).sum(axis=0).ravel()
-        if any(there[i] < FEWEST // 2 for i in needed):
-            return False
-    return True
+    return pieces if all(is_seen(run, p) for p in pieces) else []

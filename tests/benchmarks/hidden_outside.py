@@ -150,7 +150,11 @@ OUTSIDE: dict[str, tuple[Draw, Form]] = {
     "mujoco_box": (mujoco_box, Form(exponent=2.0, direction="velocity")),
     "mujoco_ellipsoid": (
         mujoco_ellipsoid,
-        Form(exponent=2.0, direction="velocity", allowed=(("magnus_lift", "quadratic_drag"),)),
+        Form(
+            exponent=2.0,
+            direction="velocity",
+            allowed=(("magnus_lift", "quadratic_drag"), ("magnus_lift", "quadratic_drag", "spin_damping")),
+        ),
     ),
     "mujoco_lift": (mujoco_lift, Form(direction="spin", allowed=(("magnus_lift",), ("buoyancy", "magnus_lift")))),
 }

@@ -90,6 +90,7 @@ LAWS: dict[str, tuple[dict[str, float], Force]] = {
     "quadratic_damping": ({"rate": 0.1}, lambda m: (-MASS * 0.1 * np.linalg.norm(m.v) * m.v, NONE)),
     "quadratic_drag": ({"coefficient": 0.03}, lambda m: (-0.03 * np.linalg.norm(m.v) * m.v, NONE)),
     "spin_damping": ({"coefficient": 2e-3}, lambda m: (NONE, -2e-3 * m.w)),
+    "spin_drag": ({"coefficient": 1e-4}, lambda m: (NONE, -1e-4 * np.linalg.norm(m.w) * m.w)),
     "spring": (
         {"anchor_x": C[0], "anchor_z": C[2], "stiffness": 5.0, "rest_length": 0.4, "damping": 0.1},
         lambda m: (-_spring(m.x - C, m.v, 5.0, 0.4, 0.1) * _unit(m.x - C), NONE),
@@ -165,7 +166,7 @@ def test_flight_in_space_follows_scipy(kind: str) -> None:
     truth = exact(LAWS[kind][1], TIMES)
     error = np.abs(positions(spatial(effect(kind)), TIMES) - truth).max()
     assert error < 1e-5 * path(truth)
-    inert = {"viscous_friction", "spin_damping"}  # one acts in contact only, the other on the spin
+    inert = {"viscous_friction", "spin_damping", "spin_drag"}  # in contact only, or on the spin
     without = exact(lambda _: (NONE, NONE), TIMES)
     assert (np.abs(truth - without).max() > 0.1) == (kind not in inert)  # it is the law that is tested
 
@@ -189,6 +190,14 @@ def test_spin_decays_under_damping_and_takes_the_lift_along(make: Callable[..., 
 
     truth = exact(force, TIMES)
     assert np.abs(out.positions[0, :, 0] - truth).max() < 1e-5 * path(truth)
+
+
+@pytest.mark.parametrize("make", [spatial, planar])
+def test_spin_under_drag_decays_as_a_hyperbola(make: Callable[..., World]) -> None:
+    """omega = omega0 / (1 + k |omega0| t / I)."""
+    out = simulator(make(effect("spin_drag")), TIMES, threads=1).run()
+    slower = 1.0 + 1e-4 * abs(OMEGA[1]) * TIMES / INERTIA
+    np.testing.assert_allclose(out.angular_velocities[0, :, 0, 1], OMEGA[1] / slower, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["magnus_lift", "coriolis", "quadratic_drag", "spring", "periodic_forcing"])

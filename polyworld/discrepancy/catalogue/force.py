@@ -213,7 +213,11 @@ def _spin_damping(world: World, recording: Recording) -> tuple[Variant, ...]:
     if not world.objects or found.spin <= 0.0 or not (measured or rubs):
         return ()
     inertia = 0.4 * found.mass * max(found.radius, 1e-6) ** 2
-    return (one_effect(world, "spin_damping", {"coefficient": 0.2 * inertia / max(found.duration, 1e-6)}),)
+    typical = 0.2 * inertia / max(found.duration, 1e-6)
+    return (
+        one_effect(world, "spin_damping", {"coefficient": typical}, label="in proportion to the spin"),
+        one_effect(world, "spin_drag", {"coefficient": typical / found.spin}, label="as the square of the spin"),
+    )
 
 
 def _viscous_friction(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -317,12 +321,13 @@ CANDIDATES = (
     Candidate(
         name="spin_damping",
         group="force",
-        law="torque = -c omega",
+        law="torque = -c omega, of a ball that turns fast -k |omega| omega",
         representations=RIGID,
         signature="a spin that decays in free motion; bounces that kick less the later they come",
-        reference="Landau & Lifshitz, Fluid Mechanics, 20",
+        reference="Landau & Lifshitz, Fluid Mechanics, 20; Sawatzki (1970), Acta Mech. 9, 159",
         variants=_spin_damping,
         confused_with={"friction_error": "the spin before the first contact"},
+        torque=True,
     ),
     Candidate(
         name="viscous_friction",

@@ -27,7 +27,7 @@ ORDINARY = 0.02
 SLANTED = 0.7  # most that keystone times half the extent of what was seen may be
 # Effects that know no direction and no place: they look the same in axes turned about gravity.
 _ISOTROPIC = frozenset(
-    {"linear_drag", "quadratic_drag", "quadratic_damping", "magnus_lift", "buoyancy", "spin_damping"}
+    {"linear_drag", "quadratic_drag", "quadratic_damping", "magnus_lift", "buoyancy", "spin_damping", "spin_drag"}
     | {"viscous_friction", "restitution_speed", "bounce_friction", "spin_coupling"}
 )
 # Effects whose course depends on the time since the start.

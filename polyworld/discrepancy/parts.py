@@ -1,0 +1,124 @@
+"""Where a run may be cut: into stretches that begin where data tell a state, each with an initial state of its own."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.linkage import is_held, linkages
+from polyworld.recording import Recording, Run
+from polyworld.representations.rigid import RigidObject
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+FEWEST = 16  # samples of a stretch
+MOST = 1024  # samples of a run that is fitted as one
+PART = 512  # samples of the parts, at least, of a longer one
+ABOUT = 8  # samples about the start of a stretch that have to lie on a parabola,
+ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no stretch begins there
+
+
+def in_parts(world: World, recording: Recording) -> Recording:
+    """The recording with its long runs in parts, where the world may start anywhere and every part tells how.
+
+    Over a long run a small error of a parameter adds up to turns and bounces, rollouts need steps as fine as the whole
+    run asks for, and each costs the whole run. Parts have initial states of their own (multiple shooting without
+    conditions of continuity); what they tell of an effect comes from what it does within one, and from how that differs
+    from part to part.
+    """
+    if all(len(run.times) <= MOST for run in recording.runs) or not starts_anywhere(world, recording):
+        return recording
+    return Recording(tuple(part for run in recording.runs for part in _parts(run)))
+
+
+def _parts(run: Run) -> list[Run]:
+    """Parts that follow each other without a gap; the run itself where it is not long or one would tell too little."""
+    count = len(run.times)
+    if count <= MOST:
+        return [run]
+    number = count // PART
+    rough = roughness(run)
+    edges = [0]
+    for k in range(1, number):
+        middle, reach = k * count // number, count // number // 4
+        edges.append(smooth_near(rough, middle, range(middle - reach, middle + reach + 1)))
+    edges.append(count)
+    kept = np.arange(count)
+    pieces = [
+        replace(
+            run.rows((kept >= first) & (kept < end)), name=f"{run.name} from {run.times[first]:g} s", part_of=run.name
+        )
+        for first, end in itertools.pairwise(edges)
+    ]
+    return pieces if all(is_seen(run, p) for p in pieces) else [run]
+
+
+def smooth_near(rough: Array, wanted: int, there: Sequence[int]) -> int:
+    """The instant nearest to the one wanted, of those there are, at which a stretch may begin: not just before or at an
+    impact, where its state could hardly be told."""
+    nearest = sorted(there, key=lambda k: abs(k - wanted))
+    smooth = [k for k in nearest if rough[k] <= ROUGH]
+    return smooth[0] if smooth else min(nearest, key=lambda k: rough[k])
+
+
+def starts_anywhere(world: World, recording: Recording) -> bool:
+    """Whether every body that moves is rigid, free or in a linkage, there from the start, and seen in every run."""
+    items = [world.item(name) for name in world.moving_names]
+    linked = {link.item.name for linkage in linkages(world) for link in linkage.links}
+    if any(is_held(world, i.name) and i.name not in linked for i in items):
+        return False
+    if any(getattr(j, "motor", None) is not None for j in world.joints):  # it switches at instants of a run
+        return False
+    if not all(isinstance(i, RigidObject) and i.start_time == 0.0 for i in items):
+        return False
+    if any(set(run.names) != {i.name for i in items} or run.lead for run in recording.runs):
+        return False
+    if world.planar or not (world.statics or len(items) > 1) or not any(o.friction for o in world.objects):
+        return True
+    # Where turns were not measured, spins in space are as they were when a run began, which a window cannot know.
+    free = [i.name for i in items if i.name not in linked]
+    turns = [run.orientations[:, run.names.index(name)] for run in recording.runs for name in free]
+    return all(bool(np.isfinite(turn).any()) for turn in turns)
+
+
+def roughness(run: Run) -> Array:
+    """At each instant (T,), how ill a parabola of the run's usual curvature fits the next samples of any position and
+    the one before them, as a multiple of what is ordinary in the run; infinite beside samples that are missing, 0 for
+    the first instant and the last few.
+
+    A body that rebounds just after a sample looks as if it had left the floor before it. Noise that hides an impact
+    from differences of neighbours does not hide it from this.
+    """
+    count = len(run.times)
+    rough = np.zeros(count)
+    if count <= ABOUT:
+        return rough
+    powers = np.vander(np.linspace(-1.0, 1.0, ABOUT), 2)
+    off = np.eye(ABOUT) - powers @ np.linalg.pinv(powers)
+    half = ABOUT // 2
+    for values in run.positions.reshape(count, -1).T:
+        bent = values[2 * half :] - 2.0 * values[half:-half] + values[: -2 * half]
+        if not np.isfinite(bent).any():
+            continue
+        straight = values - 0.5 * float(np.nanmedian(bent)) * (np.arange(count) / half) ** 2
+        left = np.linalg.norm(sliding_window_view(straight, ABOUT) @ off, axis=1)
+        if np.isfinite(left).any():
+            relative = np.nan_to_num(left / max(float(np.nanmedian(left)), 1e-12), nan=np.inf)
+            rough[1 : len(relative) + 1] = np.maximum(rough[1 : len(relative) + 1], relative)
+    return rough
+
+
+def is_seen(run: Run, piece: Run) -> bool:
+    """Whether all that was measured in a run was measured often enough in a piece of it."""
+    for whole, part in ((run.positions, piece.positions), (run.orientations, piece.orientations)):
+        needed: Sequence[int] = np.flatnonzero(np.isfinite(whole).any(axis=0)).tolist()
+        there = np.isfinite(part).sum(axis=0).ravel()
+        if any(there[i] < FEWEST // 2 for i in needed):
+            return False
+    return True

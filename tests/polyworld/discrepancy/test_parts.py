@@ -1,0 +1,94 @@
+"""Long runs in parts: where they are cut, when they are not, and that the law found in the parts is the run's."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from polyworld.discrepancy.catalogue import named
+from polyworld.discrepancy.design import design
+from polyworld.discrepancy.gap import GapSettings, find_gap
+from polyworld.discrepancy.one_course import follows_one_course
+from polyworld.discrepancy.parts import MOST, in_parts
+from polyworld.recording import Recording, Run
+from polyworld.world import World
+from tests.polyworld.discrepancy.scenes import Bouncing, Launch, ball_recording, ball_world
+
+DRAG = 0.12  # [1/s]
+SIGMA = 0.001
+
+
+def table_world() -> World:
+    """A puck on a table without friction."""
+    puck = {
+        "name": "puck",
+        "representation": "rigid_planar",
+        "shape": {"kind": "cylinder", "radius": 0.05, "half_height": 0.01},
+        "friction": 0.0,
+        "mass": 0.5,
+        "position": [0.0, 0.0, 0.01],
+    }
+    return World.model_validate({"objects": [puck], "time": {"substep": 0.005}})
+
+
+def slide(count: int, axes: int = 2) -> Recording:
+    """One run of a puck that air slows in proportion to its speed: x = x0 + v0 (1 - exp(-c t)) / c."""
+    times = np.arange(count) / 200.0
+    way = np.array([[1.0, 2.0], [1.5, -0.7]])
+    places = np.full((count, 1, 3), np.nan)
+    clear = way[0] + way[1] * ((1.0 - np.exp(-DRAG * times)) / DRAG)[:, None]
+    places[:, 0, :axes] = (clear + np.random.default_rng(2).normal(0.0, SIGMA, clear.shape))[:, :axes]
+    return Recording((Run("slide", ("puck",), times, places, np.full((count, 1, 4), np.nan)),))
+
+
+def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
+    rng = np.random.default_rng(5)
+    launch = Launch(np.array([0.0, 0.0, 1.5]), np.array([0.4, 0.2, 0.0]))
+    elastic = Bouncing(after=lambda speed, along: (speed, along))
+    recording = ball_recording(elastic, [launch], rng, 1e-6, duration=18.0, rate=120.0)
+    (run,), parts = recording.runs, in_parts(ball_world(), recording).runs
+    assert len(parts) > 3
+    assert max(len(p.times) for p in parts) < MOST
+    np.testing.assert_array_equal(np.concatenate([p.times for p in parts]), run.times)
+    np.testing.assert_array_equal(np.concatenate([p.positions for p in parts]), run.positions)
+    assert {p.part_of for p in parts} == {run.name}
+    for part in parts[1:]:
+        rising = np.diff(part.positions[:4, 0, 2]) / np.diff(part.times[:4])
+        assert np.all(np.diff(rising) < 1.0)  # a rebound would add at least its own speed
+
+
+def test_a_run_that_is_not_long_or_cannot_begin_anywhere_stays_whole() -> None:
+    assert in_parts(table_world(), slide(MOST)).runs[0].part_of is None
+    long = slide(2 * MOST)
+    assert len(in_parts(table_world(), long).runs) == 4
+    document = table_world().model_dump()
+    other = {**document["objects"][0], "name": "other", "position": [5.0, 5.0, 0.01]}
+    unseen = World.model_validate({**document, "objects": [document["objects"][0], other]})
+    assert in_parts(unseen, long) is long  # where the other is in the middle of the run, nobody knows
+    led = Recording((replace(long.runs[0], lead=0.5),))
+    assert in_parts(table_world(), led) is led
+
+
+def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> None:
+    report = find_gap(
+        table_world(),
+        slide(1600),
+        sealed=slide(2400),
+        candidates=named(["linear_drag", "quadratic_drag", "tilt"]),
+        settings=GapSettings(null_control=False),
+    )
+    told = report.to_dict()
+    assert told["verdict"] == "identified"
+    (effect,) = told["effects"]
+    assert effect["name"] == "linear_drag"
+    low, high = effect["unknowns"]["coefficient"]["interval95"]
+    assert low < 0.5 * DRAG < high
+    assert high - low < 0.02 * DRAG
+    assert told["sealed"]["closed"] > 0.95
+    (said,) = [c for c in told["cautions"] if "parts" in c]
+    assert said.startswith("run slide is long: it was fitted in 3 parts of")
+
+
+def test_parts_of_one_coordinate_are_still_one_course() -> None:
+    one, two = (in_parts(table_world(), slide(2 * MOST, axes)) for axes in (1, 2))
+    assert follows_one_course(design(table_world(), one))
+    assert not follows_one_course(design(table_world(), two))
