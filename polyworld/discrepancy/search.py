@@ -1,4 +1,4 @@
-"""The search for missing effects: rank by the score test, fit the contenders, add a second effect where one fails.
+"""The search for missing effects: rank by the score test, fit the contenders, add a further effect where one fails.
 
 Forward, swap and backward steps over hypotheses, each fitted on trajectories together with the base's unknowns and all
 initial states. Every step is told with its figures.
@@ -32,7 +32,7 @@ SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
 ROUGH_ITERATIONS = 8
 OF_ONE_RUN = 0.75  # share of what is missing that what happens to one run has to promise
-THIRD = 0.8  # share of what is lacking that an effect beyond the second has to promise
+THIRD = 0.5  # share of what is lacking that an effect beyond the second has to promise
 WORTH = 0.2  # share of the best gain promised below which a further effect is not tried
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
@@ -103,14 +103,17 @@ class Search:
         return self.trials.get(key, trial)
 
     def foreseen(self, parents: Sequence[Trial]) -> bool:
-        """Whether the score test foretells that one more effect takes off most of what the best of these lacks."""
-        level = parents[0].chi2
-        lacking = level - self.bench.observations
-        for parent in parents:
-            for lead in leads(self.bench, parent, self._more(parent), 1):
-                if level - promise(lead, self.bench.observations) > THIRD * lacking:
-                    return True
-        return False
+        """Whether what the score test foretells most of, on top of these, comes near to the data when fitted."""
+        found = [(p, lead) for p in parents for lead in leads(self.bench, p, self._more(p), 1)]
+        if not found:
+            return False
+        parent, lead = min(found, key=lambda f: promise(f[1], self.bench.observations))
+        if parent.chi2 - promise(lead, self.bench.observations) < THIRD * (parent.chi2 - self.bench.observations):
+            return False
+        start = self.bench.nearest(lead.hypothesis, self._options(parent, lead))
+        trial = self._to_the_end(self.take(self.bench.fit(lead.hypothesis, start.values, start.states)))
+        self.tell("further effect", trial.figures())
+        return trial.chi2 < FAR * self.bench.observations
 
     def fewest(self, effects: int) -> int:
         """The least number of effects, up to so many, whose best passes the gate; all of them where none does."""

@@ -44,6 +44,7 @@ REFINEMENTS = 2  # of the noise, after a better law is found
 BETTER = 2.0  # least fall of the criterion for one more term
 NEAR = 10.0  # laws within this of the best criterion are told as alternatives
 MOST_ROLLOUTS = 40_000  # of all laws fitted, after which no further one is tried
+MOST_STEPS = 4e7  # of integration in them, likewise: some minutes
 Z95 = 1.959963984540054
 
 
@@ -140,9 +141,16 @@ class _Search:
 
     def at_its_limit(self) -> bool:
         """Whether no further law may be tried; that one would have been is noted."""
-        if self.spent >= MOST_ROLLOUTS:
+        if self.spent >= self.most:
             self.complete = False
         return not self.complete
+
+    @property
+    def most(self) -> float:
+        """Rollouts after which no further law is tried: fewer of long runs."""
+        spans = [float(r.times[-1] - r.times[0]) for r in self.problem.design.runs]
+        steps = float(np.mean(spans)) / self.problem.world.time.substep
+        return min(MOST_ROLLOUTS, MOST_STEPS / max(steps, 1.0))
 
     def _counted(self, fitted: FittedLaw) -> FittedLaw:
         self.spent += fitted.fit.rollouts
@@ -180,7 +188,7 @@ class _Search:
             self.history = {key: self._counted(refitted(problem, known)) for key, known in self.history.items()}
             self.base = self.history[()]
             best = min(self.history.values(), key=lambda f: f.ebic)
-            if self.spent >= MOST_ROLLOUTS:  # what has been refitted may be judged; no more than that
+            if self.spent >= self.most:  # what has been refitted may be judged; no more than that
                 break
         return best
 
