@@ -89,7 +89,7 @@ def found(hidden: Discs, discs: Discs, starts: list[Started], seed: int) -> GapR
     return find_gap(world(discs, starts[0]), data, sealed=sealed, candidates=offered, settings=settings)
 
 
-@pytest.mark.parametrize("count", [2, 4, 6])
+@pytest.mark.parametrize("count", [2, 6])
 def test_base_fit_finds_spins_that_nobody_measured(count: int) -> None:
     """The spins show in how far each disc slides, and their signs only in how it leaves a collision."""
     discs, starts = scene(count, 1)
