@@ -165,14 +165,15 @@ def _body(world: World, recording: Recording) -> tuple[Variant, ...]:
     if not world.objects or len(found.axes) < 2:
         return ()
     made: list[Variant] = []
+    whole = all(run.part_of is None for run in recording.runs)  # else each part would find a struck body back at rest
     for kind in ("rigid_planar", "rigid_spatial"):
         struck = [k for k in kinks(world, recording) if world.object(k.name).representation == kind]
         floor = _floor(world) if kind == "rigid_spatial" else None
         low = [k for k in struck if floor is not None and _lies(world, k, floor)]
         high = [k for k in struck if kind == "rigid_spatial" and not any(k is x for x in low)]
-        if kind == "rigid_planar" and struck:
+        if kind == "rigid_planar" and struck and whole:
             made.append(_free_body(world, found, struck, None))
-        if low:
+        if low and whole:
             made.append(_free_body(world, found, low, floor))
         if high:
             made.append(_fixed_body(world, found, high))
