@@ -19,6 +19,7 @@ from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
 
 ITERATIONS = 8  # on windows, of what is kept
+FURTHER = 0.25  # of the rollouts of a search, for the second one
 
 
 def described(
@@ -33,7 +34,7 @@ def described(
 
     ground: the base, fitted. best: the hypothesis that came nearest, under the same noise. near: the base on windows.
     """
-    alone = _law(ground, near, most_terms, cancelled)
+    alone = _law(ground, near, most_terms, 1.0, cancelled)
     kept = None if best is None or alone.explains else _without_forces(ground, best)
     if kept is None:
         return alone
@@ -41,7 +42,7 @@ def described(
         bench = near.windows.bench.with_noise(near.noise)
         own = bench.fit(kept.hypothesis, kept.values, near.fit.states, iterations=ITERATIONS)
         near = replace(near, fit=own.fit)
-    beside = replace(_law(kept, near, most_terms, cancelled), beside=kept.hypothesis.names)
+    beside = replace(_law(kept, near, most_terms, FURTHER, cancelled), beside=kept.hypothesis.names)
     return beside if beside.explains or law_ebic(beside, kept) < law_ebic(alone, ground) else alone
 
 
@@ -55,7 +56,9 @@ def law_ebic(force: ResidualForce, trial: Trial) -> float:
     return extended_bic(fit.chi2, extra + len(force.numbers), bench.observations, 0, 1)
 
 
-def _law(trial: Trial, near: Near | None, most_terms: int, cancelled: Callable[[], bool] | None) -> ResidualForce:
+def _law(
+    trial: Trial, near: Near | None, most_terms: int, budget: float, cancelled: Callable[[], bool] | None
+) -> ResidualForce:
     return describe_unexplained(
         trial.bench.design,
         trial.bench.noise,
@@ -64,6 +67,7 @@ def _law(trial: Trial, near: Near | None, most_terms: int, cancelled: Callable[[
         world=trial.hypothesis.world.with_substep(trial.bench.design.world.time.substep),
         most_terms=most_terms,
         near=near,
+        budget=budget,
         cancelled=cancelled,
     )
 

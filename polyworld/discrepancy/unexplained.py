@@ -134,6 +134,7 @@ class _Search:
     base: FittedLaw
     most_terms: int
     progress: Callable[[float, str], None] | None
+    budget: float = 1.0
     history: dict[tuple[str, ...], FittedLaw] = field(default_factory=dict)
     first_scores: list[Score] = field(default_factory=list)
     spent: int = 0
@@ -150,7 +151,7 @@ class _Search:
         """Rollouts after which no further law is tried: fewer of long runs."""
         spans = [float(r.times[-1] - r.times[0]) for r in self.problem.design.runs]
         steps = float(np.mean(spans)) / self.problem.world.time.substep
-        return min(MOST_ROLLOUTS, MOST_STEPS / max(steps, 1.0))
+        return self.budget * min(MOST_ROLLOUTS, MOST_STEPS / max(steps, 1.0))
 
     def _counted(self, fitted: FittedLaw) -> FittedLaw:
         self.spent += fitted.fit.rollouts
@@ -281,6 +282,7 @@ def describe_unexplained(
     objects: tuple[str, ...] | None = None,
     most_terms: int = MAX_TERMS,
     near: Near | None = None,
+    budget: float = 1.0,
     progress: Callable[[float, str], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> ResidualForce:
@@ -288,7 +290,8 @@ def describe_unexplained(
 
     fitted: the fit of the base unknowns alone, under this noise, which is refined as better laws are found. world: the
     one fitted, default the design's. objects: whom the force acts on, default all. most_terms: of the law. near: where
-    the law is looked for first, for a fit that is far from the data. progress: told the share done and the step.
+    the law is looked for first, for a fit that is far from the data. budget: share of the rollouts that a search has,
+    after which it ends. progress: told the share done and the step.
     cancelled: asked between batches; where it says so `InterruptedError` is raised.
     """
     problem = Problem(design, world or design.world, tuple(base), noise, 1, objects, cancelled)
@@ -298,7 +301,7 @@ def describe_unexplained(
     if near is not None:
         problem = replace(problem, design=near.windows.bench.design, noise=near.noise)
     own = fitted if near is None else near.fit
-    search = _Search(problem, terms, FittedLaw(Law(()), own, own.chi2), most_terms, progress)
+    search = _Search(problem, terms, FittedLaw(Law(()), own, own.chi2), most_terms, progress, budget)
     best = search.run()
     if near is not None and best.law.terms:
         search, best = _on_whole_runs(search, best, replace(problem, design=design, noise=noise), fitted, near)
