@@ -11,7 +11,7 @@ from polyworld.discrepancy.one_course import follows_one_course
 from polyworld.discrepancy.parts import MOST, in_parts
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.polyworld.discrepancy.scenes import Bouncing, Launch, ball_recording, ball_world
+from tests.polyworld.discrepancy.scenes import RADIUS, Bouncing, G, Launch, ball_recording, ball_world
 
 DRAG = 0.12  # [1/s]
 SIGMA = 0.001
@@ -42,7 +42,9 @@ def slide(count: int, axes: int = 2) -> Recording:
 
 def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
     rng = np.random.default_rng(5)
-    launch = Launch(np.array([0.0, 0.0, 1.5]), np.array([0.4, 0.2, 0.0]))
+    fall = 9.012 / 17.0  # [s]: the ninth impact comes just behind the middle of the run, where a part would begin
+    height = RADIUS + 0.5 * G * fall**2
+    launch = Launch(np.array([0.0, 0.0, height]), np.array([0.4, 0.2, 0.0]))
     elastic = Bouncing(after=lambda speed, along: (speed, along))
     recording = ball_recording(elastic, [launch], rng, 1e-6, duration=18.0, rate=120.0)
     (run,), parts = recording.runs, in_parts(ball_world(), recording).runs
