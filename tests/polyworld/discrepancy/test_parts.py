@@ -11,23 +11,11 @@ from polyworld.discrepancy.one_course import follows_one_course
 from polyworld.discrepancy.parts import MOST, in_parts
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.polyworld.discrepancy.scenes import RADIUS, Bouncing, G, Launch, ball_recording, ball_world
+from tests.polyworld.discrepancy.scenes import RADIUS, Bouncing, G, Launch, ball_recording, ball_world, puck_world
 
 DRAG = 0.12  # [1/s]
 SIGMA = 0.001
-
-
-def table_world() -> World:
-    """A puck on a table without friction."""
-    puck = {
-        "name": "puck",
-        "representation": "rigid_planar",
-        "shape": {"kind": "cylinder", "radius": 0.05, "half_height": 0.01},
-        "friction": 0.0,
-        "mass": 0.5,
-        "position": [0.0, 0.0, 0.01],
-    }
-    return World.model_validate({"objects": [puck], "time": {"substep": 0.005}})
+TABLE = puck_world(friction=0.0)
 
 
 def slide(count: int, axes: int = 2) -> Recording:
@@ -59,20 +47,20 @@ def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
 
 
 def test_a_run_that_is_not_long_or_cannot_begin_anywhere_stays_whole() -> None:
-    assert in_parts(table_world(), slide(MOST)).runs[0].part_of is None
+    assert in_parts(TABLE, slide(MOST)).runs[0].part_of is None
     long = slide(2 * MOST)
-    assert len(in_parts(table_world(), long).runs) == 4
-    document = table_world().model_dump()
+    assert len(in_parts(TABLE, long).runs) == 4
+    document = TABLE.model_dump()
     other = {**document["objects"][0], "name": "other", "position": [5.0, 5.0, 0.01]}
     unseen = World.model_validate({**document, "objects": [document["objects"][0], other]})
     assert in_parts(unseen, long) is long  # where the other is in the middle of the run, nobody knows
     led = Recording((replace(long.runs[0], lead=0.5),))
-    assert in_parts(table_world(), led) is led
+    assert in_parts(TABLE, led) is led
 
 
 def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> None:
     report = find_gap(
-        table_world(),
+        TABLE,
         slide(1600),
         sealed=slide(2400),
         candidates=named(["linear_drag", "quadratic_drag", "tilt"]),
@@ -83,7 +71,7 @@ def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> Non
     (effect,) = told["effects"]
     assert effect["name"] == "linear_drag"
     low, high = effect["unknowns"]["coefficient"]["interval95"]
-    assert low < 0.5 * DRAG < high
+    assert low < TABLE.objects[0].mass * DRAG < high
     assert high - low < 0.02 * DRAG
     assert told["sealed"]["closed"] > 0.95
     (said,) = [c for c in told["cautions"] if "parts" in c]
@@ -91,6 +79,6 @@ def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> Non
 
 
 def test_parts_of_one_coordinate_are_still_one_course() -> None:
-    one, two = (in_parts(table_world(), slide(2 * MOST, axes)) for axes in (1, 2))
-    assert follows_one_course(design(table_world(), one))
-    assert not follows_one_course(design(table_world(), two))
+    one, two = (in_parts(TABLE, slide(2 * MOST, axes)) for axes in (1, 2))
+    assert follows_one_course(design(TABLE, one))
+    assert not follows_one_course(design(TABLE, two))
