@@ -38,6 +38,8 @@ def described(
     kept = None if best is None or alone.explains else _without_forces(ground, best)
     if kept is None:
         return alone
+    if near is not None and not near.windows.holds(kept.hypothesis):
+        near = None
     if near is not None:
         bench = near.windows.bench.with_noise(near.noise)
         own = bench.fit(kept.hypothesis, kept.values, near.fit.states, iterations=ITERATIONS)
@@ -52,7 +54,8 @@ def law_ebic(force: ResidualForce, trial: Trial) -> float:
     if force.world is None:
         return extended_bic(trial.chi2, extra, bench.observations, 0, 1)
     forward = Forward(bench.design, force.world, ())
-    fit = profile.fit(forward, bench.noise, np.zeros(0), force.fit.states, iterations=4)
+    whole = len(force.fit.states) == len(bench.design.runs)  # or the law was found on windows, and on no whole runs
+    fit = profile.fit(forward, bench.noise, np.zeros(0), force.fit.states if whole else trial.fit.states, iterations=4)
     return extended_bic(fit.chi2, extra + len(force.numbers), bench.observations, 0, 1)
 
 
