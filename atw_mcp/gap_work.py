@@ -47,7 +47,7 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
     """Fit what a world leaves open and look at what is left; power: also what each effect had to be to be seen."""
     progress.report(0.0, 1.0, "fitting initial states and base parameters")
     with _interruptible():
-        trial = fitted_base(design(world, in_parts(world, recording)), base, cancelled=progress.cancelled)
+        trial = fitted_base(design(world, in_parts(recording, world)), base, cancelled=progress.cancelled)
         progress.report(0.5, 1.0, "looking at what is left")
         where = localise(trial.bench.design, trial.bench.noise, trial.fit, unknowns=trial.hypothesis.unknowns)
         told = {
@@ -163,7 +163,7 @@ def fitted_effect(
     own = Candidate(effect.name, "force", law, frozenset(), "", "", lambda *_: (variant,))
     with _interruptible():
         progress.report(0.0, 1.0, "fitting the world without the effect")
-        ground = fitted_base(design(world, in_parts(world, recording)), base, cancelled=progress.cancelled)
+        ground = fitted_base(design(world, in_parts(recording, world)), base, cancelled=progress.cancelled)
         progress.report(0.4, 1.0, "fitting it with the effect")
         hypothesis = Hypothesis(child, base, (Part(own, variant),))
         start = np.concatenate([ground.values, [u.start for u in unknowns]])
@@ -227,9 +227,8 @@ def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
 
 def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) -> list[Trial]:
     """Each world with its initial states fitted and nothing else."""
-    return [
-        fitted_base(design(world, in_parts(world, recording)), (), cancelled=progress.cancelled) for world in worlds
-    ]
+    recording = in_parts(recording, *worlds)  # alike for all, to be compared run by run
+    return [fitted_base(design(world, recording), (), cancelled=progress.cancelled) for world in worlds]
 
 
 def _starting_as(trial: Trial) -> World:

@@ -79,7 +79,7 @@ def find_gap(
     recording does not fit the world.
     """
     settings = settings or GapSettings()
-    recording = in_parts(world, recording)
+    recording = in_parts(recording, world)
     plan = design(coarsened(world, recording), recording)
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
     story = _Story(progress)

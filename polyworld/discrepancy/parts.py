@@ -19,22 +19,29 @@ Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a stretch
 MOST = 1024  # samples of a run that is fitted as one
-PART = 512  # samples of the parts, at least, of a longer one
+PART = 512  # samples of the parts of a longer one, about
 ABOUT = 8  # samples about the start of a stretch that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no stretch begins there
 
 
-def in_parts(world: World, recording: Recording) -> Recording:
-    """The recording with its long runs in parts, where the world may start anywhere and every part tells how.
+def in_parts(recording: Recording, *worlds: World) -> Recording:
+    """The recording with its long runs in parts, where all the worlds may start anywhere and every part tells how.
 
     Over a long run a small error of a parameter adds up to turns and bounces, rollouts need steps as fine as the whole
     run asks for, and each costs the whole run. Parts have initial states of their own (multiple shooting without
     conditions of continuity); what they tell of an effect comes from what it does within one, and from how that differs
     from part to part.
     """
-    if all(len(run.times) <= MOST for run in recording.runs) or not starts_anywhere(world, recording):
+    if all(len(run.times) <= MOST for run in recording.runs):
+        return recording
+    if any(_slips(world) or not starts_anywhere(world, recording) for world in worlds):
         return recording
     return Recording(tuple(part for run in recording.runs for part in _parts(run)))
+
+
+def _slips(world: World) -> bool:
+    """Whether the observer's clock slips, at an instant that is told from where a whole run begins."""
+    return world.observer is not None and world.observer.shift != 0.0
 
 
 def _parts(run: Run) -> list[Run]:
@@ -51,10 +58,8 @@ def _parts(run: Run) -> list[Run]:
     edges.append(count)
     kept = np.arange(count)
     pieces = [
-        replace(
-            run.rows((kept >= first) & (kept < end)), name=f"{run.name} from {run.times[first]:g} s", part_of=run.name
-        )
-        for first, end in itertools.pairwise(edges)
+        replace(run.rows((kept >= first) & (kept < end)), name=f"{run.name} part {k + 1}", part_of=run.name)
+        for k, (first, end) in enumerate(itertools.pairwise(edges))
     ]
     return pieces if all(is_seen(run, p) for p in pieces) else [run]
 

@@ -43,7 +43,7 @@ class SealedGap:
 def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
     """The gap on sealed runs before and after: everything that runs share stays as it was fitted, each run's own
     initial state, or that of each part of a long one, is fitted to it."""
-    plan = design(before, in_parts(before, recording))
+    plan = design(before, in_parts(recording, before, after))
     noise = measured_noise(plan)
     kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     floor = _noise_level(plan, noise, kind)

@@ -18,13 +18,13 @@ SIGMA = 0.001
 TABLE = puck_world(friction=0.0)
 
 
-def slide(count: int, axes: int = 2) -> Recording:
+def slide(count: int, axes: int = 2, seed: int = 2) -> Recording:
     """One run of a puck that air slows in proportion to its speed: x = x0 + v0 (1 - exp(-c t)) / c."""
     times = np.arange(count) / 200.0
     way = np.array([[1.0, 2.0], [1.5, -0.7]])
     places = np.full((count, 1, 3), np.nan)
     clear = way[0] + way[1] * ((1.0 - np.exp(-DRAG * times)) / DRAG)[:, None]
-    places[:, 0, :axes] = (clear + np.random.default_rng(2).normal(0.0, SIGMA, clear.shape))[:, :axes]
+    places[:, 0, :axes] = (clear + np.random.default_rng(seed).normal(0.0, SIGMA, clear.shape))[:, :axes]
     return Recording((Run("slide", ("puck",), times, places, np.full((count, 1, 4), np.nan)),))
 
 
@@ -35,7 +35,7 @@ def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
     launch = Launch(np.array([0.0, 0.0, height]), np.array([0.4, 0.2, 0.0]))
     elastic = Bouncing(after=lambda speed, along: (speed, along))
     recording = ball_recording(elastic, [launch], rng, 1e-6, duration=18.0, rate=120.0)
-    (run,), parts = recording.runs, in_parts(ball_world(), recording).runs
+    (run,), parts = recording.runs, in_parts(recording, ball_world()).runs
     assert len(parts) > 3
     assert max(len(p.times) for p in parts) < MOST
     np.testing.assert_array_equal(np.concatenate([p.times for p in parts]), run.times)
@@ -46,23 +46,32 @@ def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
         assert np.all(np.diff(rising) < 1.0)  # a rebound would add at least its own speed
 
 
+def test_parts_have_names_of_their_own_whatever_the_clock_reads() -> None:
+    (run,) = slide(2 * MOST).runs
+    parts = in_parts(Recording((replace(run, times=run.times + 1.7e9),)), TABLE).runs
+    assert len({part.name for part in parts}) == 4
+
+
 def test_a_run_that_is_not_long_or_cannot_begin_anywhere_stays_whole() -> None:
-    assert in_parts(TABLE, slide(MOST)).runs[0].part_of is None
+    assert in_parts(slide(MOST), TABLE).runs[0].part_of is None
     long = slide(2 * MOST)
-    assert len(in_parts(TABLE, long).runs) == 4
+    assert len(in_parts(long, TABLE).runs) == 4
     document = TABLE.model_dump()
     other = {**document["objects"][0], "name": "other", "position": [5.0, 5.0, 0.01]}
     unseen = World.model_validate({**document, "objects": [document["objects"][0], other]})
-    assert in_parts(unseen, long) is long  # where the other is in the middle of the run, nobody knows
+    assert in_parts(long, unseen) is long  # where the other is in the middle of the run, nobody knows
+    assert in_parts(long, TABLE, unseen) is long  # both are asked of the same runs, or of none
+    slipped = World.model_validate({**document, "observer": {"shift": 0.1, "shift_time": 3.0}})
+    assert in_parts(long, slipped) is long
     led = Recording((replace(long.runs[0], lead=0.5),))
-    assert in_parts(TABLE, led) is led
+    assert in_parts(led, TABLE) is led
 
 
 def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> None:
     report = find_gap(
         TABLE,
         slide(1600),
-        sealed=slide(2400),
+        sealed=slide(2400, seed=3),
         candidates=named(["linear_drag", "quadratic_drag", "tilt"]),
         settings=GapSettings(null_control=False),
     )
@@ -79,6 +88,6 @@ def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> Non
 
 
 def test_parts_of_one_coordinate_are_still_one_course() -> None:
-    one, two = (in_parts(TABLE, slide(2 * MOST, axes)) for axes in (1, 2))
+    one, two = (in_parts(slide(2 * MOST, axes), TABLE) for axes in (1, 2))
     assert follows_one_course(design(TABLE, one))
     assert not follows_one_course(design(TABLE, two))
