@@ -66,9 +66,9 @@ class ResidualForce:
     directions: one a term. speed_exponents: of the terms that have one. dependence: what each factor buys.
     chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
     worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
-    fit: of the base unknowns followed by the law's numbers. tried: laws fitted. complete: False where the search ended
-    at its limit of rollouts, so that a better law may have been left untried. beside: effects of the catalogue, no
-    forces, that are in the world with it.
+    fit: of the base unknowns, those of the effects beside it, then the law's numbers. tried: laws fitted. complete:
+    False where the search ended at its limit of rollouts, so that a better law may have been left untried. beside:
+    effects of the catalogue, no forces, that are in the world with it.
     """
 
     explains: bool

@@ -51,10 +51,9 @@ def test_dropped_balls_meet_the_air_with_less_drag_the_denser_they_are_for_their
 
 
 @needs("ball_drop")
-@pytest.mark.parametrize("ball", ["baseball"])
-def test_one_drop_of_one_ball_gets_no_single_name(ball: str) -> None:
+def test_one_drop_of_one_ball_gets_no_single_name() -> None:
     """Its height alone over time: drag, a tilted camera and a slow force all write that."""
-    drop = drops((ball,))
+    drop = drops(("baseball",))
     settings = GapSettings(null_control=False, experiment=False, residual_force=False)
     report = find_gap(drop.world, drop.recording, base=drop.base, settings=settings)
     assert report.verdict.kind == "ambiguous"
