@@ -136,7 +136,7 @@ def test_a_slider_stops_at_its_end() -> None:
 
 @pytest.mark.parametrize("stiffness", [10.0, 400.0])
 def test_mass_on_a_spring_keeps_its_period_and_amplitude(stiffness: float) -> None:
-    """T = 2 pi sqrt(m / k) (1 + (omega h)^2 / 12), the error of the mean-force rule; no loss in twenty swings."""
+    """T = 2 pi sqrt(m / k) to 1e-6 at 2 ms; no loss in twenty swings."""
     spring = Spring(
         name="s", object="mass", anchor=(0, 0, -1.0), other_anchor=(0, 0, 0), stiffness=stiffness, rest_length=0.9
     )
@@ -145,9 +145,9 @@ def test_mass_on_a_spring_keeps_its_period_and_amplitude(stiffness: float) -> No
     motion = moved(world, 20 * 2 * np.pi / omega, step=0.002)
     z = motion.positions[0, :, 0, 2] + 0.9
     periods = np.diff(upward_crossings(motion.times[0], z, motion.velocities[0, :, 0, 2]))
-    assert np.mean(periods) == pytest.approx(2 * np.pi / omega * (1 + (omega * 0.002) ** 2 / 12), rel=1e-6)
+    assert np.mean(periods) == pytest.approx(2 * np.pi / omega, rel=1e-6)
     half = 0.5 * (motion.velocities[0, :, 0, 2] ** 2 + stiffness * z**2)
-    np.testing.assert_allclose(half, half[0], rtol=1e-9)
+    np.testing.assert_allclose(half, half[0], rtol=1e-6)
 
 
 def test_a_spring_far_too_stiff_for_the_step_neither_blows_up_nor_dies_down() -> None:
@@ -169,7 +169,7 @@ def test_a_damped_spring_settles_where_it_carries_the_weight() -> None:
 
 
 def test_two_bodies_on_a_spring_keep_momentum_angular_momentum_and_energy() -> None:
-    """Held off-centre, turning about each other for 10 s; energy within 3e-4 at 2 ms, no drift beyond 1e-4."""
+    """Held off-centre, turning about each other for 10 s; energy within 1e-6 at 2 ms, angular momentum within 1e-9."""
     spring = Spring(
         name="s", object="a", other="b", anchor=(0, 0.1, 0), other_anchor=(1.0, 0, 0.1), stiffness=50.0, rest_length=0.8
     )
@@ -182,13 +182,12 @@ def test_two_bodies_on_a_spring_keep_momentum_angular_momentum_and_energy() -> N
     motion = moved(world, 10.0)
     linear, angular = momentum(world, motion)
     np.testing.assert_allclose(linear, np.broadcast_to(linear[0], linear.shape), atol=1e-12)
-    np.testing.assert_allclose(angular, np.broadcast_to(angular[0], angular.shape), atol=1e-12)
+    np.testing.assert_allclose(angular, np.broadcast_to(angular[0], angular.shape), atol=1e-9)
     turns = geometry.quaternion_matrix(motion.orientations[0])
     ends = motion.positions[0] + np.einsum("tnij,nj->tni", turns, np.array([[0, 0.1, 0], [0, 0, 0.1]]))
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     total = energy(world, motion) + 25.0 * (length - 0.8) ** 2
-    np.testing.assert_allclose(total, total[0], rtol=3e-4)
-    assert abs(total[-200:].mean() - total[:200].mean()) < 1e-4 * total[0]
+    np.testing.assert_allclose(total, total[0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("share", "held"), [(1.02, True), (0.98, False)])

@@ -13,6 +13,7 @@ from polyworld.solver.spatial.advance import Joining
 from polyworld.solver.spatial.constraints import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
 from polyworld.solver.spatial.joint_axes import aim_at_stops, forget, let_go, move_axes, stop_joints, time_to_stop
+from polyworld.solver.spatial.joint_guess import push_as_before, remember_forces, take_forces_back
 from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints
 from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forward, hold_joints, joint_error
 from polyworld.solver.spatial.layout import Body, Row, State
@@ -21,6 +22,7 @@ from polyworld.solver.spatial.rows import push, velocity_along
 
 NEWTON_STEPS = 20
 CLOSED = wp.float64(1.0e-12)  # opening of a joint that counts as none [m or rad]
+ASTRAY = wp.float64(1.0e-8)  # an opening at which Newton's method ends that tells that it went astray
 OPEN = wp.float64(1.0e-10)  # what is left open after a step, by overlaps parted, and then mended
 MENDING = 4
 RESOLVED = wp.float64(0.5)  # radians of a taut joint's swing in a step
@@ -90,6 +92,7 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
     for r in range(joints[0].equalities):
         joints[0].force[k, r] = wp.float64(0.0)
     joints[0].ready[k] = 0
+    joints[0].paced[k] = wp.float64(0.0)
 
 
 @wp.func
@@ -118,6 +121,7 @@ def settle_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock
 def begin_joints(joints: wp.array[Joints], state: wp.array[State], k: int, time: wp.float64, h: wp.float64) -> None:
     """Note what the bodies do before a step of length h, and clear the impulses."""
     zero = wp.float64(0.0)
+    joints[0].parts[k] += 1
     for i in range(state[0].objects):
         joints[0].start_w[k, i] = state[0].bodies[k, i].w
     for r in range(joints[0].equalities + joints[0].axes):
@@ -228,17 +232,20 @@ def guess_axes(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.f
 def solve_joints(joints: wp.array[Joints], state: wp.array[State], k: int, half: int, h: wp.float64) -> None:
     """Impulses of joints and contacts over the step, such that its end pose satisfies the joints: Newton's method.
 
-    The forces of the last step, which turn with the joints, are a guess to begin with.
+    The forces of the last step are a guess to begin with; where that leads nowhere, none are.
     """
-    for r in range(joints[0].equalities):
-        if joints[0].force[k, r] != wp.float64(0.0):
-            push(state, k, joints[0].row_a[r], joints[0].row_b[r], joints[0].base + r, joints[0].force[k, r] * h)
+    push_as_before(joints, state, k, h)
     guess_axes(joints, state, k, h)
     last = wp.float64(1.0e30)
+    again = wp.int32(0)
     for iteration in range(NEWTON_STEPS):
         opening = look_ahead(joints, state, k, h)
         if iteration > 0 and (opening <= CLOSED or opening > wp.float64(0.5) * last):
-            return
+            if opening <= ASTRAY or again == 1:
+                return
+            again = wp.int32(1)
+            take_forces_back(joints, state, k)
+            opening = look_ahead(joints, state, k, h)
         last = opening
         solve_contacts(joints, state, k, half, h)
     look_ahead(joints, state, k, h)
@@ -356,15 +363,7 @@ def finish_joints(
 ) -> None:
     """Put jointed bodies where the step ends, and let the second half of all impulses act there."""
     rows = joints[0].equalities + joints[0].axes
-    for j in range(joints[0].count):
-        d = joints[0].kinds[j]
-        pull = wp.float64(0.0)
-        for r in range(joints[0].base + d.first, joints[0].base + d.first + d.points):
-            pull += state[0].rows[k, r].impulse * state[0].rows[k, r].impulse
-            joints[0].force[k, r - joints[0].base] = state[0].rows[k, r].impulse / h
-        for r in range(d.first + d.points, d.first + d.points + d.turns):
-            joints[0].force[k, r] = state[0].rows[k, joints[0].base + r].impulse / h
-        joints[0].joint[k, j].tension = wp.sqrt(pull) / h
+    remember_forces(joints, state, k, h)
     push_halves(joints, state, k, 0, rows, wp.float64(-1.0))
     for i in range(state[0].objects):
         if joints[0].jointed[i] == 1 and state[0].bodies[k, i].active == 1:

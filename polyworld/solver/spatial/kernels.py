@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from polyworld.solver.spatial.advance import stepping
+from polyworld.solver.spatial.extrapolation import pairing
 from polyworld.solver.spatial.free_step import FREE
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_step import JOINED, load_joints
@@ -20,7 +21,9 @@ SLACK = wp.float64(1.0e-9)  # times of steps and starts differ by rounding [s]
 @cache
 def roll_out_kernel(jointed: bool) -> Any:
     """The kernel that runs worlds from start to end, for worlds with joints or without."""
-    return _roll_out(stepping(JOINED if jointed else FREE))
+    if jointed:
+        return _roll_out(pairing(stepping(JOINED)), 2)
+    return _roll_out(stepping(FREE), 1)
 
 
 @cache
@@ -55,7 +58,9 @@ def load_worlds(
     let_in(parameters, state, start, w, wp.float64(0.0))
 
 
-def _roll_out(advance: Any) -> Any:
+def _roll_out(advance: Any, together: int) -> Any:
+    """together: how many steps `advance` takes at a time."""
+
     @wp.kernel(module="unique", module_options=OPTIONS)
     def roll_out(
         geometry: wp.array[Geometry],
@@ -87,8 +92,9 @@ def _roll_out(advance: Any) -> Any:
                     state[0].bodies[k, i].active = 1
             end = schedule[0].end[segment] * scale
             steps = schedule[0].steps[segment]
-            for step in range(steps):
-                h = (end - time) / wp.float64(steps - step)
+            turns = (steps + together - 1) // together
+            for turn in range(turns):
+                h = (end - time) / wp.float64(turns - turn)
                 half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, time, h)
                 time += h
                 lost = first_diverged(state, k)

@@ -1,0 +1,223 @@
+"""Two steps of jointed bodies made fourth order: Richardson's extrapolation.
+
+The scheme of `joint_step` is symmetric, so that its error has even powers of the step alone; what two steps of h and
+one of 2 h differ by tells the leading one, which is taken off (Hairer, Lubich & Wanner, Geometric Numerical
+Integration, 2nd ed., sec. II.4 and V.1). That holds where motion is smooth: where a body comes near another, a joint
+runs into a stop, sticks, or asks for shorter steps, the two steps are left as they are.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from polyworld.solver.spatial.joint_layout import BALL, SPRING, Joints, Moment
+from polyworld.solver.spatial.joint_rows import build_joint_rows, hold_joints
+from polyworld.solver.spatial.joint_step import mend_joints, no_aims
+from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
+from polyworld.solver.spatial.motion import turned
+
+STICKING = wp.float64(1.0 - 1.0e-9)  # friction below this share of its limit lets nothing slip
+ALIKE = wp.float64(0.01)  # difference of long and short steps, of what they changed, that the leading error explains
+ROUNDING = wp.float64(1.0e-8)  # difference of speeds that counts as none [m/s], and as a share of them
+THIRD = wp.float64(1.0 / 3.0)
+
+
+@wp.func
+def keep(state: wp.array[State], moments: wp.array2d[Moment], k: int) -> None:
+    for i in range(state[0].objects):
+        moment = Moment()
+        moment.x = state[0].bodies[k, i].x
+        moment.q = state[0].bodies[k, i].q
+        moment.v = state[0].bodies[k, i].v
+        moment.w = state[0].bodies[k, i].w
+        moment.reaction = state[0].reaction[k, i]
+        moment.turning = state[0].reaction_turning[k, i]
+        moments[k, i] = moment
+
+
+@wp.func
+def put_back(joints: wp.array[Joints], state: wp.array[State], moments: wp.array2d[Moment], k: int) -> None:
+    """Bodies as they were, but for what joints did to them."""
+    for i in range(state[0].objects):
+        q = moments[k, i].q
+        state[0].bodies[k, i].x = moments[k, i].x
+        state[0].bodies[k, i].q = q
+        state[0].bodies[k, i].v = moments[k, i].v
+        state[0].bodies[k, i].w = moments[k, i].w
+        state[0].bodies[k, i].rotation = wp.quat_to_matrix(q)
+    joints[0].ready[k] = 0
+
+
+@wp.func
+def take_reactions(state: wp.array[State], moments: wp.array2d[Moment], k: int) -> None:
+    for i in range(state[0].objects):
+        state[0].reaction[k, i] = moments[k, i].reaction
+        state[0].reaction_turning[k, i] = moments[k, i].turning
+
+
+@wp.func
+def note_roughness(joints: wp.array[Joints], k: int) -> None:
+    """Mark the step in which an axis stuck, was stopped, or a motor went on or off: impulses then are not smooth."""
+    zero = wp.float64(0.0)
+    for j in range(joints[0].count):
+        if joints[0].resists[k, j] == 1 and joints[0].kinds[j].kind != SPRING:
+            stopped = joints[0].joint[k, j].stopped
+            drive = joints[0].joint[k, j].drive
+            if stopped[0] + stopped[1] > zero or (drive > zero and drive < STICKING * joints[0].taken[k]):
+                joints[0].rough[k] = 1
+            limit = joints[0].joint[k, j].friction * joints[0].taken[k]
+            if limit > zero:
+                rubbing = wp.abs(joints[0].joint[k, j].rubbing[0])
+                if joints[0].kinds[j].kind == BALL:
+                    rubbing = wp.length(joints[0].joint[k, j].rubbing)
+                if rubbing < STICKING * limit:
+                    joints[0].rough[k] = 1
+
+
+@wp.func
+def smooth(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
+    """Whether the last step was taken whole, with nothing near the bodies, and no axis stuck or was stopped."""
+    near = state[0].manifold_count[k, 0] + state[0].manifold_count[k, 1]
+    note_roughness(joints, k)
+    return near == 0 and joints[0].parts[k] == 1 and joints[0].rough[k] == 0
+
+
+@wp.func
+def foresee_reactions(joints: wp.array[Joints], state: wp.array[State], k: int, lag: wp.float64) -> None:
+    """From what joints did to the bodies in the last two steps, what they will do in the first half of the next.
+
+    Effects act as they will be in the middle of a step. lag: how much later than the last, in steps; 0 where nothing
+    is known of the one before.
+    """
+    for i in range(state[0].objects):
+        last = state[0].reaction[k, i]
+        turning = state[0].reaction_turning[k, i]
+        state[0].reaction[k, i] = last + (last - joints[0].before[k, i].reaction) * lag
+        state[0].reaction_turning[k, i] = turning + (turning - joints[0].before[k, i].turning) * lag
+        joints[0].before[k, i].reaction = last
+        joints[0].before[k, i].turning = turning
+
+
+@wp.func
+def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
+    """Whether one long step, after which bodies are as they are, tells nearly what two short ones told, for all bodies.
+
+    By the leading error of a vibration of frequency w, that asks for (w h)^2 < 16 ALIKE for a long step h. The
+    extrapolated one grows by (w h)^6 / 1152 a step; one of a spring that steps do not resolve would by 5 / 3.
+    """
+    for i in range(state[0].objects):
+        b = state[0].bodies[k, i].inertia
+        gyration = (b[0, 0] + b[1, 1] + b[2, 2]) * THIRD
+        first = joints[0].begun[k, i]
+        middle = joints[0].midway[k, i]
+        end = joints[0].ended[k, i]
+        changed = combined(middle.v - first.v, middle.w - first.w, gyration)
+        changed += combined(end.v - middle.v, end.w - middle.w, gyration)
+        apart = combined(end.v - state[0].bodies[k, i].v, end.w - state[0].bodies[k, i].w, gyration)
+        if apart > ALIKE * changed + ROUNDING * (wp.float64(1.0) + combined(end.v, end.w, gyration)):
+            return False
+        path = combined(middle.x - first.x, turn_between(middle.q, first.q), gyration)
+        path += combined(end.x - middle.x, turn_between(end.q, middle.q), gyration)
+        q = state[0].bodies[k, i].q
+        off = combined(end.x - state[0].bodies[k, i].x, turn_between(end.q, q), gyration)
+        if off > wp.float64(4.0) * ALIKE * path + ROUNDING:
+            return False
+    return True
+
+
+@wp.func
+def combined(v: wp.vec3d, w: wp.vec3d, gyration: wp.float64) -> wp.float64:
+    """Length of a velocity and an angular velocity, or of a shift and a turn; gyration: radius of gyration^2 [m^2]."""
+    return wp.sqrt(wp.dot(v, v) + gyration * wp.dot(w, w))
+
+
+@wp.func
+def turn_between(q: wp.quatd, p: wp.quatd) -> wp.vec3d:
+    """Small rotation vector that turns orientation p into q, world axes."""
+    between = q * wp.quat_inverse(p)
+    turn = wp.vec3d(between[0], between[1], between[2]) * wp.float64(2.0)
+    if between[3] < wp.float64(0.0):
+        return -turn
+    return turn
+
+
+def pairing(advance: Any) -> Any:
+    """The Warp function `advance_pair` of the function `advance` for one step."""
+
+    @wp.func
+    def advance_pair(
+        geometry: wp.array[Geometry],
+        parameters: wp.array[Parameters],
+        joints: wp.array[Joints],
+        state: wp.array[State],
+        log: wp.array[Log],
+        w: int,
+        k: int,
+        previous_half: int,
+        gravity: wp.vec3d,
+        start: wp.float64,
+        whole: wp.float64,
+    ) -> int:
+        """Two steps of half the length `whole` from time `start`, extrapolated where motion is smooth.
+
+        Returns which half of the contact arrays holds the contacts of the last.
+        """
+        h = wp.float64(0.5) * whole
+        lag = wp.float64(0.0)
+        next_lag = wp.float64(0.0)
+        if joints[0].paced[k] > wp.float64(0.0):
+            lag = wp.float64(0.5) + wp.float64(0.25) * h / joints[0].paced[k]
+            next_lag = wp.float64(0.75)
+        joints[0].paced[k] = wp.float64(0.0)
+        keep(state, joints[0].begun, k)
+        foresee_reactions(joints, state, k, lag)
+        begin_step(joints, k, h)
+        half = advance(geometry, parameters, joints, state, log, w, k, previous_half, gravity, start, h)
+        if not smooth(joints, state, k):
+            return advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + h, h)
+        keep(state, joints[0].midway, k)
+        foresee_reactions(joints, state, k, next_lag)
+        begin_step(joints, k, h)
+        half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + h, h)
+        if not smooth(joints, state, k):
+            return half
+        joints[0].paced[k] = h
+        keep(state, joints[0].ended, k)
+        put_back(joints, state, joints[0].begun, k)
+        take_reactions(state, joints[0].midway, k)
+        begin_step(joints, k, whole)
+        half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start, whole)
+        if smooth(joints, state, k) and resolved(joints, state, k):
+            extrapolate(joints, state, k)
+            joints[0].ready[k] = 0
+            mend_joints(joints, state, k, geometry[0].lock)
+            if joints[0].ready[k] == 0:
+                build_joint_rows(joints, state, k, geometry[0].lock)
+            no_aims(joints, k)
+            hold_joints(joints, state, k)
+        else:
+            put_back(joints, state, joints[0].ended, k)
+        take_reactions(state, joints[0].ended, k)
+        return half
+
+    return advance_pair
+
+
+@wp.func
+def begin_step(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
+    joints[0].parts[k] = 0
+    joints[0].rough[k] = 0
+    joints[0].taken[k] = h
+
+
+@wp.func
+def extrapolate(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
+    """From the end of one long step, where the bodies are, and that of two short ones, `ended`, to the limit."""
+    for i in range(state[0].objects):
+        fine = joints[0].ended[k, i]
+        end = turned(fine.q, turn_between(fine.q, state[0].bodies[k, i].q) * THIRD)
+        state[0].bodies[k, i].x = fine.x + (fine.x - state[0].bodies[k, i].x) * THIRD
+        state[0].bodies[k, i].q = end
+        state[0].bodies[k, i].rotation = wp.quat_to_matrix(end)
+        state[0].bodies[k, i].v = fine.v + (fine.v - state[0].bodies[k, i].v) * THIRD
+        state[0].bodies[k, i].w = fine.w + (fine.w - state[0].bodies[k, i].w) * THIRD
