@@ -14,6 +14,7 @@ from atw_mcp.gap_words import verdict_text, worth_text
 from atw_mcp.jobs import Cancelled, Progress
 from polyworld.discrepancy import GapReport, GapSettings, find_gap
 from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
+from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.comparison import Compared, compared
 from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.design import design
@@ -22,7 +23,7 @@ from polyworld.discrepancy.holdback import HeldBack
 from polyworld.discrepancy.hypothesis import Hypothesis, Part
 from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.localise import localise
-from polyworld.discrepancy.parts import in_parts
+from polyworld.discrepancy.parts import in_parts, of_whole_runs
 from polyworld.discrepancy.power import power_check
 from polyworld.discrepancy.report import effects_of, finite
 from polyworld.discrepancy.seal import sealed_gap
@@ -55,6 +56,7 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
             "goodness": trial.goodness.to_json(),
             "noise": trial.bench.noise.to_json(),
             "where": where.to_json(),
+            "cautions": list(cautions(trial.bench.design)),
             "base": [
                 {"name": u.name, "paths": list(u.paths), "value": float(v), "unit": u.unit}
                 for u, v in zip(trial.hypothesis.unknowns, trial.values, strict=True)
@@ -88,8 +90,9 @@ def propose(
         )
     told = report.to_dict()
     best = report.verdict.best
+    cut = report.bench.design.recording
     chosen = report.verdict.credible or ((best,) if best is not None else ())
-    told["base_world"] = _fitted_world(report.base, world)
+    told["base_world"] = _fitted_world(report.base, world).model_dump(mode="json")
     told["proposals"] = [
         {
             "title": trial.hypothesis.title,
@@ -97,19 +100,17 @@ def propose(
             "passes": trial.passes,
             "ebic_behind": trial.ebic - chosen[0].ebic,
             "evidence": _evidence(report.base, trial),
-            "world": _fitted_world(trial, world),
+            "world": of_whole_runs(_fitted_world(trial, world), recording, cut).model_dump(mode="json"),
         }
         for trial in chosen
     ]
     return Outcome(verdict_text(told), finite(told))
 
 
-def _fitted_world(trial: Trial, world: World) -> dict[str, Any]:
-    """The fitted world as JSON, stepped as the one given: a search may have stepped it more coarsely."""
+def _fitted_world(trial: Trial, world: World) -> World:
+    """The fitted world, stepped as the one given: a search may have stepped it more coarsely."""
     steps = min(world.time.substep, trial.hypothesis.world.time.substep)
-    fitted = trial.hypothesis.fitted_world(trial.values).with_substep(steps)
-    document: dict[str, Any] = fitted.model_dump(mode="json")
-    return document
+    return trial.hypothesis.fitted_world(trial.values).with_substep(steps)
 
 
 def pictures_of(report: GapReport) -> dict[str, bytes]:

@@ -68,7 +68,9 @@ class Candidate:
     absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
     written down. variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of
     its own, for an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this
-    candidate, how many to keep) -> where to begin fits, best first. torque: whether it turns bodies and pushes none.
+    candidate, how many to keep) -> where to begin fits, best first. further: starts beside those of a variant, read off
+    the residuals of a trial: (bench, fitted trial, variant) -> values of unknowns that are not at their first start's.
+    torque: whether it turns bodies and pushes none.
     """
 
     name: str
@@ -80,4 +82,5 @@ class Candidate:
     variants: Callable[[World, Recording], tuple[Variant, ...]]
     confused_with: Mapping[str, str] = field(default_factory=dict)
     leads: Callable[[Bench, Trial, Sequence[Hypothesis], int], list[Lead]] | None = None
+    further: Callable[[Bench, Trial, Variant], tuple[Mapping[str, float], ...]] | None = None
     torque: bool = False

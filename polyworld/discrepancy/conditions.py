@@ -43,7 +43,8 @@ class Conditions:
     lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
     mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move
     and were measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where no orientation
-    was measured and the world gives no spin. duration: of the longest run [s]. acceleration: ordinary one [m/s^2]:
+    was measured and the world gives no spin. duration: of the longest run [s]. span: likewise, of runs before they were
+    cut into parts. acceleration: ordinary one [m/s^2]:
     gravity, or what friction on a supporting plane gives. mass, radius: medians over rigid bodies. supported: bodies
     lie on a motion plane that gravity presses them on. bounces: some body comes within reach of a static. meetings:
     pairs of bodies that come within reach of each other. slides: some body stays in contact with a static or plane.
@@ -57,6 +58,7 @@ class Conditions:
     fastest: float
     spin: float
     duration: float
+    span: float
     acceleration: float
     mass: float
     radius: float
@@ -149,6 +151,7 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         fastest=float(max(speeds.max(initial=0.0), speed)),
         spin=_spin(world, recording),
         duration=duration,
+        span=_span(recording),
         acceleration=acceleration,
         mass=float(np.median(masses)) if masses else 1.0,
         radius=float(np.median(radii)) if radii else 0.0,
@@ -157,6 +160,14 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         meetings=_meetings(world, recording),
         slides=long or supported,
     )
+
+
+def _span(recording: Recording) -> float:
+    ends: dict[str, tuple[float, float]] = {}
+    for run in recording.runs:
+        first, last = ends.get(run.part_of or run.name, (np.inf, -np.inf))
+        ends[run.part_of or run.name] = (min(first, float(run.times[0])), max(last, float(run.times[-1])))
+    return max(last - first for first, last in ends.values())
 
 
 def _start(world: World, name: str) -> Array:

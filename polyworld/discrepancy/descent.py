@@ -27,6 +27,7 @@ ROUGH_STEP = 0.3  # of a typical change: no less where a liquid splashes, whose 
 TRIALS = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # dampings tried at once, as factors of the last successful one
 NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
 STUCK = 0.05  # of chi2: a fit that no step betters, though slopes foretell a greater fall, has not converged
+BENT = 0.02  # of chi2, by which the least damped step is worse than the best where the valley is bent
 LEASH = 1.0  # typical changes, that a value may stray by where the data do not tell it yet
 LONGEST = 20.0  # typical changes: an initial state goes no further in one step
 PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
@@ -116,6 +117,8 @@ def descend(
         normal.hold(hold, at.values)
         trials = [_step(forward, normal, at, d) for d in dampings]
         costs = _costs(forward, noise, trials, horizon, hold)
+        if costs[0] > min(float(costs.min()), chi2) + BENT * chi2:
+            trials, costs = _with_states_after(forward, noise, trials, costs, linear, horizon, hold)
         best = int(np.argmin(costs))
         if not costs[best] < chi2:
             at_rest = _foretold(linear, at, trials[0]) < max(tolerance, STUCK * chi2)
@@ -214,6 +217,38 @@ def _costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: flo
     holds = np.array([hold.cost(t.values) for t in trials])
     total: Array = trial_costs(forward, noise, trials, horizon).sum(axis=1) + holds
     return total
+
+
+def _with_states_after(
+    forward: Forward,
+    noise: Noise,
+    trials: Sequence[Point],
+    costs: Array,
+    linear: Linearised,
+    horizon: float,
+    hold: Hold,
+) -> tuple[list[Point], Array]:
+    """Trials with initial states fitted once more at their shared unknowns, where that lessens their costs (K,).
+
+    Where shared unknowns and states pull together along a bent valley, such as a forcing's phase and the speed at the
+    start, straight steps of both leave it, however right the shared ones are; so they would have to be small
+    (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413, with the slopes kept: Kaufman 1975).
+    """
+    settings = [
+        Settings(r.index, np.array([t.values for t in trials]), np.array([t.states[r.index] for t in trials]))
+        for r in forward.design.runs
+    ]
+    states: list[list[Array]] = [list(t.states) for t in trials]
+    for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
+        white = noise.whiten(r.index, raw) * r.before(horizon)
+        slopes = linear.b[r.index]
+        change = np.where(np.isfinite(white), white, 0.0) @ slopes @ _inverse(slopes.T @ slopes, r.typical, 1e-9)
+        for k in range(len(trials)):
+            states[k][r.index] = states[k][r.index] - np.clip(change[k], -LONGEST * r.typical, LONGEST * r.typical)
+    after = [Point(t.values, tuple(own)) for t, own in zip(trials, states, strict=True)]
+    again = _costs(forward, noise, after, horizon, hold)
+    better = again < costs
+    return [a if b else t for a, b, t in zip(after, better, trials, strict=True)], np.where(better, again, costs)
 
 
 def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: float) -> Array:

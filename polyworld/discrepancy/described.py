@@ -19,7 +19,7 @@ from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce, describe_unexplained
 
 ITERATIONS = 8  # on windows, of what is kept
-FURTHER = 0.25  # of the rollouts of a search, for the second one
+FURTHER = 0.25  # of the integration steps of a search, for the second one
 
 
 def described(

@@ -20,7 +20,7 @@ from polyworld.discrepancy.experiment import Contender, propose_experiment
 from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
-from polyworld.discrepancy.parts import in_parts
+from polyworld.discrepancy.parts import in_parts, of_whole_runs
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
@@ -79,8 +79,8 @@ def find_gap(
     recording does not fit the world.
     """
     settings = settings or GapSettings()
-    recording = in_parts(recording, world)
-    plan = design(coarsened(world, recording), recording)
+    cut = in_parts(recording, world)
+    plan = design(coarsened(world, cut), cut)
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
     story = _Story(progress)
     search = _searched(plan, world.time.substep, tuple(base), chosen, settings, story, cancelled)
@@ -88,7 +88,7 @@ def find_gap(
     best = verdict.best
     intervals = intervals95(bench, best if best is not None else ground)
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
-    child = _told_world(best, world) if best is not None else None
+    child = of_whole_runs(_told_world(best, world), recording, cut) if best is not None else None
     force: ResidualForce | None = None
     several = best is not None and len(best.hypothesis.parts) > 1 and not follows_one_course(plan)
     if settings.residual_force and (verdict.kind == "unexplained" or several):
@@ -235,6 +235,7 @@ def _searched(
         search.beyond(effects)
         search.twins(effects)
         search.finely(effects)
+        search.settled(effects)
     verdict = _decided(search, effects, parents)
     if verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         told = [*search.ranked(effects), *rivals(search, ground, verdict.best)]

@@ -2,7 +2,7 @@
 
 Model error is smooth, noise is not: what a fit lacks fills the lowest cosine modes of the residuals. Their energy is
 held against what noise leaves there once everything fitted is projected out. Noise level and correlation are known
-with an error of their own, which widens the null distribution.
+with an error of their own, which widens the null distribution. Of the higher modes, only lines are asked for.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from scipy.special import fdtrc  # scipy.stats is slow to import
 
 from polyworld.discrepancy import differences, spectrum
 from polyworld.discrepancy.design import Design, Series
+from polyworld.discrepancy.lines import NO_LINE, Line, strongest_line
 from polyworld.discrepancy.noise import EXCESS, Kind, Noise, resolution, spectral_modes
 from polyworld.discrepancy.profile import Fit
 
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MODES = 12
+LINE = 1e-4  # a rhythm in higher modes that noise would show more seldom is none
 LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
 LEVEL = 0.003  # share of good fits that may fail: a search must not raise one false alarm in a hundred
 LOUD = 9.0  # mean square, in noise variances, beyond which residuals are no noise of that level
@@ -51,7 +53,8 @@ class Goodness:
     passes: p >= LEVEL. p: of the data under the hypothesis that the fit explains them, all tests taken together.
     statistic: energy of the low modes over its expectation, about 1 for noise. modes: how many count. p_total: of the
     sum over all runs; p_lowest: the same of the LOWEST modes alone; p_worst: of the worst series, the number of them
-    accounted for. series: worst first.
+    accounted for. series: worst first. line: the strongest rhythm in higher modes, looked for where all else passes;
+    it counts where its p is below LINE.
     """
 
     passes: bool
@@ -62,6 +65,7 @@ class Goodness:
     p_lowest: float
     p_worst: float
     series: tuple[SeriesFit, ...]
+    line: Line = NO_LINE
 
     @property
     def worst(self) -> SeriesFit | None:
@@ -77,6 +81,8 @@ class Goodness:
         if not self.passes and self.worst is not None:
             w = self.worst
             text += f"; worst: {w.name} {w.kind} {'xyz'[w.axis]} in run {w.run}, {w.ratio:.3g} times"
+        if self.line.p < LINE:
+            text += f"; {self.line.summary()}"
         return text + "."
 
     def to_json(self) -> dict[str, object]:
@@ -90,6 +96,7 @@ class Goodness:
                 {"run": s.run, "name": s.name, "kind": s.kind, "axis": "xyz"[s.axis], "p": s.p, "ratio": s.ratio}
                 for s in self.series[:5]
             ],
+            "rhythm": self.line.to_json() if self.line.p < LINE else None,
             "summary": self.summary(),
         }
 
@@ -150,7 +157,11 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
     p = min(1.0, 3.0 * min(p_total, p_lowest, p_worst))
     if _loudest(design, noise, fit) > LOUD:
         p = 0.0  # whatever their course, such residuals are not the noise that the fit was made under
-    return Goodness(p >= level, p, statistic, modes, p_total, p_lowest, p_worst, tuple(found))
+    line = NO_LINE
+    if p >= level:  # what is wrong in low modes leaks into all
+        line = strongest_line(design, noise, whitened, MODES)
+        p = min(p, line.p) if line.p < LINE else p
+    return Goodness(p >= level, p, statistic, modes, p_total, p_lowest, p_worst, tuple(found), line)
 
 
 def _loudest(design: Design, noise: Noise, fit: Fit) -> float:

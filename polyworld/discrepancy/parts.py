@@ -39,6 +39,19 @@ def in_parts(recording: Recording, *worlds: World) -> Recording:
     return Recording(tuple(part for run in recording.runs for part in _parts(run)))
 
 
+def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World:
+    """A world that was found on parts, as it is to be read with the recording: where frames were dropped is told by the
+    run's name and from where the run begins."""
+    seen = world.observer
+    part = next((r for r in parts.runs if seen is not None and r.name == seen.shift_run and r.part_of), None)
+    if seen is None or part is None:
+        return world
+    whole = next(r for r in recording.runs if r.name == part.part_of)
+    later = float(part.times[0] - whole.times[0])
+    moved = seen.model_copy(update={"shift_run": whole.name, "shift_time": seen.shift_time + later})
+    return world.model_copy(update={"observer": moved})
+
+
 def _slips(world: World) -> bool:
     """Whether the observer's clock slips, at an instant that is told from where a whole run begins."""
     return world.observer is not None and world.observer.shift != 0.0

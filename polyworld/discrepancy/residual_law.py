@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.catalogue.adding import free_name
 from polyworld.discrepancy.criteria import extended_bic
 from polyworld.discrepancy.descent import Linearised
 from polyworld.discrepancy.design import Design
@@ -22,7 +23,7 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-EFFECT = "unexplained"  # name of the effect in the world
+EFFECT = "unexplained"  # name of the effect in the world, numbered where the world has one already
 MAX_PARAMETERS = 8
 TYPICAL = 0.3  # an ordinary unexplained acceleration [m/s^2]
 STEP = 1e-3  # of it, for derivatives at zero strength
@@ -89,10 +90,11 @@ class Law:
         """Whether any of its terms does."""
         return any(factor in term.factors for term in self.terms)
 
-    def unknowns(self) -> tuple[Unknown, ...]:
-        """What is fitted of it; strengths begin at zero."""
+    def unknowns(self, world: World) -> tuple[Unknown, ...]:
+        """What is fitted of it when it is added to a world; strengths begin at zero."""
+        effect = _effect_name(world)
         return tuple(
-            Unknown(name, (f"effects.{EFFECT}.{name}",), unit, float(np.clip(0.0, low, high)), low, high, typical)
+            Unknown(name, (f"effects.{effect}.{name}",), unit, float(np.clip(0.0, low, high)), low, high, typical)
             for name, unit, low, high, typical in self.numbers
         )
 
@@ -100,9 +102,9 @@ class Law:
         """The world with the law as an effect; numbers that are not given are at their neutral values."""
         if not self.terms:
             return world
-        starts = {u.name: u.start for u in self.unknowns()}
+        starts = {u.name: u.start for u in self.unknowns(world)}
         effect = {
-            "name": EFFECT,
+            "name": _effect_name(world),
             "kind": "expression",
             "expression": self.text,
             "parameters": {n: values.get(n, s) for n, s in starts.items()},
@@ -136,6 +138,10 @@ class Score:
     values: tuple[float, ...]
 
 
+def _effect_name(world: World) -> str:
+    return free_name(EFFECT, [e.name for e in world.effects])
+
+
 def _tidy(text: str) -> str:
     """Signs that follow each other drawn together."""
     text = text.replace("+ -", "- ").replace("- -", "+ ").replace("(--", "(")
@@ -163,7 +169,7 @@ def fit_law(problem: Problem, law: Law, start: Fit, numbers: Sequence[float]) ->
     forward = Forward(
         problem.design,
         law.in_world(problem.world, problem.objects, {}),
-        (*problem.base, *law.unknowns()),
+        (*problem.base, *law.unknowns(problem.world)),
         problem.cancelled,
     )
     values = np.concatenate([start.values[: len(problem.base)], np.asarray(numbers, dtype=float)])
@@ -183,7 +189,7 @@ def refitted(problem: Problem, known: FittedLaw) -> FittedLaw:
 def with_refined_noise(problem: Problem, known: FittedLaw) -> Problem:
     """The problem under the noise that a law's residuals tell; the very same where that changes next to nothing."""
     world = known.law.in_world(problem.world, problem.objects, {})
-    forward = Forward(problem.design, world, (*problem.base, *known.law.unknowns()), problem.cancelled)
+    forward = Forward(problem.design, world, (*problem.base, *known.law.unknowns(problem.world)), problem.cancelled)
     settings = [Settings(r.index, known.fit.values[None], known.fit.states[r.index][None]) for r in problem.design.runs]
     noise = refined_noise(problem.design, problem.noise, [raw[0] for raw in forward.residuals(settings)])
     levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(noise.sigma, problem.noise.sigma, strict=True))
@@ -209,7 +215,7 @@ def score_term(problem: Problem, known: FittedLaw, term: Term) -> Score | None:
             step[s] = STEP * TYPICAL
             rows.append(np.concatenate([settled, step, shape]))
     world = law.in_world(problem.world, problem.objects, {})
-    forward = Forward(problem.design, world, (*problem.base, *law.unknowns()), problem.cancelled)
+    forward = Forward(problem.design, world, (*problem.base, *law.unknowns(problem.world)), problem.cancelled)
     assert len(rows[0]) == base + len(law.numbers)
     directions = _slopes(problem, forward, np.array(rows), STEP * TYPICAL, known.fit)
     information, gradient = project_out(known.fit, directions)

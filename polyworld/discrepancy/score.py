@@ -8,7 +8,7 @@ starts (places, frequencies) in it, and foretells both chi2 and the unknowns of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +53,24 @@ def leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothesis], keep: in
         if candidate.leads is not None:
             special.setdefault(candidate.name, []).append(hypothesis)
             continue
-        own = _of_one(bench, trial, hypothesis, ground, horizon)
+        tried = _with_further_starts(bench, trial, hypothesis) if horizon >= 1.0 else hypothesis
+        own = [replace(lead, hypothesis=hypothesis) for lead in _of_one(bench, trial, tried, ground, horizon)]
         found += sorted(own, key=lambda lead: lead.chi2)[:keep]
     for group in special.values() if horizon >= 1.0 else ():
         by_itself = group[0].parts[-1].candidate.leads
         found += by_itself(bench, trial, group, keep) if by_itself is not None else []
     return sorted(found, key=lambda lead: lead.chi2)
+
+
+def _with_further_starts(bench: Bench, trial: Trial, hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis with the starts that residuals tell of its last effect."""
+    part = hypothesis.parts[-1]
+    if part.candidate.further is None:
+        return hypothesis
+    first = part.variant.starts[0]
+    more = tuple({**first, **start} for start in part.candidate.further(bench, trial, part.variant))
+    variant = replace(part.variant, starts=(*part.variant.starts, *more))
+    return replace(hypothesis, parts=(*hypothesis.parts[:-1], replace(part, variant=variant)))
 
 
 def _of_one(bench: Bench, trial: Trial, hypothesis: Hypothesis, ground: Ground, horizon: float) -> list[Lead]:

@@ -21,6 +21,7 @@ from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, searched
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
+from polyworld.discrepancy.unlike import unlike
 from polyworld.discrepancy.window_search import HOPELESS, ONWARD, WindowSearch
 from polyworld.discrepancy.windows import windows
 
@@ -39,11 +40,11 @@ NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
 SCARCE = 2000.0  # measurements below which all that was offered is fitted beside the best
 MANY = 40  # of these at most
-SAME_PATH = 0.05  # of chi2, by which the residuals of two parents differ if they are names for the same motion
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
 ROUNDS = 5  # of iterations that a leader is given at most
+MOVED = 0.5  # fall of chi2 for which the best is fitted on
 BEHIND = 1.2  # times the leader's chi2 on windows of one body, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 DOUBT = 0.25  # chi2 per measurement behind the best, within which a fit may only be stuck before a collision
@@ -130,7 +131,7 @@ class Search:
 
     def add_effect(self, parents: Sequence[Trial]) -> None:
         """Forward: fit the hypotheses that one more effect makes of the parents."""
-        parents = _unlike(parents)
+        parents = unlike(parents)
         if not parents:
             return
         level = min(p.chi2 for p in parents)
@@ -213,6 +214,17 @@ class Search:
             if fine is not trial:
                 self.trials[identity(trial.hypothesis)] = fine
                 self.tell("finer steps", fine.figures())
+
+    def settled(self, effects: int) -> None:
+        """Fit the best on for as long as that moves it: what passes the gate may still be off what the data tell."""
+        best = self.best(effects)
+        for _ in range(ROUNDS):
+            if best is None or best.fit.converged or best.chi2 > NEARLY * self.bench.observations:
+                return
+            before, best = best.chi2, self.take(self.bench.refit(best))
+            self.tell("fit", best.figures())
+            if before - best.chi2 < MOVED:
+                return
 
     def _promised(self, parent: Trial, found: Sequence[Lead]) -> None:
         for lead in reversed(found):  # the best last, so that it stays
@@ -584,16 +596,3 @@ class Search:
 def _edged(part: Part) -> bool:
     """Whether an effect is one of contacts within a place: with an edge that paths cross."""
     return part.candidate.group == "contact" and bool(part.variant.idle)
-
-
-def _unlike(parents: Sequence[Trial]) -> list[Trial]:
-    """The parents less those that leave nearly the same residuals as one before them: another name for it."""
-    kept: list[Trial] = []
-    for trial in parents:
-        if not any(_apart(trial, other) < SAME_PATH * min(trial.chi2, other.chi2) for other in kept):
-            kept.append(trial)
-    return kept
-
-
-def _apart(one: Trial, other: Trial) -> float:
-    return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))

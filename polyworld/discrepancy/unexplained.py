@@ -43,8 +43,8 @@ NOISIER = 2.0  # more than this times the variance that third differences tell i
 REFINEMENTS = 2  # of the noise, after a better law is found
 BETTER = 2.0  # least fall of the criterion for one more term
 NEAR = 10.0  # laws within this of the best criterion are told as alternatives
-MOST_ROLLOUTS = 40_000  # of all laws fitted, after which no further one is tried
-MOST_STEPS = 4e7  # of integration in them, likewise: some minutes
+MOST_STEPS = 4e7  # of integration in all laws fitted, after which no further one is tried: some minutes
+LEAST_STEPS = 1e3  # that a rollout counts for: to begin one has its cost too
 Z95 = 1.959963984540054
 
 
@@ -67,7 +67,7 @@ class ResidualForce:
     chi2_before, chi2_after; data: measured components. alternatives: other laws and by how much their criterion is
     worse. world: the child world with the law as the effect `unexplained`, fitted; None without a law.
     fit: of the base unknowns, those of the effects beside it, then the law's numbers. tried: laws fitted. complete:
-    False where the search ended at its limit of rollouts, so that a better law may have been left untried. beside:
+    False where the search ended at its limit of steps, so that a better law may have been left untried. beside:
     effects of the catalogue, no forces, that are in the world with it.
     """
 
@@ -91,7 +91,9 @@ class ResidualForce:
 
     def summary(self) -> str:
         """One sentence for readers."""
-        end = "" if self.complete else "; the search ended at its limit of rollouts, before all laws were tried"
+        end = (
+            "" if self.complete else "; the search ended at its limit of integration steps, before all laws were tried"
+        )
         if not self.expression:
             return f"no term describes what is unexplained{end}"
         so = "explains the data" if self.explains else "comes closest, but does not explain the data"
@@ -137,7 +139,7 @@ class _Search:
     budget: float = 1.0
     history: dict[tuple[str, ...], FittedLaw] = field(default_factory=dict)
     first_scores: list[Score] = field(default_factory=list)
-    spent: int = 0
+    spent: float = 0.0  # steps of integration
     complete: bool = True
 
     def at_its_limit(self) -> bool:
@@ -148,13 +150,13 @@ class _Search:
 
     @property
     def most(self) -> float:
-        """Rollouts after which no further law is tried: fewer of long runs."""
-        spans = [float(r.times[-1] - r.times[0]) for r in self.problem.design.runs]
-        steps = float(np.mean(spans)) / self.problem.world.time.substep
-        return self.budget * min(MOST_ROLLOUTS, MOST_STEPS / max(steps, 1.0))
+        """Steps of integration after which no further law is tried."""
+        return self.budget * MOST_STEPS
 
     def _counted(self, fitted: FittedLaw) -> FittedLaw:
-        self.spent += fitted.fit.rollouts
+        spans = [float(r.times[-1] - r.times[0]) for r in self.problem.design.runs]
+        steps = float(np.mean(spans)) / self.problem.world.time.substep
+        self.spent += fitted.fit.rollouts * max(steps, LEAST_STEPS)
         return fitted
 
     def run(self) -> FittedLaw:
@@ -290,8 +292,8 @@ def describe_unexplained(
 
     fitted: the fit of the base unknowns alone, under this noise, which is refined as better laws are found. world: the
     one fitted, default the design's. objects: whom the force acts on, default all. most_terms: of the law. near: where
-    the law is looked for first, for a fit that is far from the data. budget: share of the rollouts that a search has,
-    after which it ends. progress: told the share done and the step.
+    the law is looked for first, for a fit that is far from the data. budget: share of the integration steps that a
+    search has, after which it ends. progress: told the share done and the step.
     cancelled: asked between batches; where it says so `InterruptedError` is raised.
     """
     problem = Problem(design, world or design.world, tuple(base), noise, 1, objects, cancelled)
@@ -347,7 +349,7 @@ def _told(problem: Problem, search: _Search, best: FittedLaw, tests: tuple[Depen
         numbers[best.law.name(i, "p")] for i, t in enumerate(best.law.terms) if any(s.name == "p" for s in t.shapes)
     )
     others = sorted((f for f in search.history.values() if f is not best), key=lambda f: f.ebic)
-    unknowns = (*problem.base, *best.law.unknowns())
+    unknowns = (*problem.base, *best.law.unknowns(problem.world))
     world = None
     if best.law.terms:
         world = best.law.in_world(problem.world, problem.objects, values)

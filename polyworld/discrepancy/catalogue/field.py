@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
 from polyworld.discrepancy.catalogue.adding import BODIES, RIGID, effect, neutral, of_effect, with_effects
 from polyworld.discrepancy.conditions import SHARE, Conditions, conditions, tracks
 from polyworld.discrepancy.places import box_grid, visited_places
+from polyworld.discrepancy.rhythm import rhythms
+from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.recording import Recording
 from polyworld.world import Effect, World
 
@@ -25,6 +27,7 @@ FAN_WIDTHS = (0.35, 0.9)  # of the spread of places
 WIDEST = 2.0  # spreads: what is wider is no local jet
 SLOWEST, FASTEST = 1.0, 5.0  # forcing: cycles per run, fewer being any slow change, and Hz
 MOST_FREQUENCIES = 16
+SEEN_FREQUENCIES = 6  # that residuals tell, beside them
 PHASES = (0.0, np.pi / 2)
 
 
@@ -138,31 +141,44 @@ def _fan(world: World, recording: Recording) -> tuple[Variant, ...]:
     return (Variant(with_effects(world, added), unknowns, starts, idle=_names(unknowns[len(forces) :])),)
 
 
+def _frame(recording: Recording) -> float:
+    """Shortest time between frames of any run [s]."""
+    return min(float(np.median(np.diff(run.times))) for run in recording.runs)
+
+
 def _frequencies(found: Conditions, recording: Recording) -> Sequence[float]:
-    """Evenly spaced, half a cycle per run apart as long as they are not too many, below half the frame rate."""
-    steps = [float(np.median(np.diff(run.times))) for run in recording.runs]
-    low = SLOWEST / found.duration
-    high = min(FASTEST, 0.25 / min(steps))
+    """Evenly spaced, half a cycle per whole run apart as long as they are not too many, below half the frame rate."""
+    low = SLOWEST / found.span
+    high = min(FASTEST, 0.25 / _frame(recording))
     if high <= low:
         return (low,)
-    count = int(np.clip(np.ceil((high - low) * found.duration * 2.0), 2, MOST_FREQUENCIES))
+    count = int(np.clip(np.ceil((high - low) * found.span * 2.0), 2, MOST_FREQUENCIES))
     return tuple(np.linspace(low, high, count))
 
 
 def _periodic(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
-    if not found.axes or found.duration <= 0.0:
+    if not found.axes or found.span <= 0.0:
         return ()
     frequencies = _frequencies(found, recording)
     added = effect(world, "periodic_forcing", {"frequency": frequencies[0]})
     sizes = [of_effect(added, f"amplitude_{'xyz'[a]}", 2.0 * SHARE * found.acceleration) for a in found.axes]
-    frequency = of_effect(
-        added, "frequency", 0.25 / found.duration, lower=SLOWEST / found.duration, upper=2.0 * max(frequencies)
-    )
+    highest = max(2.0 * max(frequencies), 0.25 / _frame(recording))
+    frequency = of_effect(added, "frequency", 0.25 / found.span, lower=SLOWEST / found.span, upper=highest)
     phase = of_effect(added, "phase", 0.5)
     unknowns = (*sizes, frequency, phase)
     starts = tuple(neutral(unknowns, frequency=f, phase=p) for f in frequencies for p in PHASES)
     return (Variant(with_effects(world, added), unknowns, starts, idle=("frequency", "phase")),)
+
+
+def _seen_rhythms(bench: Bench, trial: Trial, variant: Variant) -> tuple[Mapping[str, float], ...]:
+    """Starts at the frequencies at which residuals swing most, where those of the grid are too far apart, or end."""
+    tried = sorted({start["frequency"] for start in variant.starts})
+    if len(tried) < MOST_FREQUENCIES:
+        return ()
+    highest = next(u.upper for u in variant.unknowns if u.name == "frequency")
+    found = rhythms(bench, trial, tried[0], highest, SEEN_FREQUENCIES)
+    return tuple({"frequency": f, "phase": p} for f in found for p in PHASES)
 
 
 CANDIDATES = (
@@ -228,6 +244,7 @@ CANDIDATES = (
         signature="residual acceleration that swings with time, alike wherever the body is",
         reference="Landau & Lifshitz, Mechanics, 22 and 39",
         variants=_periodic,
+        further=_seen_rhythms,
         confused_with={
             "tilt": "a later start, or a longer run: forcing changes its sign",
             "spring": "the same motion begun at another time",

@@ -184,10 +184,19 @@ def test_scales_are_those_of_the_motion():
     assert scales.spin == 0.0
 
 
-def test_a_search_that_ends_at_its_limit_of_rollouts_says_so(monkeypatch):
-    monkeypatch.setattr("polyworld.discrepancy.unexplained.MOST_ROLLOUTS", 1)
+def test_a_search_that_ends_at_its_limit_of_steps_says_so(monkeypatch):
+    monkeypatch.setattr("polyworld.discrepancy.unexplained.MOST_STEPS", 1.0)
     found = described(lambda _t, x, v: 0.9 * x[1] * np.array([0.8, -0.6]) - 0.3 * np.linalg.norm(v) * v)
     assert not found.explains
     assert not found.complete
-    assert "limit of rollouts" in found.summary()
+    assert "limit of integration steps" in found.summary()
     assert found.tried < 10
+
+
+def test_a_world_that_holds_an_unexplained_force_may_get_another():
+    term = library(Scales(2.0, 1.0, (0.0, 0.0, 0.0), 1.0, 0.01, 0.0, "xy"))[0]
+    law = Law((term,))
+    once = law.in_world(puck_world(), None, {})
+    twice = law.in_world(once, None, {})
+    assert [e.name for e in twice.effects] == ["unexplained", "unexplained_2"]
+    assert {u.paths[0].split(".")[1] for u in law.unknowns(once)} == {"unexplained_2"}
