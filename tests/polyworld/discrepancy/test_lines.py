@@ -14,6 +14,7 @@ from tests.polyworld.discrepancy.scenes import puck_world
 SIGMA = 0.001
 AMPLITUDE, PHASE = np.array([0.24, 0.18]), 0.4  # of the table's shaking [m/s^2]
 TABLE = puck_world(friction=0.0)
+Drawn = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]  # noise
 
 
 def shaken(frequency: float, seconds: float, seed: int = 1, noise: Drawn | None = None) -> Recording:
