@@ -1,5 +1,7 @@
 """Rhythms above the low modes: how seldom noise shows one, and that a table which shakes is found and named."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
