@@ -29,6 +29,10 @@ def shown_discrepancy(data: dict[str, Any]) -> dict[str, Any]:
         "onsets": where["onsets"][:MOST],
         "base": [{key: item[key] for key in ("name", "value", "unit")} for item in data["base"]],
     }
+    if goodness["rhythm"]:
+        shown["goodness"]["rhythm"] = goodness["rhythm"]
+    if data["cautions"]:
+        shown["cautions"] = data["cautions"]
     if "power" in data:
         rows = data["power"]
         missed = [row["summary"] for row in rows if not row["seen"]]
@@ -61,7 +65,7 @@ def shown_proposals(data: dict[str, Any]) -> dict[str, Any]:
         "base": {name: value["value"] for name, value in data["base"]["unknowns"].items()},
         "null_control": None if null is None else f"on data made from the world itself: {null['verdict']}",
     }
-    for key in ("near_misses", "experiment", "residual_force"):
+    for key in ("other_forms", "near_misses", "experiment", "residual_force"):
         if data[key]:
             shown[key] = data[key]
     shown["whole"] = "ReadEvidence(evidence=this result's evidence id, path='history'), or 'goodness', 'noise', ..."

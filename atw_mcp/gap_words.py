@@ -24,6 +24,8 @@ def _verdict(told: dict[str, Any]) -> str:
     named = " + ".join(effect_text(effect) for effect in told["effects"])
     if kind == "identified":
         text = f"identified: {named}"
+        if told["other_forms"]:
+            text += f"; the data allow as well: {'; '.join(told['other_forms'][:SHOWN])}"
         if told["runner_up"] is not None:
             other = told["runner_up"]
             text += f"; next best {' + '.join(other['effects'])}, EBIC {_number(other['ebic_behind'])} behind"

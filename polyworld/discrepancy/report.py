@@ -52,6 +52,7 @@ class GapReport:
             "verdict": self.verdict.kind,
             "effects": effects_of(best, self.intervals) if best is not None else [],
             "credible_set": [list(t.hypothesis.names) for t in self.verdict.credible],
+            "other_forms": [t.hypothesis.title for t in self.verdict.forms],
             "runner_up": _runner_up(self.verdict.runner_up),
             "experiment": self.experiment,
             "residual_force": self.residual_force,

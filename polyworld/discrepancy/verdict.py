@@ -30,12 +30,16 @@ class RunnerUp:
 
 @dataclass(frozen=True)
 class Verdict:
-    """kind; best: the leading hypothesis; credible: all that stand beside it, best first; runner_up: the next name."""
+    """kind; best: the leading hypothesis; credible: all that stand beside it, best first; runner_up: the next name.
+
+    forms: what stands beside the best under its own name: the same effects by another rule, or on another body.
+    """
 
     kind: Kind
     best: Trial | None
     credible: tuple[Trial, ...] = ()
     runner_up: RunnerUp | None = None
+    forms: tuple[Trial, ...] = ()
 
 
 def decide(trials: Sequence[Trial], credible: float) -> Verdict:
@@ -58,9 +62,11 @@ def decide(trials: Sequence[Trial], credible: float) -> Verdict:
     beside = [t for t in beside if not any(_contains(t, other) for other in beside if other is not t)]
     if best not in beside:
         best = beside[0]
+    names = sorted(best.hypothesis.names)
+    forms = tuple(t for t in beside if t is not best and sorted(t.hypothesis.names) == names)
     beside = one_of_each_name(beside)
     kind: Kind = "identified" if len(beside) == 1 else "ambiguous"
-    return Verdict(kind, best, tuple(beside), _runner_up(best, ranked))
+    return Verdict(kind, best, tuple(beside), _runner_up(best, ranked), forms)
 
 
 def beside_fewer(verdict: Verdict, fewer: Sequence[Trial], credible: float) -> Verdict:

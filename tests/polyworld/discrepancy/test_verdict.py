@@ -84,6 +84,16 @@ def test_two_within_ten_are_ambiguous_best_first() -> None:
     assert names(result) == [("drag",), ("tilt",)]
 
 
+def test_another_form_of_the_same_effect_is_told_beside_the_best() -> None:
+    linear, square = trial("spin_damping", 1000.0), trial("spin_damping", 1004.0)
+    square.fit.linear.r[0][0] = 50.0  # it moves otherwise
+    far = trial("spin_damping", 1100.0)
+    result = verdict(linear, square, far)
+    assert result.kind == "identified"
+    assert [t.chi2 for t in result.forms] == [1004.0]
+    assert verdict(linear, far).forms == ()
+
+
 def test_none_passing_the_gate_is_unexplained() -> None:
     assert verdict(trial("drag", 5000.0, passes=False)).kind == "unexplained"
     assert verdict().kind == "unexplained"

@@ -1,0 +1,44 @@
+"""What the gap tools compute of one long run, which is cut into parts: told, fitted, and compared before and after."""
+
+import numpy as np
+
+from atw_mcp.gap_shown import shown_discrepancy
+from atw_mcp.gap_work import examine, fitted_effect, worth
+from atw_mcp.jobs import Progress
+from polyworld.discrepancy.holdback import hold_back
+from polyworld.recording import Recording, Run
+from polyworld.world import Effect
+from tests.polyworld.discrepancy.scenes import puck_world
+
+DRAG = 0.12  # [1/s]
+TABLE = puck_world(friction=0.0)
+
+
+def slide(count: int) -> Recording:
+    """One run of a puck that air slows in proportion to its speed: x = x0 + v0 (1 - exp(-c t)) / c."""
+    times = np.arange(count) / 200.0
+    places = np.full((count, 1, 3), np.nan)
+    way = np.array([1.5, -0.7]) * ((1.0 - np.exp(-DRAG * times)) / DRAG)[:, None]
+    places[:, 0, :2] = way + np.random.default_rng(7).normal(0.0, 1e-3, way.shape)
+    return Recording((Run("slide", ("puck",), times, places, np.full((count, 1, 4), np.nan)),))
+
+
+def test_where_a_long_run_disagrees_is_told_with_the_caution_that_it_is_in_parts() -> None:
+    outcome = examine(TABLE, slide(1600), (), False, Progress())
+    assert not outcome.data["explained"]
+    (said,) = [c for c in shown_discrepancy(outcome.data)["cautions"] if "parts" in c]
+    assert said.startswith("run slide is long: it was fitted in 3 parts of")
+    assert set(outcome.pictures) == {"residuals.png", "paths.png", "map.png"}
+
+
+def test_an_effect_added_to_a_long_run_is_fitted_and_closes_the_sealed_gap() -> None:
+    parts = hold_back(slide(2400))
+    drag = Effect(name="drag", kind="linear_drag", parameters={"coefficient": 0.0})
+    proposal = fitted_effect(TABLE, drag, parts.fitted, (), Progress())
+    low, high = proposal.effects[0]["unknowns"]["coefficient"]["interval95"]
+    assert low < TABLE.objects[0].mass * DRAG < high
+    outcome = worth(proposal, parts, Progress())
+    assert outcome.data["explains"]
+    assert outcome.data["sealed"]["closed"] > 0.9
+    assert outcome.world is not None
+    np.testing.assert_allclose(outcome.world.objects[0].velocity[:2], [1.5, -0.7], atol=0.005)
