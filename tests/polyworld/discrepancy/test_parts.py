@@ -16,6 +16,7 @@ from tests.polyworld.discrepancy.scenes import RADIUS, Bouncing, G, Launch, ball
 DRAG = 0.12  # [1/s]
 SIGMA = 0.001
 TABLE = puck_world(friction=0.0)
+DRAGGED = {"name": "drag", "kind": "linear_drag", "parameters": {"coefficient": TABLE.objects[0].mass * DRAG}}
 
 
 def slide(count: int, axes: int = 2, seed: int = 2) -> Recording:
@@ -92,3 +93,23 @@ def test_parts_of_one_coordinate_are_still_one_course() -> None:
     one, two = (in_parts(slide(2 * MOST, axes), TABLE) for axes in (1, 2))
     assert follows_one_course(design(TABLE, one))
     assert not follows_one_course(design(TABLE, two))
+
+
+def test_frames_dropped_in_a_long_run_are_told_by_the_run_and_its_clock() -> None:
+    (run,) = slide(2 * MOST).runs
+    keep = np.arange(len(run.times))
+    keep = keep[(keep < 1400) | (keep >= 1408)]  # 8 frames are gone, unnoticed: later stamps are too early
+    gone = replace(run.rows(np.isin(np.arange(len(run.times)), keep)), times=run.times[: len(keep)])
+    report = find_gap(
+        World.model_validate({**TABLE.model_dump(), "effects": [DRAGGED]}),
+        Recording((gone,)),
+        candidates=named(["dropped_frames", "linear_drag", "tilt"]),
+        settings=GapSettings(null_control=False),
+    )
+    assert report.names == ("dropped_frames",)
+    assert report.world is not None
+    seen = report.world.observer
+    assert seen is not None
+    assert seen.shift_run == "slide"
+    assert abs(seen.shift - 8 / 200.0) < 0.005
+    assert abs(seen.shift_time - 1400 / 200.0) < 0.05
