@@ -24,7 +24,7 @@ class Run:
     [m], NaN for each component that was not measured. orientations (T, n, 4) w, x, y, z, NaN where unknown. sigma:
     standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in
     `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
-    not fitted. part_of: the longer run that it was cut from.
+    not fitted. part_of: the longer run that it was cut from. window_of: likewise, of a window that a search looks at.
     """
 
     name: str
@@ -36,6 +36,7 @@ class Run:
     symmetry: tuple[int, ...] = ()
     lead: float = 0.0
     part_of: str | None = None
+    window_of: str | None = None
 
     def __post_init__(self) -> None:
         t, n = len(self.times), len(self.names)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from polyworld.recording import Recording
+from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ class Unknown:
 
     paths: parameter paths (`polyworld.parameters`) that take its value, all the same. start: its value where nothing
     is known, the neutral one for a missing effect. lower, upper: bounds. typical: a change of it that would be
-    ordinary (the width of the prior), from which steps and the power check take their scale.
+    ordinary (the width of the prior), from which steps and the power check take their scale. run: the one run that it
+    is of; in all others the paths keep the world's value.
     """
 
     name: str
@@ -33,6 +34,11 @@ class Unknown:
     lower: float
     upper: float
     typical: float
+    run: str | None = None
+
+    def is_of(self, run: Run) -> bool:
+        """Whether its value counts in a run, or in a window of a run."""
+        return self.run in (None, run.window_of or run.name)
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,8 @@ class _Group:
         """Roll out all settings as one batch; also the observer's parameters of each world."""
         count = sum(len(s.shared) for s in settings)
         shared = np.concatenate([s.shared for s in settings])
-        values = {path: shared[:, i].copy() for i, u in enumerate(unknowns) for path in u.paths}
+        values = {path: shared[:, i].copy() for i, u in enumerate(unknowns) for path in u.paths if u.run is None}
+        self._of_single_runs(values, unknowns, settings)
         self._state_values(values, settings, count)
         self._origins(values, settings)
         observer = {path: v for path, v in values.items() if path.startswith("observer.")}
@@ -245,6 +246,21 @@ class _Group:
         if path not in self._described:
             self._described[path] = read_parameter(self.world, path) or 0.0
         return self._described[path]
+
+    def _of_single_runs(
+        self, values: dict[str, Array], unknowns: tuple[Unknown, ...], settings: Sequence[Settings]
+    ) -> None:
+        """Unknowns of one run each, in the worlds of that run."""
+        first = np.concatenate([[0], np.cumsum([len(s.shared) for s in settings])])
+        for i, u in enumerate(unknowns):
+            if u.run is None:
+                continue
+            for path in u.paths:
+                if path not in values:
+                    values[path] = np.full(first[-1], self._described_value(path))
+                for at, item in zip(first, settings, strict=False):
+                    if u.is_of(self._runs[item.run].run):
+                        values[path][at : at + len(item.shared)] = item.shared[:, i]
 
     def _state_values(self, values: dict[str, Array], settings: Sequence[Settings], count: int) -> None:
         at, given = 0, tuple(values)

@@ -70,8 +70,11 @@ class Hypothesis:
         return replace(self, world=self.world.with_substep(substep))
 
     def fitted_world(self, values: Array) -> World:
-        """The world with shared values (S,) written into it."""
-        numbers = {path: float(v) for u, v in zip(self.unknowns, values, strict=True) for path in u.paths}
+        """The world with shared values (S,) written into it; of unknowns of one run each, those of the first."""
+        numbers: dict[str, float] = {}
+        for u, v in zip(self.unknowns, values, strict=True):
+            for path in u.paths:
+                numbers.setdefault(path, float(v))
         return with_parameters(self.world, numbers) if numbers else self.world
 
 

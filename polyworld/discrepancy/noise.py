@@ -30,6 +30,7 @@ RESOLUTION = 1e-5  # least noise, as a part of the extent of the motion: simulat
 RELATIVE_ERROR = 1.3  # relative standard error of a level from n samples, times sqrt(n)
 BELIEVED = 1.5  # factor by which the data may be noisier than was said before they are believed instead
 LOW = 3  # cosine modes that initial states take up
+FURTHEST = 3.0  # standard errors of a correlation by which the residuals' spectrum may put it right
 EXCESS = 1.3  # innovations of more than this variance hold model error, and tell nothing about correlation
 
 
@@ -184,7 +185,7 @@ def _from_spectrum(design: Design, noise: Noise, residuals: Sequence[Array], kin
     known = noise.correlation[kind]
     whitened = [noise.whiten(r.index, residuals[r.index]) for r in design.runs]
     series = spectral_modes(design, noise, whitened, kind)
-    fitted = spectrum.fitted(series, known.phi, known.error, LOW)
+    fitted = spectrum.fitted(series, known.phi, known.error, LOW, FURTHEST * known.error)
     # What innovations would be, were the shortest differences all noise.
     supposed = differences.innovation(fitted.correlation) / differences.innovation(known.phi)
     if fitted.scale > EXCESS * supposed:

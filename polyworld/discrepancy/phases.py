@@ -49,7 +49,10 @@ def motions(
     world = run.world(design.world)
     known = {p for p in parameter_paths(world) if not p.startswith("observer.")}
     overrides = {
-        path: np.array([v]) for u, v in zip(unknowns, values, strict=False) for path in u.paths if path in known
+        path: np.array([v])
+        for u, v in zip(unknowns, values, strict=False)
+        for path in u.paths
+        if path in known and u.is_of(run.run)
     }
     at, states_of = 0, dict[str, Array]()
     for coordinates in run.states:

@@ -43,19 +43,32 @@ class SealedGap:
 def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
     """The gap on sealed runs before and after: everything that runs share stays as it was fitted, each run's own
     initial state, or that of each part of a long one, is fitted to it."""
-    plan = design(before, in_parts(recording, before, after))
+    worlds = (before, after)
+    cut = in_parts(recording, *worlds)
+    plans = [design(world, cut) for world in worlds]
+    plan = plans[0]
     noise = measured_noise(plan)
     kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     floor = _noise_level(plan, noise, kind)
-    forwards = [Forward(plan, world, ()) for world in (before, after)]
-    none, begin = np.zeros(0), profile.start_states(plan)
-    fits = [profile.fit(f, noise, none, begin, horizons=profile.horizons_for(plan)) for f in forwards]
+    forwards = [Forward(p, world, ()) for p, world in zip(plans, worlds, strict=True)]
+    none, horizons = np.zeros(0), profile.horizons_for(plan)
+    fits = [profile.fit(f, noise, none, profile.start_states(f.design), horizons=horizons) for f in forwards]
     gaps = []
-    for forward, own, other in zip(forwards, fits, reversed(fits), strict=True):
-        again = profile.fit(forward, noise, none, other.states)  # neither world is to lose by a fit that was trapped
-        gaps.append(_beyond_noise(plan, forward, min(own, again, key=lambda f: f.chi2), kind, floor))
+    for forward, own, other, theirs in zip(forwards, fits, reversed(fits), reversed(plans), strict=True):
+        # Neither world is to lose by a fit that was trapped.
+        again = profile.fit(forward, noise, none, _carried(forward.design, theirs, other.states))
+        gaps.append(_beyond_noise(forward.design, forward, min(own, again, key=lambda f: f.chi2), kind, floor))
     closed = 1.0 - gaps[1] / gaps[0] if gaps[0] > 0.0 else None
     return SealedGap(gaps[0], gaps[1], floor, closed, "m" if kind == "position" else "rad")
+
+
+def _carried(plan: Design, other: Design, states: Sequence[Array]) -> tuple[Array, ...]:
+    """Initial states of another design of the same runs, as far as they are coordinates of this one too."""
+    carried = []
+    for own, theirs, known in zip(plan.runs, other.runs, states, strict=True):
+        told = dict(zip(theirs.labels, known, strict=True))
+        carried.append(np.array([told.get(label, v) for label, v in zip(own.labels, own.start, strict=True)]))
+    return tuple(carried)
 
 
 def _noise_level(plan: Design, noise: Noise, kind: str) -> float:

@@ -55,9 +55,14 @@ def gain(frequency: Array, used: float | Array, true: float | Array) -> Array:
     return result
 
 
-def fitted(series: Sequence[Modes], prior: float, prior_error: float, low: int) -> Correction:
-    """The correlation that the modes from `low` on suggest together with a prior (normal, in the correlation)."""
+def fitted(series: Sequence[Modes], prior: float, prior_error: float, low: int, furthest: float = np.inf) -> Correction:
+    """The correlation that the modes from `low` on suggest together with a prior (normal, in the correlation).
+
+    furthest: how far from the prior it may be at most. What a wrong model leaves can be so loud that no prior outweighs
+    it.
+    """
     cost = ((GRID - prior) / max(prior_error, 1e-3)) ** 2
+    cost[np.abs(GRID - prior) > max(furthest, np.abs(GRID - prior).min())] = np.inf
     scales = np.ones(len(GRID))
     if not series:
         return Correction(prior, prior_error, 1.0)
@@ -92,7 +97,7 @@ def fitted(series: Sequence[Modes], prior: float, prior_error: float, low: int) 
 def _minimum(cost: Array) -> tuple[int, float]:
     """Index of the least cost on the grid, and its place by the parabola through it and its neighbours."""
     best = int(np.argmin(cost))
-    if best in (0, len(cost) - 1):
+    if best in (0, len(cost) - 1) or not np.all(np.isfinite(cost[best - 1 : best + 2])):
         return best, float(GRID[best])
     x, y = GRID[best - 1 : best + 2], cost[best - 1 : best + 2]
     a, b, _ = np.polyfit(x - x[1], y, 2)

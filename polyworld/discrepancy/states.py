@@ -61,7 +61,11 @@ class StateCoordinates:
             return self.linkage.overrides(values, given)
         known = {label: np.full(len(values), v) for label, v in self.at_rest.items()}
         found = {label: values[:, i] for i, label in enumerate(self.labels)}
-        return {f"objects.{self.name}.{label}": v for label, v in (known | found).items()}
+        return {_path(self.name, label): v for label, v in (known | found).items()}
+
+
+def _path(name: str, label: str) -> str:
+    return label if label.startswith("effects.") else f"objects.{name}.{label}"
 
 
 def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
@@ -130,6 +134,11 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             labels += [f"rotation.{letter}", f"angular_velocity.{letter}"]
             start += [float(turn[axis]), float(spin[axis])]
             typical += [TURN, 10.0 * TURN]
+    for effect in world.effects:
+        if effect.kind == "unseen_spin_lift" and effect.enabled and item.name in (effect.objects or (item.name,)):
+            labels += [f"effects.{effect.name}.rate_{letter}" for letter in "xyz"]
+            start += [effect.parameters.get(f"rate_{letter}", 0.0) for letter in "xyz"]
+            typical += [10.0 * TURN] * 3
     spread = np.zeros(len(labels))
     if len(rows) < 2 and planar and _spin_shows(world, item):
         axis = int(np.argmax(normal))

@@ -118,5 +118,5 @@ def _cut(run: Run, most: int) -> list[Run]:
         first = smooth_near(rough, begin, [begin + m for m in moved if begin + m + size <= count])
         keep = np.zeros(count, dtype=bool)
         keep[first : first + size] = True
-        pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}"))
+        pieces.append(replace(run.rows(keep), name=f"{run.name} from {begin}", window_of=run.name))
     return pieces if all(is_seen(run, p) for p in pieces) else []

@@ -101,6 +101,10 @@ LAWS: dict[str, tuple[dict[str, float], Force]] = {
     ),
     "uniform_acceleration": ({"x": 1.5, "z": -1.0}, lambda _: (MASS * np.array([1.5, 0.0, -1.0]), NONE)),
     "uniform_force": ({"x": 1.5, "z": -1.0}, lambda _: (np.array([1.5, 0.0, -1.0]), NONE)),
+    "unseen_spin_lift": (
+        {"rate_x": 0.5, "rate_y": -1.0, "rate_z": 0.8},
+        lambda m: (MASS * np.cross([0.5, -1.0, 0.8], m.v), NONE),
+    ),
     "viscous_friction": ({"coefficient": 0.4}, lambda _: (NONE, NONE)),  # in the air
     "wind": (
         {"coefficient": 0.03, "velocity_x": WIND[0], "velocity_z": WIND[2]},

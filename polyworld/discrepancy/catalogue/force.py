@@ -9,6 +9,7 @@ import numpy as np
 from polyworld import geometry
 from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
 from polyworld.discrepancy.catalogue.adding import BODIES, RIGID, effect, neutral, of_effect, with_effects
+from polyworld.discrepancy.catalogue.unseen_spin import lift_by_unseen_spins
 from polyworld.discrepancy.conditions import SHARE, Conditions, conditions
 from polyworld.parameters import object_mass
 from polyworld.recording import Recording
@@ -181,7 +182,7 @@ def _wind_along(world: World, found: Conditions, axes: Sequence[int], begin: Seq
 def _magnus(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     if found.spin <= 0.0:
-        return ()  # spins that nobody measured could be anything
+        return lift_by_unseen_spins(world, recording)
     typical = found.force / (found.speed * max(found.spin, 1.0))
     return (one_effect(world, "magnus_lift", {"coefficient": typical}),)
 

@@ -1,0 +1,23 @@
+"""Sideways force on a body that spins as nobody saw."""
+
+import warp as wp
+
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+
+
+@wp.func
+def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
+    return wrench(b.mass * wp.cross(wp.vec3d(p[0], p[1], p[2]), b.v), wp.vec3d())
+
+
+RATE = "lift per mass and speed: the spin times the lift's coefficient over the mass; fitted for each run by itself"
+
+LAW = EffectLaw(
+    kind="unseen_spin_lift",
+    summary="F = m (b x v), b = s omega / m",
+    parameters={
+        f"rate_{axis}": EffectParameter("1/s", -1e4, 1e4, (-2.0, 2.0), 0.0, f"{RATE}, along {axis}") for axis in "xyz"
+    },
+    force=force,
+    reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447, for a spin that stays as it is",
+)
