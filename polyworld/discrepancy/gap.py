@@ -20,6 +20,7 @@ from polyworld.discrepancy.experiment import Contender, propose_experiment
 from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
+from polyworld.discrepancy.parents import nearest
 from polyworld.discrepancy.parts import in_parts, of_whole_runs
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
@@ -222,7 +223,7 @@ def _searched(
             search.finely(effects)
         if _passed(search, effects):
             break
-        parents = search.ranked(effects)[: settings.search.parents]
+        parents = nearest(search.ranked(effects), search.on_windows, settings.search.parents)
     effects = search.fewest(effects)  # on the way back from two, one may have come to explain all
     while effects > 1 and search.best(effects) is None:
         effects -= 1  # nothing promised to better those

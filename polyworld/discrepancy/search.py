@@ -18,10 +18,10 @@ from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
 from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, searched
+from polyworld.discrepancy.parents import unlike
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
-from polyworld.discrepancy.unlike import unlike
 from polyworld.discrepancy.window_search import HOPELESS, ONWARD, WindowSearch
 from polyworld.discrepancy.windows import windows
 

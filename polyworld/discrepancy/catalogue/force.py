@@ -293,7 +293,7 @@ CANDIDATES = (
         signature="residual across both spin and velocity",
         reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447",
         variants=_magnus,
-        confused_with={"coriolis": "the same throw with the spin reversed"},
+        confused_with={"coriolis": "the same throw with the spin reversed; of unseen spins, more throws"},
     ),
     Candidate(
         name="coriolis",

@@ -15,15 +15,16 @@ from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 MOST = 48  # unknowns, three of each flight
+LABEL = "by spins that nobody measured, of each run its own"
 WIDE = 300.0  # ordinary sizes that a rate may have at most
 
 
 def lift_by_unseen_spins(world: World, recording: Recording) -> tuple[Variant, ...]:
-    """One way, with a rate vector for each run; none where spins were measured or the world tells them, where bodies do
-    not fly freely, or where less than two components of their paths were measured."""
+    """One way, with a rate vector for each run; none where spins were measured or the world tells them, where bodies
+    touch anything, which changes spins, or where less than two components of their paths were measured."""
     found = conditions(world, recording)
     flights = list(_flights(world, recording))
-    if world.planar or found.slides or found.spin > 0.0 or not flights or 3 * len(flights) > MOST:
+    if world.planar or found.touches or found.spin > 0.0 or not flights or 3 * len(flights) > MOST:
         return ()
     names = tuple(dict.fromkeys(name for name, _ in flights))
     typical = SHARE * found.acceleration / found.speed
@@ -37,9 +38,9 @@ def lift_by_unseen_spins(world: World, recording: Recording) -> tuple[Variant, .
                 size = WIDE * typical
                 rate = of_effect(added, f"rate_{axis}", typical, name=f"rate_{axis} in {whom}", lower=-size, upper=size)
                 unknowns.append(replace(rate, run=run.name))
-    return (
-        Variant(child, tuple(unknowns), (neutral(unknowns),), "by spins that nobody measured, of each run its own"),
-    )
+    # In a single flight, turning axes do what a spin of its own does.
+    same = ("coriolis",) if len(flights) == 1 else ()
+    return (Variant(child, tuple(unknowns), (neutral(unknowns),), LABEL, same_as=same),)
 
 
 def _flights(world: World, recording: Recording) -> Iterator[tuple[str, Run]]:
