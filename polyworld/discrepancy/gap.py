@@ -25,6 +25,7 @@ from polyworld.discrepancy.parts import in_parts, of_whole_runs
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.simpler import put_simpler
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce
@@ -235,6 +236,7 @@ def _searched(
         search.settle(effects)
         search.beyond(effects)
         search.twins(effects)
+        put_simpler(search, effects)
         search.finely(effects)
         search.settled(effects)
     verdict = _decided(search, effects, parents)
