@@ -231,7 +231,7 @@ def _searched(
     best = search.best(effects)
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)
-    if not search.hopeless(effects):
+    if _passed(search, effects) or not search.hopeless(effects):
         search.rivals(effects)
         search.settle(effects)
         search.beyond(effects)
