@@ -117,7 +117,8 @@ def find_gap(
         null = _null_control(search, world.time.substep, chosen, settings, cancelled)
         story.tell(0.95, "null control", null.to_dict())
     experiment = None
-    if settings.experiment and verdict.kind == "ambiguous":
+    of_runs = any(u.run is not None for t in verdict.credible for u in t.hypothesis.unknowns)
+    if settings.experiment and verdict.kind == "ambiguous" and not of_runs:  # what is a run's own foretells no other
         found = propose_experiment(plan, bench.noise, [_contender(t) for t in verdict.credible])
         experiment = found.to_dict() if found is not None else None
         story.tell(0.98, "experiment", {"found": found is not None})
