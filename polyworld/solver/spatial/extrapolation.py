@@ -17,7 +17,7 @@ from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
 from polyworld.solver.spatial.motion import turned
 
 STICKING = wp.float64(1.0 - 1.0e-9)  # friction below this share of its limit lets nothing slip
-ALIKE = wp.float64(0.01)  # difference of long and short steps, of what they changed, that the leading error explains
+ALIKE = wp.float64(0.02)  # difference of long and short steps, of what they changed, that the leading error explains
 ROUNDING = wp.float64(1.0e-8)  # difference of speeds that counts as none [m/s], and as a share of them
 THIRD = wp.float64(1.0 / 3.0)
 
