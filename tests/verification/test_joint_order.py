@@ -108,7 +108,7 @@ def test_a_pendulum_that_strikes_a_wall_loses_nothing_but_to_the_blow() -> None:
 
 
 def test_a_spring_between_what_steps_resolve_and_what_they_do_not_hardly_gains() -> None:
-    """omega h from 0.1 to 20 at 2 ms: the energy of a spring stays within 10% of what it was for 5 s."""
+    """omega h from 0.1 to 20 at 2 ms: the energy of a spring stays within 1% of what it was for 5 s."""
     for stiffness in np.geomspace(2.5e3, 1e8, 24):
         ends = {"anchor": (0, 0, -1.0), "other_anchor": (0, 0, 0), "rest_length": 0.9}
         spring = Spring(name="s", object="m", stiffness=float(stiffness), **ends)
@@ -116,4 +116,4 @@ def test_a_spring_between_what_steps_resolve_and_what_they_do_not_hardly_gains()
         motion = moved(world, 5.0, step=0.05)
         z = motion.positions[0, :, 0, 2] + 0.9
         kept = 0.5 * motion.velocities[0, :, 0, 2] ** 2 + 0.5 * stiffness * z**2
-        np.testing.assert_allclose(kept, kept[0], rtol=0.1)
+        np.testing.assert_allclose(kept, kept[0], rtol=0.01)

@@ -18,6 +18,7 @@ from polyworld.solver.spatial.motion import turned
 
 STICKING = wp.float64(1.0 - 1.0e-9)  # friction below this share of its limit lets nothing slip
 ALIKE = wp.float64(0.02)  # difference of long and short steps, of what they changed, that the leading error explains
+SPRUNG = wp.float64(0.005)  # the same where springs vibrate, undamped, for thousands of steps
 ROUNDING = wp.float64(1.0e-8)  # difference of speeds that counts as none [m/s], and as a share of them
 THIRD = wp.float64(1.0 / 3.0)
 
@@ -105,6 +106,10 @@ def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
     By the leading error of a vibration of frequency w, that asks for (w h)^2 < 16 ALIKE for a long step h. The
     extrapolated one grows by (w h)^6 / 1152 a step; one of a spring that steps do not resolve would by 5 / 3.
     """
+    alike = ALIKE
+    for j in range(joints[0].count):
+        if joints[0].kinds[j].kind == SPRING:
+            alike = SPRUNG
     for i in range(state[0].objects):
         b = state[0].bodies[k, i].inertia
         gyration = (b[0, 0] + b[1, 1] + b[2, 2]) * THIRD
@@ -114,13 +119,13 @@ def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
         changed = combined(middle.v - first.v, middle.w - first.w, gyration)
         changed += combined(end.v - middle.v, end.w - middle.w, gyration)
         apart = combined(end.v - state[0].bodies[k, i].v, end.w - state[0].bodies[k, i].w, gyration)
-        if apart > ALIKE * changed + ROUNDING * (wp.float64(1.0) + combined(end.v, end.w, gyration)):
+        if apart > alike * changed + ROUNDING * (wp.float64(1.0) + combined(end.v, end.w, gyration)):
             return False
         path = combined(middle.x - first.x, turn_between(middle.q, first.q), gyration)
         path += combined(end.x - middle.x, turn_between(end.q, middle.q), gyration)
         q = state[0].bodies[k, i].q
         off = combined(end.x - state[0].bodies[k, i].x, turn_between(end.q, q), gyration)
-        if off > wp.float64(4.0) * ALIKE * path + ROUNDING:
+        if off > wp.float64(4.0) * alike * path + ROUNDING:
             return False
     return True
 
