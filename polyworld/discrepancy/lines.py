@@ -65,6 +65,8 @@ def strongest_line(design: Design, noise: Noise, whitened: Sequence[Array], lowe
         power = modes(whitened[s.run][s.where], 0.0).power
         around = min(AROUND, len(power) // 2)
         level = median_filter(power, around, mode="reflect") / MEDIAN
+        if not level.min() > 0.0:
+            continue  # nothing that could be noise
         sums = np.convolve(power / level, np.ones(TOGETHER), mode="valid")[lowest:]
         places += len(sums)
         k = int(np.argmax(sums))

@@ -119,13 +119,14 @@ def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
         changed = combined(middle.v - first.v, middle.w - first.w, gyration)
         changed += combined(end.v - middle.v, end.w - middle.w, gyration)
         apart = combined(end.v - state[0].bodies[k, i].v, end.w - state[0].bodies[k, i].w, gyration)
-        if apart > alike * changed + ROUNDING * (wp.float64(1.0) + combined(end.v, end.w, gyration)):
+        # Written so that what is no number is not resolved.
+        if not (apart <= alike * changed + ROUNDING * (wp.float64(1.0) + combined(end.v, end.w, gyration))):
             return False
         path = combined(middle.x - first.x, turn_between(middle.q, first.q), gyration)
         path += combined(end.x - middle.x, turn_between(end.q, middle.q), gyration)
         q = state[0].bodies[k, i].q
         off = combined(end.x - state[0].bodies[k, i].x, turn_between(end.q, q), gyration)
-        if off > wp.float64(4.0) * alike * path + ROUNDING:
+        if not (off <= wp.float64(4.0) * alike * path + ROUNDING):
             return False
     return True
 
