@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from polyworld.discrepancy.design import Design, owner
+from polyworld.discrepancy.foresight import swings_on_others
 from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.discrepancy.one_course import follows_one_course
 from polyworld.representations.rigid import RigidObject
@@ -45,10 +46,11 @@ def cautions(plan: Design) -> tuple[str, ...]:
     if follows_one_course(plan):
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
     whole = sorted({r.run.part_of for r in plan.runs if r.run.part_of is not None})
+    why = "too chaotic to be foretold as a whole" if swings_on_others(plan.world) else "long"
     for name in whole:
         lengths = [len(r.times) for r in plan.runs if r.run.part_of == name]
         found.append(
-            f"run {name} is long: it was fitted in {len(lengths)} parts of {min(lengths)} to {max(lengths)} instants, "
+            f"run {name} is {why}: it was fitted in {len(lengths)} parts of {min(lengths)} to {max(lengths)} instants, "
             "each with an initial state of its own; what shows only over a longer time was not asked"
         )
     shortest = min((len(s.rows) for s in plan.series), default=0)

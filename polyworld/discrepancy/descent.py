@@ -178,6 +178,38 @@ def linearised(forward: Forward, noise: Noise, at: Point, horizon: float, steps:
     return Linearised(tuple(rs), tuple(aa), tuple(bb))
 
 
+def linearised_centrally(forward: Forward, noise: Noise, at: Point, steps: Steps) -> Linearised:
+    """Residuals of whole runs and their slopes by central differences, as far as bounds let them.
+
+    Where unknowns and states act much alike, what is left of a slope is less than the error of a one-sided quotient.
+    """
+    shared, own = steps
+    lower, upper = _bounds(forward)
+    s = len(shared)
+    settings, widths = [], []
+    for r in forward.design.runs:
+        n = r.count
+        values = np.repeat(at.values[None], 1 + 2 * (s + n), axis=0)
+        states = np.repeat(at.states[r.index][None], 1 + 2 * (s + n), axis=0)
+        for side, first in ((1.0, 1), (-1.0, 1 + s + n)):
+            values[first + np.arange(s), np.arange(s)] += side * shared
+            states[first + s + np.arange(n), np.arange(n)] += side * own[r.index]
+        values = np.clip(values, lower, upper)
+        settings.append(Settings(r.index, values, states))
+        reached = values[1 + np.arange(s), np.arange(s)] - values[1 + s + n + np.arange(s), np.arange(s)]
+        widths.append(np.concatenate([reached, 2.0 * own[r.index]]))
+    rs, aa, bb = [], [], []
+    for r, width, raw in zip(forward.design.runs, widths, forward.residuals(settings), strict=True):
+        white = noise.whiten(r.index, raw)
+        forth, back = white[1 : 1 + len(width)], white[1 + len(width) :]
+        slopes = (forth - back).T / np.maximum(width, 1e-300)
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        rs.append(white[0])
+        aa.append(slopes[:, :s])
+        bb.append(slopes[:, s:])
+    return Linearised(tuple(rs), tuple(aa), tuple(bb))
+
+
 def linearised_shared(forward: Forward, noise: Noise, at: Point, known: tuple[Array, ...], shared: Array) -> Linearised:
     """The same by shared unknowns alone; slopes by the states are the `known` ones."""
     lower, upper = _bounds(forward)

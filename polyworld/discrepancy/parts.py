@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from polyworld.discrepancy.foresight import foreseeable, swings_on_others
 from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 FEWEST = 16  # samples of a stretch
 MOST = 1024  # samples of a run that is fitted as one
 PART = 512  # samples of the parts of a longer one, about
+SHORTEST = 40  # samples of a part of a run that cannot be foretold
 ABOUT = 8  # samples about the start of a stretch that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no stretch begins there
 
@@ -30,13 +32,18 @@ def in_parts(recording: Recording, *worlds: World) -> Recording:
     Over a long run a small error of a parameter adds up to turns and bounces, rollouts need steps as fine as the whole
     run asks for, and each costs the whole run. Parts have initial states of their own (multiple shooting without
     conditions of continuity); what they tell of an effect comes from what it does within one, and from how that differs
-    from part to part.
+    from part to part. Bodies that swing on each other are followed only as far as the first world can foretell them.
     """
-    if all(len(run.times) <= MOST for run in recording.runs):
+    swinging = swings_on_others(worlds[0])
+    if not swinging and all(len(run.times) <= MOST for run in recording.runs):
         return recording
     if any(_slips(world) or not starts_anywhere(world, recording) for world in worlds):
         return recording
-    return Recording(tuple(part for run in recording.runs for part in _parts(run)))
+    parts: list[Run] = []
+    for run in recording.runs:
+        rough = roughness(run)
+        parts += _between(run, _foreseen(worlds[0], run, rough) if swinging else _even(run, rough))
+    return Recording(tuple(parts))
 
 
 def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World:
@@ -57,19 +64,36 @@ def _slips(world: World) -> bool:
     return world.observer is not None and world.observer.shift != 0.0
 
 
-def _parts(run: Run) -> list[Run]:
-    """Parts that follow each other without a gap; the run itself where it is not long or one would tell too little."""
+def _even(run: Run, rough: Array) -> list[int]:
+    """Where the parts of a long run begin, and where the last ends; just begin and end of one that is not long."""
     count = len(run.times)
-    if count <= MOST:
-        return [run]
-    number = count // PART
-    rough = roughness(run)
+    number = count // PART if count > MOST else 1
     edges = [0]
     for k in range(1, number):
         middle, reach = k * count // number, count // number // 4
         edges.append(smooth_near(rough, middle, range(middle - reach, middle + reach + 1)))
-    edges.append(count)
-    kept = np.arange(count)
+    return [*edges, count]
+
+
+def _foreseen(world: World, run: Run, rough: Array) -> list[int]:
+    """The same of parts that can be foretold, each from its own start."""
+    count, edges = len(run.times), [0]
+    index = np.arange(count)
+    while True:
+        first = edges[-1]
+        ahead = run.rows((index >= first) & (index < first + PART))
+        reach = max(foreseeable(world, ahead), SHORTEST)
+        length = (count - first) // -(-(count - first) // reach)  # what is left, in equal parts no longer than that
+        if length == count - first:
+            return [*edges, count]
+        edges.append(smooth_near(rough, first + length, range(first + 3 * length // 4, first + length + 1)))
+
+
+def _between(run: Run, edges: Sequence[int]) -> list[Run]:
+    """Parts that follow each other without a gap; the run itself where one of them would tell too little."""
+    if len(edges) == 2:
+        return [run]
+    kept = np.arange(len(run.times))
     pieces = [
         replace(run.rows((kept >= first) & (kept < end)), name=f"{run.name} part {k + 1}", part_of=run.name)
         for k, (first, end) in enumerate(itertools.pairwise(edges))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from polyworld.discrepancy.descent import (
     first_steps,
     held,
     linearised,
+    linearised_centrally,
     linearised_shared,
     standard_steps,
 )
@@ -99,6 +100,18 @@ def fit(
     linear = linearised(forward, noise, at, horizons[-1], steps)
     covariance, _ = covariances(forward, linear)
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
+
+
+def told_well(forward: Forward, noise: Noise, fitted: Fit) -> Fit:
+    """The fit with slopes, and what follows from them, by central differences."""
+    before = forward.rollouts
+    at = Point(fitted.values, fitted.states)
+    linear = linearised_centrally(forward, noise, at, standard_steps(forward, fitted.linear))
+    if not np.isfinite(linear.chi2):
+        return fitted
+    covariance, _ = covariances(forward, linear)
+    rollouts = fitted.rollouts + forward.rollouts - before
+    return replace(fitted, chi2=linear.chi2, covariance=covariance, linear=linear, rollouts=rollouts)
 
 
 def collide(design: Design) -> bool:

@@ -1,6 +1,11 @@
-"""Joints where motion is smooth are stepped at fourth order; where it is not, they stay as sound as at second."""
+"""Joints where motion is smooth are stepped at fourth order; where it is not, they stay as sound as at second.
+
+Two hinges on one axis hold a body twice, so that it is no tree, which `test_tree_steps` is about.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +24,18 @@ BOB = Sphere(radius=0.01)
 ARM = 0.15
 
 
+def hung_twice(name: str, at: Array, **fields: Any) -> tuple[Hinge, Hinge]:
+    """Two hinges on the axis along y through a point."""
+    first, second = (
+        Hinge(name=f"{name}-{i}", anchor=(float(at[0]), float(at[1]) + 0.05 * i, float(at[2])), axis=Y, **fields)
+        for i in range(2)
+    )
+    return first, second
+
+
 def bob_on_an_arm(angle: float, substep: float) -> World:
     bob = body("bob", BOB, (ARM * np.sin(angle), 0.0, -ARM * np.cos(angle)))
-    return linked(bob, joints=(Hinge(name="pivot", object="bob", anchor=(0, 0, 0), axis=Y),), substep=substep)
+    return linked(bob, joints=hung_twice("pivot", np.zeros(3), object="bob"), substep=substep)
 
 
 def swing(times: Array, angle: float) -> Array:
@@ -80,8 +94,8 @@ def test_effects_on_jointed_bodies_keep_the_order_up() -> None:
             body("a", BOB, first, mass=masses[0]),
             body("b", BOB, then, mass=masses[1]),
             joints=(
-                Hinge(name="top", object="a", anchor=(0, 0, 0), axis=Y),
-                Hinge(name="elbow", object="b", other="a", anchor=tuple(map(float, first)), axis=Y),
+                *hung_twice("top", np.zeros(3), object="a"),
+                *hung_twice("elbow", first, object="b", other="a"),
             ),
             substep=substep,
         ).model_copy(update={"effects": (drag,)})

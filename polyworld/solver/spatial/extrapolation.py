@@ -15,11 +15,15 @@ from polyworld.solver.spatial.joint_rows import build_joint_rows, hold_joints
 from polyworld.solver.spatial.joint_step import mend_joints, no_aims
 from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
 from polyworld.solver.spatial.motion import turned
+from polyworld.solver.spatial.tree_turn import follow_tree
 
 STICKING = wp.float64(1.0 - 1.0e-9)  # friction below this share of its limit lets nothing slip
 ALIKE = wp.float64(0.02)  # difference of long and short steps, of what they changed, that the leading error explains
 SPRUNG = wp.float64(0.005)  # the same where springs vibrate, undamped, for thousands of steps
 ROUNDING = wp.float64(1.0e-8)  # difference of speeds that counts as none [m/s], and as a share of them
+NEAREST = wp.float64(
+    1.0 / 16.0
+)  # part of two steps in which bodies that are near are followed in their joints' freedoms
 THIRD = wp.float64(1.0 / 3.0)
 
 
@@ -168,6 +172,14 @@ def pairing(advance: Any) -> Any:
 
         Returns which half of the contact arrays holds the contacts of the last.
         """
+        if joints[0].tree.count > 0:
+            done, half = follow_tree(geometry, parameters, joints, state, w, k, previous_half, gravity, start, whole)
+            if done >= whole:
+                return half
+            if done > wp.float64(0.0):
+                h = wp.float64(0.5) * (whole - done)
+                half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + done, h)
+                return advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + done + h, h)
         h = wp.float64(0.5) * whole
         lag = wp.float64(0.0)
         next_lag = wp.float64(0.0)

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.solver.spatial.tree_layout import Tree
+
 HINGE = 0
 SLIDER = 1
 BALL = 2
@@ -145,6 +147,7 @@ class Joints:
     parts: wp.array[wp.int32]  # (K,) into which the step was cut
     rough: wp.array[wp.int32]  # (K,) 1 where an axis stuck, or was stopped
     taken: wp.array[wp.float64]  # (K,) length of the step [s]
+    tree: Tree
     # (1 or W, joints): where it holds a and b, springs in the bodies' axes, others in the world's at the start [m]
     anchor: wp.array2d[wp.vec3d]
     other_anchor: wp.array2d[wp.vec3d]

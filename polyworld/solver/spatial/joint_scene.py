@@ -14,6 +14,7 @@ from polyworld import geometry
 from polyworld.representations.joint import Ball, Fixed, Hinge, Joint, Slider, Spring
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial import joint_layout
+from polyworld.solver.spatial.tree_scene import build_tree
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -108,6 +109,7 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
         ("end_rotation", wp.mat33d),
     ):
         setattr(joints, name, _zeros((rows, n if order else 0), dtype))
+    joints.tree = build_tree(kinds[: len(order)], 0 if world.planar else n, rows)
     for name in _FIELDS:
         setattr(joints, name, _zeros((1, len(order)), wp.float64))
     for name in _POINTS:

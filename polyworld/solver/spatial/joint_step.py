@@ -92,6 +92,7 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
     for r in range(joints[0].equalities):
         joints[0].force[k, r] = wp.float64(0.0)
     joints[0].ready[k] = 0
+    joints[0].tree.known[k] = 0
     joints[0].paced[k] = wp.float64(0.0)
 
 

@@ -1,20 +1,26 @@
-"""Intervals of unknowns where chi2 is no parabola: discs that collide, a ball that grips the floor."""
+"""Intervals where chi2 is no parabola: discs that collide, a ball that grips the floor, a double pendulum."""
 
 import numpy as np
 import pytest
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.descent import Point, covariances, linearised_centrally, standard_steps
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.forward import Forward
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.intervals import LEVEL, intervals95
 from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.parts import in_parts
 from polyworld.discrepancy.stepping import coarsened
-from polyworld.discrepancy.trial import Bench
+from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.parameters import with_parameters
 from polyworld.recording import Recording, Run
-from polyworld.world import World
+from polyworld.representations.joint import Hinge
+from polyworld.representations.rigid import RigidObject
+from polyworld.rollout import simulator
+from polyworld.shapes import Sphere
+from polyworld.world import Environment, TimeBase, World
 from tests.benchmarks.hidden_ball import Ball, Launch, fly
 from tests.benchmarks.hidden_cases import Case
 from tests.benchmarks.hidden_disc_cases import draw_discs
@@ -81,3 +87,90 @@ def test_a_grip_that_was_enough_tells_of_no_greater_one(start: float) -> None:
     ((low, high),) = intervals95(bench, bench.refit(trial))
     assert high == hypothesis.unknowns[0].upper
     assert 0.25 * enough < low < enough * 1.02
+
+
+def swings(world: World, noise: float) -> Recording:
+    """A double pendulum let go from two poses, 3 s at 50 Hz."""
+    rng = np.random.default_rng(5)
+    times = np.arange(150) * 0.02
+    runs = []
+    for number, (first, second) in enumerate([(1.5, 0.3), (0.8, 1.2)]):
+        elbow = 0.2 * np.array([np.sin(first), 0.0, -np.cos(first)])
+        tip = elbow + 0.15 * np.array([np.sin(second), 0.0, -np.cos(second)])
+        posed = with_parameters(
+            world,
+            {
+                f"objects.{n}.position.{c}": float(x)
+                for n, p in (("a", elbow), ("b", tip))
+                for c, x in zip("xyz", p, strict=True)
+            }
+            | {f"joints.elbow.anchor.{c}": float(x) for c, x in zip("xyz", elbow, strict=True)},
+        )
+        moved = simulator(posed, times).run().positions[0]
+        seen = moved + rng.normal(0.0, noise, moved.shape)
+        runs.append(Run(f"r{number}", ("a", "b"), times, seen, np.full((len(times), 2, 4), np.nan)))
+    return Recording(tuple(runs))
+
+
+@pytest.fixture(scope="module")
+def double_pendulum() -> tuple[World, Recording, float]:
+    """A double pendulum without resistance, two runs of one whose hinges are damped, and their damping."""
+    true = 2e-4
+    hinges = [
+        Hinge(name="top", object="a", anchor=(0, 0, 0), axis=(0, 1, 0), damping=true),
+        Hinge(name="elbow", object="b", other="a", anchor=(0, 0, -0.2), axis=(0, 1, 0), damping=true),
+    ]
+    bobs = [
+        RigidObject(name=name, shape=Sphere(radius=0.01), mass=mass, position=(0, 0, z))
+        for name, mass, z in (("a", 0.3, -0.2), ("b", 0.2, -0.35))
+    ]
+    world = World(
+        objects=tuple(bobs),
+        joints=tuple(hinges),
+        environment=Environment(gravity=(0, 0, -9.81)),
+        time=TimeBase(substep=0.005),
+    )
+    free = with_parameters(world, {f"joints.{j.name}.damping": 0.0 for j in hinges})
+    return free, swings(world, 5e-4), true
+
+
+def damped(world: World, data: Recording, true: float) -> Trial:
+    """All hinges' damping fitted, from its true value on."""
+    plan = design(world, data)
+    bench = Bench(plan, measured_noise(plan), 1)
+    choices = extended(Hypothesis(world, ()), catalogue()["joint_damping"], data)
+    hypothesis = next(h for h in choices if len(h.unknowns[0].paths) == 2)
+    trial = bench.fit(hypothesis, np.array([true]), profile.start_states(plan), horizons=profile.FINE_HORIZONS)
+    return bench.refit(trial)
+
+
+def test_the_damping_of_a_double_pendulum_has_the_interval_that_fits_at_its_ends_bear_out(
+    double_pendulum: tuple[World, Recording, float],
+) -> None:
+    world, data, true = double_pendulum
+    cut = in_parts(data, world)
+    assert len(cut.runs) > 2  # a whole run is too chaotic
+    trial = damped(world, cut, true)
+    ((low, high),) = intervals95(trial.bench, trial)
+    assert low < true < high
+    for end in (low, high):
+        told = with_parameters(world, dict.fromkeys(trial.hypothesis.unknowns[0].paths, float(end)))
+        fixed = Forward(trial.bench.design, told, ())
+        worse = profile.fit(fixed, trial.bench.noise, np.zeros(0), trial.fit.states, iterations=30)
+        assert worse.chi2 - trial.chi2 == pytest.approx(LEVEL**2, rel=0.3)
+
+
+def test_central_slopes_tell_an_error_that_one_sided_ones_do_not(
+    double_pendulum: tuple[World, Recording, float],
+) -> None:
+    """2.4 s of chaos, not cut: start and damping act much alike there. The reference has steps a hundredth as long."""
+    world, data, true = double_pendulum
+    run = data.runs[0]
+    trial = damped(world, Recording((run.rows(run.times < 2.4),)), true)
+    forward, at = trial.bench.forward(trial.hypothesis), Point(trial.values, trial.fit.states)
+    shared, own = standard_steps(forward, trial.fit.linear)
+    small = (0.01 * shared, tuple(0.01 * s for s in own))
+    exact = covariances(forward, linearised_centrally(forward, trial.bench.noise, at, small))[0][0, 0]
+    told = profile.told_well(forward, trial.bench.noise, trial.fit).covariance[0, 0]
+    assert np.sqrt(told / exact) == pytest.approx(1.0, abs=0.1)
+    assert np.sqrt(trial.fit.covariance[0, 0] / exact) < 0.5

@@ -5,12 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.discrepancy.catalogue import named
+from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.gap import GapSettings, find_gap
 from polyworld.discrepancy.one_course import follows_one_course
 from polyworld.discrepancy.parts import MOST, in_parts
 from polyworld.recording import Recording, Run
-from polyworld.world import World
+from polyworld.representations.joint import Hinge
+from polyworld.representations.rigid import RigidObject
+from polyworld.rollout import simulator
+from polyworld.shapes import Sphere
+from polyworld.world import Environment, World
 from tests.polyworld.discrepancy.scenes import RADIUS, Bouncing, G, Launch, ball_recording, ball_world, puck_world
 
 DRAG = 0.12  # [1/s]
@@ -113,3 +118,35 @@ def test_frames_dropped_in_a_long_run_are_told_by_the_run_and_its_clock() -> Non
     assert seen.shift_run == "slide"
     assert abs(seen.shift - 8 / 200.0) < 0.005
     assert abs(seen.shift_time - 1400 / 200.0) < 0.05
+
+
+def test_swings_on_each_other_are_cut_where_they_are_chaotic() -> None:
+    """Two bobs, 3 s: from 0.1 rad they swing in two modes, from 2 rad each tumbles over."""
+    arm = 0.2
+
+    def swung(first: float, second: float) -> Recording:
+        elbow = arm * np.array([np.sin(first), 0.0, -np.cos(first)])
+        tip = elbow + arm * np.array([np.sin(second), 0.0, -np.cos(second)])
+        times = np.arange(300) / 100.0
+        places = simulator(hung(elbow, tip), times).run().positions[0]
+        return Recording((Run("swing", ("a", "b"), times, places, np.full((300, 2, 4), np.nan)),))
+
+    def hung(elbow: np.ndarray, tip: np.ndarray) -> World:
+        return World(
+            objects=tuple(
+                RigidObject(name=name, shape=Sphere(radius=0.01), mass=0.2, position=tuple(map(float, place)))
+                for name, place in (("a", elbow), ("b", tip))
+            ),
+            joints=(
+                Hinge(name="top", object="a", anchor=(0, 0, 0), axis=(0, 1, 0)),
+                Hinge(name="elbow", object="b", other="a", anchor=tuple(map(float, elbow)), axis=(0, 1, 0)),
+            ),
+            environment=Environment(gravity=(0, 0, -G)),
+        )
+
+    world = hung(np.array([0, 0, -arm]), np.array([0, 0, -2 * arm]))
+    assert len(in_parts(swung(0.1, 0.05), world).runs) == 1
+    wild = in_parts(swung(2.0, 2.5), world)
+    assert len(wild.runs) >= 3
+    np.testing.assert_array_equal(np.concatenate([r.times for r in wild.runs]), np.arange(300) / 100.0)
+    assert any("too chaotic" in c for c in cautions(design(world, wild)))

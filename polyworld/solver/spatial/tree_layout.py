@@ -1,0 +1,93 @@
+"""The records of bodies that hang on joints as a tree: their links, and how these move in one world.
+
+Motions are spatial vectors (velocity of the point of the body that is at the tree's origin, angular velocity), forces
+(force, torque about that origin), world axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 2).
+"""
+
+import warp as wp
+
+FREE = 5  # a link that nothing holds, beside the kinds of joints
+ROOT = -1  # the parent of a link that hangs on the world, or on nothing
+
+
+@wp.struct
+class LinkKind:
+    """A body and what it hangs on, the same in all worlds; parents come before their children.
+
+    parent: index of the parent's link, or ROOT. joint: index of the joint that holds it, -1 for none. sign: 1 where the
+    body is the joint's `a`, else -1. first: its first freedom.
+    """
+
+    body: int
+    parent: int
+    joint: int
+    kind: int
+    sign: wp.float64
+    first: int
+    freedoms: int
+
+
+@wp.struct
+class Link:
+    """A link in one world: where it was when a step began, and where it is and how it moves at a stage of the step.
+
+    origin: of its tree, fixed over the step [m]. arm: the joint's point in the body's axes, other_arm in the parent's
+    (of the world: in space), axis in the parent's. turn: orientation at the beginning, seen from the parent. travel: of
+    a slider at the beginning [m].
+    """
+
+    origin: wp.vec3d
+    begun_x: wp.vec3d
+    begun_q: wp.quatd
+    arm: wp.vec3d
+    other_arm: wp.vec3d
+    axis: wp.vec3d
+    turn: wp.quatd
+    travel: wp.float64
+    x: wp.vec3d
+    q: wp.quatd
+    rotation: wp.mat33d
+    motion: wp.spatial_vectord
+    bias: wp.spatial_vectord  # acceleration that it has relative to its parent's without one of its freedoms
+    force: wp.spatial_vectord  # that it takes to hold the link at rest acceleration, from here on to the leaves
+    acceleration: wp.spatial_vectord
+    free: wp.vec3d  # acceleration that gravity, damping and effects alone would give it [m/s^2]
+    free_turning: wp.vec3d  # [rad/s^2]
+
+
+@wp.struct
+class Freedom:
+    """One way in which a link moves on its joint.
+
+    along: motion for a unit of speed. inertial: force for a unit of acceleration along it, what hangs on it yielding;
+    weight: its part along the freedom. push: along it, less what it takes to hold the rest.
+    place: turned or moved since the step began [rad or m]; speed; begun: speed when the step began. way: 1 or -1 where
+    it slips with dry friction, by its direction; 0 where there is none.
+    """
+
+    along: wp.spatial_vectord
+    inertial: wp.spatial_vectord
+    weight: wp.float64
+    push: wp.float64
+    place: wp.float64
+    speed: wp.float64
+    begun: wp.float64
+    way: wp.float64
+
+
+@wp.struct
+class Tree:
+    """All links of K worlds. count: 0 where the joints make no tree. stages, rates: derivatives of places and speeds at
+    the stages of a step, those of stage s from s * freedoms on. known: 1 where the speeds' at the first are known.
+    """
+
+    count: int
+    freedoms: int
+    kinds: wp.array[LinkKind]
+    links: wp.array2d[Link]
+    inertia: wp.array2d[wp.spatial_matrixd]
+    ways: wp.array2d[Freedom]
+    slopes: wp.array2d[wp.float64]
+    rates: wp.array2d[wp.float64]
+    known: wp.array[wp.int32]
+    method: wp.array2d[wp.float64]  # (9, 7): coefficients of the stages, weights of the end's, and of the error's

@@ -1,0 +1,284 @@
+"""A step of bodies that hang on joints as a tree, and touch nothing, in the joints' own freedoms.
+
+Runge-Kutta of fifth order with an error of fourth (Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19): the joints
+hold to rounding, whatever the step. A step whose error is too large is cut, and so is one in which an axis that slips
+comes to rest, or a motor is switched. Where an axis sticks, is stopped or driven towards a speed, the bodies are left
+to `joint_step`.
+"""
+
+import warp as wp
+
+from polyworld.solver.spatial.joint_layout import BALL, NEVER, Joints
+from polyworld.solver.spatial.layout import Parameters, State
+from polyworld.solver.spatial.tree_dynamics import (
+    accelerate,
+    angular,
+    begin_links,
+    linear,
+    load_links,
+    place_links,
+)
+from polyworld.solver.spatial.tree_layout import FREE
+
+STAGES = 7
+NODES = 7  # rows of the method
+ERROR = 8
+EXACT = wp.float64(1.0e-7)  # error of a step's speeds, as a share of them, and of its ways
+REST = wp.float64(1.0e-9)  # speeds below this [m/s or rad/s] have no error to speak of
+SMALLEST = wp.float64(1.0 / 64.0)  # part of a step
+RESTING = wp.float64(1.0e-9)  # speed of an axis at rest [m/s or rad/s]
+NOTHING = wp.float64(1.0e-9)  # part of a step in which nothing moves
+SLIPPING = wp.float64(0.5)  # cosine of the turn of a ball's slip in a step
+SLIDES = 1  # kind of a slider
+
+
+@wp.func(inline=False)
+def move_tree(
+    parameters: wp.array[Parameters],
+    joints: wp.array[Joints],
+    state: wp.array[State],
+    w: int,
+    k: int,
+    gravity: wp.vec3d,
+    start: wp.float64,
+    whole: wp.float64,
+) -> wp.float64:
+    """Move the bodies on by `whole` from time `start`, or by as much as goes. Returns by how much [s]."""
+    done = wp.float64(0.0)
+    part = whole
+    for j in range(joints[0].count):
+        if joints[0].kinds[j].driven == 2:
+            return done
+    while done < whole:
+        part = wp.min(part, whole - done)
+        time = start + done
+        begin_links(joints, state, k)
+        part = until_switched(joints, k, time, part)
+        if not find_ways(parameters, joints, state, w, k, gravity, time):
+            return done
+        error = try_step(parameters, joints, state, w, k, gravity, time, part)
+        if not (error <= wp.float64(1.0)):  # also where it is no number
+            share = wp.float64(0.1)
+            if error > wp.float64(1.0):
+                share = wp.clamp(wp.float64(0.9) * wp.pow(error, wp.float64(-0.2)), share, wp.float64(0.8))
+            part = part * share
+            if part < SMALLEST * whole:
+                return done
+            continue
+        until = slipping(joints, k)
+        if until < wp.float64(1.0):
+            part = part * until
+            if part < NOTHING * whole:
+                return done
+            continue
+        if not kept_on(joints, k):
+            return done
+        take_step(parameters, joints, state, k)
+        done += part
+        part = whole - done
+        if part < wp.float64(1.0e-12) * whole:
+            done = whole
+    return done
+
+
+@wp.func(inline=False)
+def find_ways(
+    parameters: wp.array[Parameters],
+    joints: wp.array[Joints],
+    state: wp.array[State],
+    w: int,
+    k: int,
+    gravity: wp.vec3d,
+    time: wp.float64,
+) -> bool:
+    """Which way axes with dry friction slip; those at rest, as they are pushed. Returns whether all do slip."""
+    zero = wp.float64(0.0)
+    resting = wp.int32(0)
+    for n in range(joints[0].tree.count):
+        d = joints[0].tree.kinds[n]
+        if d.freedoms == 1:
+            way = zero
+            if joints[0].joint[k, d.joint].friction > zero:
+                begun = joints[0].tree.ways[k, d.first].begun
+                if wp.abs(begun) > RESTING:
+                    way = wp.sign(begun)
+                else:
+                    resting = 1
+            joints[0].tree.ways[k, d.first].way = way
+    if resting == 0:
+        return True
+    for _pass in range(2):  # without friction of what rests, and with it
+        place_links(joints, k, 0)
+        load_links(parameters, joints, state, w, k, gravity, time)
+        accelerate(joints, k, 0, time)
+        for n in range(joints[0].tree.count):
+            d = joints[0].tree.kinds[n]
+            if d.freedoms != 1 or joints[0].joint[k, d.joint].friction <= zero:
+                continue
+            if wp.abs(joints[0].tree.ways[k, d.first].begun) <= RESTING:
+                rate = joints[0].tree.rates[k, d.first]
+                if _pass == 1 and rate * joints[0].tree.ways[k, d.first].way <= zero:
+                    return False
+                joints[0].tree.ways[k, d.first].way = wp.sign(rate)
+    joints[0].tree.known[k] = 1
+    return True
+
+
+@wp.func
+def slipping(joints: wp.array[Joints], k: int) -> wp.float64:
+    """Part of the step up to which no axis that slips comes to rest, nearly: 1 where none does."""
+    part = wp.float64(1.0)
+    for f in range(joints[0].tree.freedoms):
+        way = joints[0].tree.ways[k, f].way
+        if way * joints[0].tree.ways[k, f].speed < -RESTING:
+            begun = wp.abs(joints[0].tree.ways[k, f].begun)
+            part = wp.min(part, begun / (begun + wp.abs(joints[0].tree.ways[k, f].speed)))
+    return part
+
+
+@wp.func
+def until_switched(joints: wp.array[Joints], k: int, time: wp.float64, h: wp.float64) -> wp.float64:
+    """Part of a step of length h up to which no motor goes on or off; a motor makes the first stage unknown."""
+    until = h
+    for j in range(joints[0].count):
+        if joints[0].kinds[j].driven == 1:
+            joints[0].tree.known[k] = 0
+            delay = joints[0].joint[k, j].delay
+            on = joints[0].kinds[j].switched_on + delay - time
+            off = joints[0].kinds[j].switched_off + delay - time
+            if on > NOTHING * h:
+                until = wp.min(until, on)
+            if off > NOTHING * h:
+                until = wp.min(until, off)
+    return until
+
+
+@wp.func(inline=False)
+def try_step(
+    parameters: wp.array[Parameters],
+    joints: wp.array[Joints],
+    state: wp.array[State],
+    w: int,
+    k: int,
+    gravity: wp.vec3d,
+    time: wp.float64,
+    h: wp.float64,
+) -> wp.float64:
+    """Links where they would be after a step. Returns its error, as a share of what it may be."""
+    freedoms = joints[0].tree.freedoms
+    middle = time + wp.float64(0.5) * h
+    for stage in range(STAGES):
+        for f in range(freedoms):
+            place = wp.float64(0.0)
+            gain = wp.float64(0.0)
+            for s in range(stage):
+                share = joints[0].tree.method[stage, s]
+                place += share * joints[0].tree.slopes[k, s * freedoms + f]
+                gain += share * joints[0].tree.rates[k, s * freedoms + f]
+            joints[0].tree.ways[k, f].place = place * h
+            joints[0].tree.ways[k, f].speed = joints[0].tree.ways[k, f].begun + gain * h
+        place_links(joints, k, stage * freedoms)
+        if stage > 0 or joints[0].tree.known[k] == 0:
+            instant = time + joints[0].tree.method[NODES, stage] * h
+            load_links(parameters, joints, state, w, k, gravity, instant)
+            accelerate(joints, k, stage, middle)
+    joints[0].tree.known[k] = 1
+    return error_of(joints, k, h)
+
+
+@wp.func
+def slides(joints: wp.array[Joints], n: int, m: int) -> int:
+    """1 where freedom m of link n is measured in metres, 0 where it is in radians."""
+    kind = joints[0].tree.kinds[n].kind
+    if kind == SLIDES or (kind == FREE and m >= 3):
+        return 1
+    return 0
+
+
+@wp.func
+def error_of(joints: wp.array[Joints], k: int, h: wp.float64) -> wp.float64:
+    """Largest error of speeds and ways, as a share of what it may be: turns and ways are each held to their own."""
+    freedoms = joints[0].tree.freedoms
+    scale = wp.vec2d(REST, REST)
+    speeds = wp.vec2d()
+    places = wp.vec2d()
+    for n in range(joints[0].tree.count):
+        d = joints[0].tree.kinds[n]
+        for m in range(d.freedoms):
+            f = d.first + m
+            of = slides(joints, n, m)
+            speed = wp.float64(0.0)
+            place = wp.float64(0.0)
+            most = wp.abs(joints[0].tree.ways[k, f].begun) + wp.abs(joints[0].tree.ways[k, f].speed)
+            for s in range(STAGES):
+                share = joints[0].tree.method[ERROR, s] * h
+                speed += share * joints[0].tree.rates[k, s * freedoms + f]
+                place += share * joints[0].tree.slopes[k, s * freedoms + f]
+                most = wp.max(most, h * wp.abs(joints[0].tree.rates[k, s * freedoms + f]))
+            # Added, not compared, so that what is no number shows.
+            speeds[of] = speeds[of] + wp.abs(speed)
+            places[of] = places[of] + wp.abs(place)
+            scale[of] = wp.max(scale[of], most)
+    worst = wp.float64(0.0)
+    for of in range(2):
+        worst += (speeds[of] + places[of] / h) / (EXACT * scale[of])
+    return worst
+
+
+@wp.func
+def kept_on(joints: wp.array[Joints], k: int) -> bool:
+    """Whether balls that rub slip on as they did, and no joint is at a stop."""
+    zero = wp.float64(0.0)
+    for n in range(joints[0].tree.count):
+        d = joints[0].tree.kinds[n]
+        if d.kind == FREE or d.freedoms == 0:
+            continue
+        joint = joints[0].joint[k, d.joint]
+        if d.kind == BALL and joint.friction > zero:
+            together = zero
+            before = zero
+            after = zero
+            for m in range(d.freedoms):
+                begun = joints[0].tree.ways[k, d.first + m].begun
+                speed = joints[0].tree.ways[k, d.first + m].speed
+                together += begun * speed
+                before += begun * begun
+                after += speed * speed
+            if not (together > SLIPPING * wp.sqrt(before * after)):
+                return False
+        if joints[0].kinds[d.joint].bounded > 0:
+            place = joint.place + d.sign * joints[0].tree.ways[k, d.first].place
+            if joint.lower > wp.float64(-0.5 * NEVER) and wp.min(place, joint.place) <= joint.lower:
+                return False
+            if joint.upper < wp.float64(0.5 * NEVER) and wp.max(place, joint.place) >= joint.upper:
+                return False
+    return True
+
+
+@wp.func
+def take_step(parameters: wp.array[Parameters], joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
+    """Put the bodies where their links are."""
+    freedoms = joints[0].tree.freedoms
+    for n in range(joints[0].tree.count):
+        d = joints[0].tree.kinds[n]
+        motion = joints[0].tree.links[k, n].motion
+        omega = angular(motion)
+        rel = joints[0].tree.links[k, n].x - joints[0].tree.links[k, n].origin
+        v = linear(motion) + wp.cross(omega, rel)
+        state[0].bodies[k, d.body].x = joints[0].tree.links[k, n].x
+        state[0].bodies[k, d.body].q = joints[0].tree.links[k, n].q
+        state[0].bodies[k, d.body].rotation = joints[0].tree.links[k, n].rotation
+        state[0].bodies[k, d.body].v = v
+        state[0].bodies[k, d.body].w = omega
+        if parameters[0].forces > 0:
+            a = joints[0].tree.links[k, n].acceleration
+            turning = angular(a)
+            going = linear(a) + wp.cross(turning, rel) + wp.cross(omega, v)
+            state[0].reaction[k, d.body] = going - joints[0].tree.links[k, n].free
+            state[0].reaction_turning[k, d.body] = turning - joints[0].tree.links[k, n].free_turning
+        if d.joint >= 0 and d.kind <= SLIDES:
+            joints[0].joint[k, d.joint].place += d.sign * joints[0].tree.ways[k, d.first].place
+    for f in range(freedoms):
+        joints[0].tree.rates[k, f] = joints[0].tree.rates[k, (STAGES - 1) * freedoms + f]
+    joints[0].ready[k] = 0
+    joints[0].paced[k] = wp.float64(0.0)
