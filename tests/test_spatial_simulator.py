@@ -142,6 +142,15 @@ def test_divergence_is_reported_with_time_and_object() -> None:
     assert len(out.world(0).times) == 5
 
 
+@pytest.mark.parametrize("spin", [1e60, 1e120])
+def test_a_spin_that_no_number_can_follow_is_lost(spin: float) -> None:
+    """Its quaternion would be all zeros, or stay as it was."""
+    wild = body("wild", Box(half_extents=(0.1, 0.2, 0.3)), (0, 0, 0), angular_velocity=(spin, 0.5 * spin, 0))
+    out = run(make_world(wild, statics=(), gravity=(0, 0, 0)), 0.1)
+    assert out.diverged[0]
+    assert np.isnan(out.orientations[0, -1]).all()
+
+
 def test_too_many_contacts_are_an_error_that_says_so() -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(-0.05, 0.05, (400, 3))

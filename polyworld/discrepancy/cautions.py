@@ -43,6 +43,11 @@ def cautions(plan: Design) -> tuple[str, ...]:
             f"{' and '.join(stuck)} are held by joints that are no tree of parallel hinges and sliders from "
             "the world outwards: they start as the world says"
         )
+    if plan.world.planar and not plan.world.coupled and any(j.kind == "hinge" for j in plan.world.joints):
+        found.append(
+            "hinges of a planar world turn freely: damping, friction and motors of joints are not among the effects "
+            "that were tried; describe the objects as rigid_spatial, with the hinges' axes, to have them tried"
+        )
     if follows_one_course(plan):
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
     whole = sorted({r.run.part_of for r in plan.runs if r.run.part_of is not None})

@@ -6,6 +6,7 @@ from polyworld.solver.spatial.layout import Body
 
 FASTEST = wp.float64(1.0e6)  # a body beyond this speed [m/s] or distance [m] has diverged
 FARTHEST = wp.float64(1.0e9)
+FASTEST_SPIN = wp.float64(1.0e9)  # [rad/s]
 
 
 @wp.func
@@ -160,4 +161,9 @@ def out_of_bounds(bodies: wp.array2d[Body], k: int, i: int) -> bool:
     speed = wp.max(wp.abs(v[0]), wp.max(wp.abs(v[1]), wp.abs(v[2])))
     distance = wp.max(wp.abs(x[0]), wp.max(wp.abs(x[1]), wp.abs(x[2])))
     spin = wp.dot(bodies[k, i].w, bodies[k, i].w)
-    return not (speed < FASTEST and distance < FARTHEST and wp.isfinite(spin) and wp.isfinite(bodies[k, i].q[3]))
+    return not (
+        speed < FASTEST
+        and distance < FARTHEST
+        and spin < FASTEST_SPIN * FASTEST_SPIN
+        and wp.dot(bodies[k, i].q, bodies[k, i].q) > wp.float64(0.5)  # normalising what is no number leaves zeros
+    )
