@@ -126,11 +126,15 @@ def _turning(q0: Array, q1: Array, w0: Array, w1: Array, spin: Array, at: Array,
 
 
 def _rotated(turn: Array, orientations: Array) -> Array:
-    first = Rotation.from_rotvec(turn.reshape(-1, 3))
+    """Orientations after a turn, NaN where the turn is no number: a motion that diverged, or spins beyond all bounds."""
+    with np.errstate(over="ignore"):
+        known = np.isfinite((turn**2).sum(axis=-1, keepdims=True))
+    first = Rotation.from_rotvec(np.where(known, turn, 0.0).reshape(-1, 3))
     product = (first * Rotation.from_quat(_flat(orientations), scalar_first=True)).as_quat(scalar_first=True)
     value: Array = product.reshape(orientations.shape)
     # The sign that the samples have: q and -q are one orientation.
-    return np.where((value * orientations).sum(axis=-1, keepdims=True) < 0.0, -value, value)
+    value = np.where((value * orientations).sum(axis=-1, keepdims=True) < 0.0, -value, value)
+    return np.where(known, value, np.nan)
 
 
 def _flat(quaternions: Array) -> Any:

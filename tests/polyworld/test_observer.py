@@ -359,3 +359,16 @@ def test_a_turn_of_more_than_half_a_circle_between_samples_is_followed() -> None
     _, turned = resample(zero, q[None, :, None], zero, zero + spin, times[None], wanted[None])
     true = Rotation.from_rotvec(wanted[:, None] * spin)
     assert (Rotation.from_quat(turned[0, :, 0], scalar_first=True) * true.inv()).magnitude().max() < 1e-9
+
+
+@pytest.mark.parametrize("spin", [np.nan, 1e200])
+def test_the_orientation_of_a_motion_that_is_no_number_is_none(spin: float) -> None:
+    """One of two bodies has diverged; the other is seen as it is."""
+    times, wanted = np.arange(6) * 0.1, np.linspace(0.0, 0.5, 11)
+    spins = np.zeros((1, 6, 2, 3))
+    spins[:, :, 0, 0] = spin * np.arange(1, 7)
+    still = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (1, 6, 2, 4))
+    zero = np.zeros((1, 6, 2, 3))
+    _, turned = resample(zero, still, zero, spins, times[None], wanted[None])
+    assert np.isnan(turned[0, 1::2, 0]).all()
+    np.testing.assert_array_equal(turned[0, :, 1], still[0, :1, 1].repeat(11, axis=0))
