@@ -126,7 +126,7 @@ def _turning(q0: Array, q1: Array, w0: Array, w1: Array, spin: Array, at: Array,
 
 
 def _rotated(turn: Array, orientations: Array) -> Array:
-    """Orientations after a turn, NaN where the turn is no number: a motion that diverged, or spins beyond all bounds."""
+    """Orientations after a turn; NaN where it is no number, as of a motion that diverged."""
     with np.errstate(over="ignore"):
         known = np.isfinite((turn**2).sum(axis=-1, keepdims=True))
     first = Rotation.from_rotvec(np.where(known, turn, 0.0).reshape(-1, 3))
