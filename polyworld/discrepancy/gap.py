@@ -134,9 +134,15 @@ def find_gap(
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
         near_misses=search.near_misses,
-        cautions=cautions(plan),
+        cautions=(*cautions(plan), *_contradicted(verdict, gap)),
         history=tuple(story.steps),
     )
+
+
+def _contradicted(verdict: Verdict, gap: SealedGap | None) -> tuple[str, ...]:
+    """What sealed data say against a verdict that the fitted ones allow."""
+    said = gap.contradicts if gap is not None and verdict.kind != "unexplained" else None
+    return () if said is None else (said,)
 
 
 def _simpler(force: ResidualForce, ground: Trial, best: Trial) -> bool:

@@ -20,6 +20,8 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
+STILL_OPEN = 0.5  # share of the gap before, beyond which one has hardly been closed
+
 
 @dataclass(frozen=True)
 class SealedGap:
@@ -38,6 +40,17 @@ class SealedGap:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
         return asdict(self)
+
+    @property
+    def contradicts(self) -> str | None:
+        """In words, that a world which explains the fitted data does not explain these; None where it does."""
+        if not self.gap_after > max(self.noise_floor, STILL_OPEN * self.gap_before):
+            return None
+        return (
+            f"the sealed data do not bear this out: of a gap of {self.gap_before:.3g} {self.unit} there "
+            f"{self.gap_after:.3g} {self.unit} are left, with a noise of {self.noise_floor:.3g} {self.unit}; what "
+            "explains the data fitted is not all that acts, or not what does"
+        )
 
 
 def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:

@@ -29,6 +29,21 @@ def test_the_true_law_leaves_the_noise_alone_and_the_base_world_more() -> None:
     assert gap.closed > 0.9
 
 
+def test_sealed_data_on_which_something_else_acts_contradict_the_verdict() -> None:
+    """Nothing is missing in what is fitted, but drag acts in the sealed data; with it the caution is gone."""
+    rng = np.random.default_rng(6)
+    fitted = ball_recording(Bouncing(), launches(rng, 3), rng, 0.001, duration=1.0, rate=60.0)
+    dragged = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
+    settings = GapSettings(null_control=False, experiment=False)
+    report = find_gap(
+        ball_world(), fitted, sealed=dragged, candidates=[catalogue()["quadratic_drag"]], settings=settings
+    )
+    assert report.verdict.kind == "nothing_missing"
+    assert any("do not bear this out" in caution for caution in report.cautions)
+    assert sealed_gap(ball_world(), with_drag(K), dragged).contradicts is None
+    assert sealed_gap(ball_world(), ball_world(), fitted).contradicts is None
+
+
 def test_a_law_that_does_nothing_closes_nothing() -> None:
     rng = np.random.default_rng(4)
     sealed = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
