@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from atw_mcp.parts import Parts, read_part
-from atw_mcp.representation_choice import Chosen, Representation, choose
+from atw_mcp.representation_choice import Chosen, Representation, choose, with_axes_across
 from atw_mcp.world_warnings import fluid_warnings, without_covering_walls
 from polyworld.camera import Camera
 from polyworld.description import Appearance
@@ -135,10 +135,15 @@ def build_world(
         scene = replace(scene, statics=kept)
         if dropped:
             notes.append(f"{', '.join(dropped)} left out: ahead of or behind the motion plane, they would cover it")
+    if kind == "spatial" and scene.motion_plane is not None:
+        joints = with_axes_across(scene.parts.joints, scene.motion_plane)
+        if joints != scene.parts.joints:
+            notes.append("hinges that were given no axis turn about the motion plane's normal")
+        scene = replace(scene, parts=replace(scene.parts, joints=joints))
     if kind == "spatial" and scene.motion_plane is not None and representation == "auto":
         notes.append(
-            f"the world is spatial although there is a motion plane, which confines nothing in it: {why}; "
-            "for a planar world describe what does not move as obstacles and moving things as single solids"
+            f"the world is spatial although there is a motion plane, which confines nothing in it: {why}; for a planar "
+            "world give representation='planar', what does not move as obstacles and moving things as single solids"
         )
     bodies = []
     for name in [*names, *described]:

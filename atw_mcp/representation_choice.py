@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from atw_mcp.parts import Parts
+from polyworld.representations.joint import Hinge, Joint
 from polyworld.shapes import BodyShape
 from polyworld.tracks import ObservedTracks
 from polyworld.world import MotionPlane, StaticObject
@@ -44,6 +45,12 @@ def choose(
         return "spatial", reason
     if parts.deformables:
         return _of_deformables(plane, gravity, parts)
+    if plane is not None and _swings_in_view(shapes, plane, gravity, parts):
+        return (
+            "spatial",
+            "bodies that swing on hinges: in space the joints' friction, damping and motors can be given, fitted and "
+            "found missing",
+        )
     if plane is not None:
         return "planar", "a motion plane was given"
     if heights_assumed:
@@ -78,6 +85,26 @@ def _needs_space(shapes: Mapping[str, BodyShape], statics: tuple[StaticObject, .
     if twisting:
         return f"ropes that twist move in space ({', '.join(twisting)})"
     return None
+
+
+def _swings_in_view(
+    shapes: Mapping[str, BodyShape], plane: MotionPlane, gravity: tuple[float, float, float], parts: Parts
+) -> bool:
+    """Whether all objects hang on hinges, in a plane along which gravity pulls, on which nothing can lie."""
+    held = {name for joint in parts.joints for name in (joint.object, joint.other)}
+    normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
+    along = abs(float(normal @ np.asarray(gravity))) <= 1e-6 * float(np.linalg.norm(gravity))
+    return bool(shapes) and set(shapes) <= held and along
+
+
+def with_axes_across(joints: tuple[Joint, ...], plane: MotionPlane) -> tuple[Joint, ...]:
+    """Joints, with the plane's normal for the axis of each hinge that was given none."""
+    return tuple(
+        joint.model_copy(update={"axis": plane.normal})
+        if isinstance(joint, Hinge) and "axis" not in joint.model_fields_set
+        else joint
+        for joint in joints
+    )
 
 
 def _of_deformables(plane: MotionPlane | None, gravity: tuple[float, float, float], parts: Parts) -> tuple[Chosen, str]:

@@ -66,6 +66,7 @@ def warm_up() -> Iterator[tuple[str, float]]:
     for name, work in (
         ("planar worlds", lambda: _roll("rigid_planar")),
         ("spatial worlds", lambda: _roll("rigid_spatial")),
+        ("joints", _roll_jointed),
         ("ropes", lambda: _roll_deformable("rope")),
         ("cloth", lambda: _roll_deformable("cloth")),
         ("soft bodies", lambda: _roll_deformable("soft")),
@@ -99,6 +100,15 @@ def _world(representation: str) -> World:
 
 def _roll(representation: str) -> None:
     rollout(_world(representation), 0.2)
+
+
+def _roll_jointed() -> None:
+    """A ball on a hinge, and a box that hangs on it."""
+    joints = (
+        {"kind": "hinge", "name": "pivot", "object": "ball", "anchor": (0.0, 0.0, 0.4)},
+        {"kind": "ball", "name": "elbow", "object": "box", "other": "ball", "anchor": (0.0, 0.0, 0.1)},
+    )
+    rollout(World.model_validate({**_world("rigid_spatial").model_dump(), "joints": joints}), 0.05)
 
 
 def _roll_deformable(kind: str) -> None:
