@@ -118,7 +118,10 @@ def _conditions(world: World, recording: Recording) -> Conditions:
     everything = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])
     seen = np.isfinite(everything)
     if not seen.any():
-        raise ValueError("the recording holds no position")
+        raise ValueError(
+            "the recording holds no position: effects are sized by where bodies go; of a body whose turns alone were "
+            "measured, as by an encoder on its hinge, give also where its centre then is"
+        )
     fallback = np.mean([_start(world, n) for n in world.moving_names], axis=0)
     lower = np.where(seen.any(axis=0), np.min(np.where(seen, everything, np.inf), axis=0), fallback)
     upper = np.where(seen.any(axis=0), np.max(np.where(seen, everything, -np.inf), axis=0), fallback)

@@ -44,16 +44,23 @@ def foreseeable(world: World, run: Run) -> int:
     (moved,) = Forward(plan, world, ()).residuals([Settings(0, np.zeros((len(states), 0)), states)])
     moved = moved.reshape(len(begun), 1 + n, -1)
     apart = np.sqrt(_by_instant(plan, ((moved[:, 1:] - moved[:, :1]) / SMALL) ** 2))
-    seen = run.positions.reshape(len(run.times), -1)
-    extent = float(np.sqrt(np.nanvar(seen[:, np.isfinite(seen).any(axis=0)], axis=0).sum()))
-    beyond = np.flatnonzero(~np.all(apart <= GROWN * extent, axis=0))
+    beyond = np.flatnonzero(~np.all(apart <= GROWN * _extent(run), axis=0))
     return int(beyond[0]) if len(beyond) else len(run.times)
 
 
+def _extent(run: Run) -> float:
+    """How far a run's positions spread [m]; a radian where none was measured."""
+    seen = run.positions.reshape(len(run.times), -1)
+    seen = seen[:, np.isfinite(seen).any(axis=0)]
+    return float(np.sqrt(np.nanvar(seen, axis=0).sum())) if seen.shape[1] else 1.0
+
+
 def _by_instant(plan: Design, squares: Array) -> Array:
-    """Sums (K, T) of squares (K, N, m) of all starts' coordinates and all positions at each instant."""
+    """Sums (K, T) of squares (K, N, m) of all starts' coordinates and all positions at each instant; of rotations where
+    no positions were measured."""
     total = np.zeros((len(squares), len(plan.runs[0].times)))
+    kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     for series in plan.series:
-        if series.kind == "position":
+        if series.kind == kind:
             total[:, series.rows] += squares[:, :, series.where].sum(axis=1)
     return total
