@@ -4,7 +4,8 @@ The impulses that hold the joints act half at the start of the step, such that i
 half at its end, such that the velocities there do (Andersen 1983, J. Comput. Phys. 52, 24; for rigid bodies
 Dullweber, Leimkuhler & McLachlan 1997, J. Chem. Phys. 107, 5840). Both act at the joint's point as it then is. The
 scheme is symmetric and second order, keeps momentum and angular momentum, and energy without a drift; pairs of steps
-are taken to fourth order (`extrapolation`). What acts along the axes is halved in the same way.
+are taken to fourth order (`extrapolation`), and trees that touch nothing do without it (`tree_step`). What acts along
+the axes is halved in the same way.
 """
 
 import warp as wp
