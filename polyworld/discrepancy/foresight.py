@@ -27,8 +27,8 @@ def swings_on_others(world: World) -> bool:
     return any(j.other is not None and j.kind not in ("spring", "fixed") for j in world.joints)
 
 
-def foreseeable(world: World, run: Run) -> int:
-    """Number of instants of a run over which a small change of its initial state stays small.
+def foreseeable(world: World, run: Run, extent: float) -> int:
+    """Number of instants of a run over which a small change of its initial state stays small, by the motion's `extent`.
 
     Looked at from the start that the first samples suggest and from others around it, of which the least is taken.
     """
@@ -44,11 +44,11 @@ def foreseeable(world: World, run: Run) -> int:
     (moved,) = Forward(plan, world, ()).residuals([Settings(0, np.zeros((len(states), 0)), states)])
     moved = moved.reshape(len(begun), 1 + n, -1)
     apart = np.sqrt(_by_instant(plan, ((moved[:, 1:] - moved[:, :1]) / SMALL) ** 2))
-    beyond = np.flatnonzero(~np.all(apart <= GROWN * _extent(run), axis=0))
+    beyond = np.flatnonzero(~np.all(apart <= GROWN * extent, axis=0))
     return int(beyond[0]) if len(beyond) else len(run.times)
 
 
-def _extent(run: Run) -> float:
+def extent_of(run: Run) -> float:
     """How far a run's positions spread [m]; a radian where none was measured."""
     seen = run.positions.reshape(len(run.times), -1)
     seen = seen[:, np.isfinite(seen).any(axis=0)]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.foresight import foreseeable, swings_on_others
+from polyworld.discrepancy.foresight import extent_of, foreseeable, swings_on_others
 from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
@@ -77,12 +77,14 @@ def _even(run: Run, rough: Array) -> list[int]:
 
 def _foreseen(world: World, run: Run, rough: Array) -> list[int]:
     """The same of parts that can be foretold, each from its own start."""
-    count, edges = len(run.times), [0]
+    count, edges, extent = len(run.times), [0], extent_of(run)
     index = np.arange(count)
     while True:
         first = edges[-1]
-        ahead = run.rows((index >= first) & (index < first + PART))
-        reach = max(foreseeable(world, ahead), SHORTEST)
+        ahead = run.rows((index >= first) & (index < first + MOST))
+        if not is_seen(run, ahead):
+            return [0, count]
+        reach = max(foreseeable(world, ahead, extent), SHORTEST)
         length = (count - first) // -(-(count - first) // reach)  # what is left, in equal parts no longer than that
         if length == count - first:
             return [*edges, count]

@@ -15,7 +15,7 @@ from polyworld.solver.spatial.constraints import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
 from polyworld.solver.spatial.joint_axes import aim_at_stops, forget, let_go, move_axes, stop_joints, time_to_stop
 from polyworld.solver.spatial.joint_guess import push_as_before, remember_forces, take_forces_back
-from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints
+from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints, Moment
 from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forward, hold_joints, joint_error
 from polyworld.solver.spatial.layout import Body, Row, State
 from polyworld.solver.spatial.motion import place, remaining, spun, turned
@@ -92,6 +92,9 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
         state[0].rows[k, joints[0].base + r] = Row()
     for r in range(joints[0].equalities):
         joints[0].force[k, r] = wp.float64(0.0)
+    if joints[0].count > 0:
+        for i in range(state[0].objects):
+            joints[0].before[k, i] = Moment()
     joints[0].ready[k] = 0
     joints[0].tree.known[k] = 0
     joints[0].paced[k] = wp.float64(0.0)
