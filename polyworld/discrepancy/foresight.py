@@ -1,8 +1,8 @@
 """How long a run can be foretold from its start: bodies that swing on each other soon forget where they began.
 
 What two starts that hardly differ come to differ by grows exponentially there, so that a fit of a whole run has a
-minimum for every few turns, and valleys too narrow and bent to follow (Baake et al. 1992, Phys. Rev. A 45, 5524, who
-cut such runs as is done here).
+minimum for every few turns, and valleys too narrow and bent to follow (Baake et al. 1992, Phys. Rev. A 45, 5524, whose
+remedy is multiple shooting; here without its conditions of continuity).
 """
 
 from __future__ import annotations

@@ -41,8 +41,7 @@ def in_parts(recording: Recording, *worlds: World) -> Recording:
         return recording
     parts: list[Run] = []
     for run in recording.runs:
-        rough = roughness(run)
-        parts += _between(run, _foreseen(worlds[0], run, rough) if swinging else _even(run, rough))
+        parts += _between(run, _foreseen(worlds[0], run) if swinging else _even(run))
     return Recording(tuple(parts))
 
 
@@ -64,21 +63,22 @@ def _slips(world: World) -> bool:
     return world.observer is not None and world.observer.shift != 0.0
 
 
-def _even(run: Run, rough: Array) -> list[int]:
+def _even(run: Run) -> list[int]:
     """Where the parts of a long run begin, and where the last ends; just begin and end of one that is not long."""
     count = len(run.times)
-    number = count // PART if count > MOST else 1
-    edges = [0]
+    if count <= MOST:
+        return [0, count]
+    number, rough, edges = count // PART, roughness(run), [0]
     for k in range(1, number):
         middle, reach = k * count // number, count // number // 4
         edges.append(smooth_near(rough, middle, range(middle - reach, middle + reach + 1)))
     return [*edges, count]
 
 
-def _foreseen(world: World, run: Run, rough: Array) -> list[int]:
+def _foreseen(world: World, run: Run) -> list[int]:
     """The same of parts that can be foretold, each from its own start."""
     count, edges, extent = len(run.times), [0], extent_of(run)
-    index = np.arange(count)
+    index, rough = np.arange(count), roughness(run)
     while True:
         first = edges[-1]
         ahead = run.rows((index >= first) & (index < first + MOST))

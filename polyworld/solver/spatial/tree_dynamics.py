@@ -60,7 +60,6 @@ def begin_links(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
         omega = state[0].bodies[k, d.body].w
         link = Link()
         link.begun_x = x
-        link.begun_q = q
         link.origin = x
         link.turn = q
         speed = wp.vec3d()

@@ -38,7 +38,6 @@ class Link:
 
     origin: wp.vec3d
     begun_x: wp.vec3d
-    begun_q: wp.quatd
     arm: wp.vec3d
     other_arm: wp.vec3d
     axis: wp.vec3d
@@ -77,7 +76,7 @@ class Freedom:
 
 @wp.struct
 class Tree:
-    """All links of K worlds. count: 0 where the joints make no tree. stages, rates: derivatives of places and speeds at
+    """All links of K worlds. count: 0 where the joints make no tree. slopes, rates: derivatives of places and speeds at
     the stages of a step, those of stage s from s * freedoms on. known: 1 where the speeds' at the first are known.
     """
 
@@ -90,4 +89,4 @@ class Tree:
     slopes: wp.array2d[wp.float64]
     rates: wp.array2d[wp.float64]
     known: wp.array[wp.int32]
-    method: wp.array2d[wp.float64]  # (9, 7): coefficients of the stages, weights of the end's, and of the error's
+    method: wp.array2d[wp.float64]  # (9, 7): coefficients of the stages, their instants, weights of the error

@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 
 from polyworld.solver.spatial import joint_layout, tree_layout
 
-# Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19: coefficients of seven stages, weights of fifth order, and
-# their differences from those of fourth order.
+_FREEDOMS = {
+    joint_layout.HINGE: 1,
+    joint_layout.SLIDER: 1,
+    joint_layout.BALL: 3,
+    joint_layout.FIXED: 0,
+    tree_layout.FREE: 6,
+}
+
+# Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19: coefficients of seven stages, the last weights of fifth order;
+# the stages' instants; and the differences from the weights of fourth order.
 _STAGES = (
     (),
     (1 / 5,),
@@ -22,13 +30,6 @@ _STAGES = (
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
     (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
 )
-_FREEDOMS = {
-    joint_layout.HINGE: 1,
-    joint_layout.SLIDER: 1,
-    joint_layout.BALL: 3,
-    joint_layout.FIXED: 0,
-    tree_layout.FREE: 6,
-}
 _NODES = (0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0)
 _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 

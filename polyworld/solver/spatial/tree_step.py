@@ -8,7 +8,7 @@ to `joint_step`.
 
 import warp as wp
 
-from polyworld.solver.spatial.joint_layout import BALL, NEVER, Joints
+from polyworld.solver.spatial.joint_layout import BALL, NEVER, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.tree_dynamics import (
     accelerate,
@@ -29,7 +29,6 @@ SMALLEST = wp.float64(1.0 / 64.0)  # part of a step
 RESTING = wp.float64(1.0e-9)  # speed of an axis at rest [m/s or rad/s]
 NOTHING = wp.float64(1.0e-9)  # part of a step in which nothing moves
 SLIPPING = wp.float64(0.5)  # cosine of the turn of a ball's slip in a step
-SLIDES = 1  # kind of a slider
 
 
 @wp.func(inline=False)
@@ -190,14 +189,14 @@ def try_step(
 def slides(joints: wp.array[Joints], n: int, m: int) -> int:
     """1 where freedom m of link n is measured in metres, 0 where it is in radians."""
     kind = joints[0].tree.kinds[n].kind
-    if kind == SLIDES or (kind == FREE and m >= 3):
+    if kind == SLIDER or (kind == FREE and m >= 3):
         return 1
     return 0
 
 
 @wp.func
 def error_of(joints: wp.array[Joints], k: int, h: wp.float64) -> wp.float64:
-    """Largest error of speeds and ways, as a share of what it may be: turns and ways are each held to their own."""
+    """Errors of all speeds and places together, as a share of what they may be, turns and ways each by their scale."""
     freedoms = joints[0].tree.freedoms
     scale = wp.vec2d(REST, REST)
     speeds = wp.vec2d()
@@ -276,7 +275,7 @@ def take_step(parameters: wp.array[Parameters], joints: wp.array[Joints], state:
             going = linear(a) + wp.cross(turning, rel) + wp.cross(omega, v)
             state[0].reaction[k, d.body] = going - joints[0].tree.links[k, n].free
             state[0].reaction_turning[k, d.body] = turning - joints[0].tree.links[k, n].free_turning
-        if d.joint >= 0 and d.kind <= SLIDES:
+        if d.freedoms == 1:
             joints[0].joint[k, d.joint].place += d.sign * joints[0].tree.ways[k, d.first].place
     for f in range(freedoms):
         joints[0].tree.rates[k, f] = joints[0].tree.rates[k, (STAGES - 1) * freedoms + f]

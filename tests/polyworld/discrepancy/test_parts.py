@@ -124,12 +124,12 @@ def test_swings_on_each_other_are_cut_where_they_are_chaotic() -> None:
     """Two bobs, 3 s: from 0.1 rad they swing in two modes, from 2 rad each tumbles over."""
     arm = 0.2
 
-    def swung(first: float, second: float) -> Recording:
+    def swung(first: float, second: float, count: int = 300, rate: float = 100.0) -> Recording:
         elbow = arm * np.array([np.sin(first), 0.0, -np.cos(first)])
         tip = elbow + arm * np.array([np.sin(second), 0.0, -np.cos(second)])
-        times = np.arange(300) / 100.0
+        times = np.arange(count) / rate
         places = simulator(hung(elbow, tip), times).run().positions[0]
-        return Recording((Run("swing", ("a", "b"), times, places, np.full((300, 2, 4), np.nan)),))
+        return Recording((Run("swing", ("a", "b"), times, places, np.full((count, 2, 4), np.nan)),))
 
     def hung(elbow: np.ndarray, tip: np.ndarray) -> World:
         return World(
@@ -150,3 +150,7 @@ def test_swings_on_each_other_are_cut_where_they_are_chaotic() -> None:
     assert len(wild.runs) >= 3
     np.testing.assert_array_equal(np.concatenate([r.times for r in wild.runs]), np.arange(300) / 100.0)
     assert any("too chaotic" in c for c in cautions(design(world, wild)))
+    (run,) = swung(2.0, 2.5, count=201, rate=20.0).runs
+    for seen in (25, 28, 30):  # out of view before the first cut
+        places = np.where(np.arange(201)[:, None, None] < seen, run.positions, np.nan)
+        assert len(in_parts(Recording((replace(run, positions=places),)), world).runs) == 1
