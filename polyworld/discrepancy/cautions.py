@@ -6,6 +6,7 @@ from polyworld.discrepancy.design import Design, owner
 from polyworld.discrepancy.foresight import swings_on_others
 from polyworld.discrepancy.linkage import is_held, linkages
 from polyworld.discrepancy.one_course import follows_one_course
+from polyworld.discrepancy.parts import MOST
 from polyworld.representations.rigid import RigidObject
 
 FEW = 16  # instants of a series below which its noise is a guess
@@ -51,9 +52,12 @@ def cautions(plan: Design) -> tuple[str, ...]:
     if follows_one_course(plan):
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
     whole = sorted({r.run.part_of for r in plan.runs if r.run.part_of is not None})
-    why = "too chaotic to be foretold as a whole" if swings_on_others(plan.world) else "long"
     for name in whole:
         lengths = [len(r.times) for r in plan.runs if r.run.part_of == name]
+        long = sum(lengths) > MOST
+        why = "long" if long else "too chaotic to be foretold as a whole"
+        if long and swings_on_others(plan.world):
+            why = "long, or too chaotic to be foretold as a whole"
         found.append(
             f"run {name} is {why}: it was fitted in {len(lengths)} parts of {min(lengths)} to {max(lengths)} instants, "
             "each with an initial state of its own; what shows only over a longer time was not asked"

@@ -196,13 +196,17 @@ def linearised_centrally(forward: Forward, noise: Noise, at: Point, steps: Steps
             states[first + s + np.arange(n), np.arange(n)] += side * own[r.index]
         values = np.clip(values, lower, upper)
         settings.append(Settings(r.index, values, states))
-        reached = values[1 + np.arange(s), np.arange(s)] - values[1 + s + n + np.arange(s), np.arange(s)]
-        widths.append(np.concatenate([reached, 2.0 * own[r.index]]))
+        reached = [np.abs(values[f + np.arange(s), np.arange(s)] - at.values) for f in (1, 1 + s + n)]
+        widths.append([np.concatenate([way, own[r.index]]) for way in reached])
     rs, aa, bb = [], [], []
     for r, width, raw in zip(forward.design.runs, widths, forward.residuals(settings), strict=True):
         white = noise.whiten(r.index, raw)
-        forth, back = white[1 : 1 + len(width)], white[1 + len(width) :]
-        slopes = (forth - back).T / np.maximum(width, 1e-300)
+        n = len(width[0])
+        sides = white[1 : 1 + n], white[1 + n :]
+        whole = [np.all(np.isfinite(side), axis=1) for side in sides]  # else a quotient to one side has to do
+        forth, back = (np.where(ok[:, None], side, white[0]) for ok, side in zip(whole, sides, strict=True))
+        both = sum(np.where(ok, w, 0.0) for ok, w in zip(whole, width, strict=True))
+        slopes = (forth - back).T / np.maximum(both, 1e-300)
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
         rs.append(white[0])
         aa.append(slopes[:, :s])

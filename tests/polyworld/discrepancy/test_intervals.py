@@ -1,13 +1,16 @@
 """Intervals where chi2 is no parabola: discs that collide, a ball that grips the floor, a double pendulum."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.catalogue import catalogue
-from polyworld.discrepancy.descent import Point, covariances, linearised_centrally, standard_steps
+from polyworld.discrepancy.descent import Point, covariances, first_steps, linearised_centrally, standard_steps
 from polyworld.discrepancy.design import design
-from polyworld.discrepancy.forward import Forward
+from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.intervals import LEVEL, intervals95
 from polyworld.discrepancy.noise import measured_noise
@@ -174,3 +177,29 @@ def test_central_slopes_tell_an_error_that_one_sided_ones_do_not(
     told = profile.told_well(forward, trial.bench.noise, trial.fit).covariance[0, 0]
     assert np.sqrt(told / exact) == pytest.approx(1.0, abs=0.1)
     assert np.sqrt(trial.fit.covariance[0, 0] / exact) < 0.5
+
+
+@pytest.mark.parametrize("side", [1, 2])
+def test_a_slope_of_which_one_side_diverges_is_told_by_the_other(side: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = np.arange(40) / 60.0
+    path = np.stack([2.0 * times, 0.0 * times, 5.0 - 4.905 * times**2], axis=-1)[:, None]
+    data = Recording((Run("fall", ("ball",), times, path, np.full((len(times), 1, 4), np.nan)),))
+    world = World(objects=(RigidObject(name="ball", shape=Sphere(radius=0.1), mass=0.5, position=(0, 0, 5)),))
+    plan = design(world, data)
+    hypothesis = extended(Hypothesis(world, ()), catalogue()["quadratic_drag"], data)[0]
+    forward = Forward(plan, hypothesis.world, hypothesis.unknowns)
+    at = Point(np.array([0.01]), profile.start_states(plan))
+    noise, steps = measured_noise(plan), first_steps(forward)
+    both = linearised_centrally(forward, noise, at, steps)
+    given = Forward.residuals
+    row = side if side == 1 else 1 + 1 + plan.runs[0].count  # ahead, and back, by the drag
+
+    def diverging(self: Forward, settings: Sequence[Settings], horizon: float = 1.0) -> list[NDArray[np.float64]]:
+        (raw,) = given(self, settings, horizon)
+        return [np.where(np.arange(len(raw))[:, None] == row, np.nan, raw)]
+
+    monkeypatch.setattr(Forward, "residuals", diverging)
+    one = linearised_centrally(forward, noise, at, steps)
+    assert np.linalg.norm(both.a[0]) > 1.0
+    assert np.linalg.norm(one.a[0] - both.a[0]) < 0.02 * np.linalg.norm(both.a[0])
+    np.testing.assert_array_equal(one.b[0], both.b[0])
