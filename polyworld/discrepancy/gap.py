@@ -23,6 +23,7 @@ from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
 from polyworld.discrepancy.parents import nearest
 from polyworld.discrepancy.parts import in_parts, of_whole_runs
 from polyworld.discrepancy.report import GapReport
+from polyworld.discrepancy.rivals import fit_rivals
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.simpler import put_simpler
@@ -239,7 +240,7 @@ def _searched(
     if best is not None and effects > 1 and best.passes:
         effects = len(search.backward(best).hypothesis.parts)
     if _passed(search, effects) or not search.hopeless(effects):
-        search.rivals(effects)
+        fit_rivals(search, effects)
         search.settle(effects)
         search.beyond(effects)
         search.twins(effects)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
 from polyworld.parameters import with_parameters
-from polyworld.recording import Recording
+from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -69,11 +69,12 @@ class Hypothesis:
             return self
         return replace(self, world=self.world.with_substep(substep))
 
-    def fitted_world(self, values: Array) -> World:
-        """The world with shared values (S,) written into it; of unknowns of one run each, those of the first."""
+    def fitted_world(self, values: Array, run: Run | None = None) -> World:
+        """The world with shared values (S,) written into it; of unknowns of one run each, those of the first, or of
+        the run that is named."""
         numbers: dict[str, float] = {}
         for u, v in zip(self.unknowns, values, strict=True):
-            for path in u.paths:
+            for path in u.paths if run is None or u.is_of(run) else ():
                 numbers.setdefault(path, float(v))
         return with_parameters(self.world, numbers) if numbers else self.world
 

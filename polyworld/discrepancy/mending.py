@@ -7,22 +7,26 @@ own start, with the shared values kept. And whole fits begun anew, over other pa
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
+from polyworld.discrepancy.descent import Point
 from polyworld.discrepancy.forward import Forward
+from polyworld.discrepancy.goodness import LEVEL
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.several_ways import best_way
-from polyworld.discrepancy.trial import Trial
+from polyworld.discrepancy.profiled import ILL, middle, profiled, touchy, way_of
+from polyworld.discrepancy.trial import Bench, Trial
 
 Array = NDArray[np.float64]
 
-ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
 WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is, where that is ill too
 UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: lost already so where that is explained
 IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
 ODD = 0.25  # of chi2, by which a run has to be above that even if it is long: a law may be a little off
+WORTH = 10.0  # chi2 by which a run that the gate blames has to fit better for other ways to be left
 ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
 
@@ -31,10 +35,10 @@ def mended(trial: Trial) -> Trial:
     """The trial, with runs that fit much worse than the better half fitted anew, and all of it fitted on where that
     was of use."""
     bench = trial.bench
-    middle = _middle(trial)
-    most = _limits(trial, middle)
+    typical = middle(trial.misfits)
+    most = _limits(bench, typical)
     schedules = [profile.horizons_for(bench.design)]
-    if profile.collide(bench.design) and middle < ILL:
+    if profile.collide(bench.design) and typical < ILL:
         schedules.append(profile.OTHER_HORIZONS)
     states, costs = list(trial.fit.states), _costs(trial)
     for horizons in schedules:
@@ -52,35 +56,85 @@ def searched(trial: Trial, level: float = np.inf, doubt: float = UNLIKELY) -> Tr
     """
     trial = mended(trial)
     bench = trial.bench
-    middle = _middle(trial)
-    if not profile.collide(bench.design) or middle >= ILL:
+    typical = middle(trial.misfits)
+    if not touchy(bench.design) or typical >= ILL:
         return trial
-    if bench.design.world.coupled:  # so many rollouts would take too long
-        return trial
-    states, costs = list(trial.fit.states), _costs(trial)
-    limits = _limits(trial, middle, doubt)
-    ill = [k for k in np.flatnonzero(costs > limits) if bench.design.runs[k].count]
-    hoped = np.minimum(costs, _limits(trial, middle, -UNLIKELY))
+    costs = _costs(trial)
+    limits = _limits(bench, typical, doubt)
+    hoped = np.minimum(costs, _limits(bench, typical, -UNLIKELY))
     if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
         return trial
-    world = trial.hypothesis.fitted_world(trial.values)
-    for k in ill:
-        way = best_way(world, bench.design, bench.noise, int(k), float(limits[k]), bench.cancelled)
-        bench.forward(trial.hypothesis).rollouts += way.rollouts
-        if way.chi2 < costs[k] - 1.0:
-            states[k] = way.state
+    ill = {int(k): float(limits[k]) for k in np.flatnonzero(costs > limits)}
+    trial = _by_other_ways(trial, ill)
+    asked = set(ill)
+    while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
+        asked.add(blamed)
+        before, trial = trial, _by_other_ways(trial, {blamed: float(_costs(trial)[blamed]) - WORTH})
+        if trial is before:
+            break
+    return trial
+
+
+def looked_through(trial: Trial) -> Trial:
+    """The trial, with every run fitted along several ways, whether or not it is conspicuous."""
+    return _by_other_ways(trial, dict.fromkeys(range(len(trial.bench.design.runs)), np.inf))
+
+
+def _blamed(trial: Trial) -> int | None:
+    """The run of the series that fits worst, where that alone would fail the gate: it may be stuck where no chi2 is
+    conspicuous."""
+    worst = trial.goodness.worst
+    if worst is None or worst.p * len(trial.goodness.series) > LEVEL:
+        return None
+    return next(r.index for r in trial.bench.design.runs if r.run.name == worst.run)
+
+
+def _by_other_ways(trial: Trial, runs: Mapping[int, float]) -> Trial:
+    """The trial, with some runs fitted along several ways at its shared values, each until its chi2 is below a level,
+    and all of it fitted on where that was of use."""
+    bench, costs, states = trial.bench, _costs(trial), list(trial.fit.states)
+    for k, below in runs.items():
+        if bench.design.runs[k].count:
+            way = way_of(bench, trial.hypothesis, trial.values, k, below)
+            if way.chi2 < costs[k] - 1.0:
+                states[k] = way.state
     return _carried_on(trial, states)
 
 
 def anew(trial: Trial, hypothesis: Hypothesis) -> Trial:
     """A trial's hypothesis, or the same stepped otherwise, fitted from its values and the data's own starts, over other
-    parts of the runs; then with the states of whichever fits a run better."""
+    parts of the runs; then with the states of whichever fits a run better. Where bodies collide, `begun`."""
     bench = trial.bench
-    horizons = profile.OTHER_HORIZONS if profile.collide(bench.design) else profile.FINE_HORIZONS
-    begun = profile.start_states(bench.design)
-    again = bench.fit(hypothesis, trial.values, begun, horizons=horizons, iterations=ANEW_ITERATIONS)
+    if touchy(bench.design):
+        return begun(bench, hypothesis, trial.values, [trial.fit.states, profile.start_states(bench.design)])
+    states = profile.start_states(bench.design)
+    again = bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=ANEW_ITERATIONS)
     again = again if again.fit.converged else bench.refit(again)
     return min([again, _crossed(again, trial)], key=lambda t: t.chi2)
+
+
+def begun(bench: Bench, hypothesis: Hypothesis, values: Array, starts: Sequence[Sequence[Array]]) -> Trial:
+    """A hypothesis fitted from shared values that are about right: every run by itself for these, from each of some
+    initial states, a little more of it at a time, and where it is lost still, along several ways; then all of it."""
+    horizons = profile.horizons_for(bench.design)
+    together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=ANEW_ITERATIONS)
+    if together.passes and np.all(_costs(together) <= _limits(bench, middle(together.misfits))):
+        return profiled(together)
+    forward = bench.forward(hypothesis)
+    best, costs = list(starts[0]), np.full(len(bench.design.runs), np.inf)
+    for states in starts:
+        at = Point(values, tuple(states))
+        at, found = profile.fit_apart(forward, bench.noise, at, horizons=horizons, iterations=ANEW_ITERATIONS)
+        for k in np.flatnonzero(found < costs):
+            best[k], costs[k] = at.states[k], found[k]
+    typical = middle(costs / _counts(bench))
+    limits = _limits(bench, typical)
+    for k in np.flatnonzero(costs > limits) if typical < ILL else ():
+        if bench.design.runs[k].count:
+            way = way_of(bench, hypothesis, values, int(k), float(limits[k]))
+            if way.chi2 < costs[k]:
+                best[k] = way.state
+    return profiled(bench.fit(hypothesis, values, best))
 
 
 def _crossed(one: Trial, other: Trial) -> Trial:
@@ -100,21 +154,21 @@ def _carried_on(trial: Trial, states: list[Array]) -> Trial:
     return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
-def _middle(trial: Trial) -> float:
-    """chi2 per measurement of the worst run of the better half; of two the better one."""
-    return float(np.sort(trial.misfits)[(len(trial.misfits) - 1) // 2])
+def _counts(bench: Bench) -> Array:
+    """Measurements (R,) of each run, at least 1."""
+    return np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
 
 
-def _limits(trial: Trial, middle: float, doubt: float = UNLIKELY) -> Array:
-    """chi2 (R,) beyond which runs may be lost."""
-    counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
-    if middle < ILL:
+def _limits(bench: Bench, typical: float, doubt: float = UNLIKELY) -> Array:
+    """chi2 (R,) beyond which runs may be lost, where the worst of the better half has `typical` per measurement."""
+    counts = _counts(bench)
+    if typical < ILL:
         above = doubt * np.sqrt(2.0 / counts)
-        if not profile.collide(trial.bench.design):
+        if not profile.collide(bench.design):
             above = np.maximum(above, ODD)
-        unlikely: Array = middle * (1.0 + above) * counts
+        unlikely: Array = typical * (1.0 + above) * counts
         return unlikely
-    worse: Array = max(ILL, WORSE * middle) * counts
+    worse: Array = max(ILL, WORSE * typical) * counts
     return worse
 
 

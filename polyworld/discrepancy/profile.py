@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from polyworld.discrepancy.apart import descend_apart
 from polyworld.discrepancy.descent import (
     Linearised,
     Point,
+    Steps,
     covariances,
     descend,
     first_steps,
@@ -20,6 +21,7 @@ from polyworld.discrepancy.descent import (
     linearised,
     linearised_centrally,
     linearised_shared,
+    run_costs,
     standard_steps,
 )
 from polyworld.discrepancy.design import Design
@@ -35,6 +37,7 @@ OTHER_HORIZONS = tuple(float(h) for h in np.linspace(0.05, 1.0, 24).round(3))  #
 OPENING = 0.4  # part of a run's time in which its first velocities are decided
 WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried anew
 SWEEPS = 2  # through all spins
+ROUGH = 10.0  # fall of chi2 below which a fit to a part of the runs is at rest
 
 
 @dataclass(frozen=True)
@@ -79,17 +82,49 @@ def fit(
     at = Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
     start = at.values
     before = forward.rollouts
+
+    def descended(at: Point, steps: Steps, horizon: float) -> tuple[Point, Steps, int, bool]:
+        loose = tolerance if horizon >= 1.0 else ROUGH
+        if not len(values):
+            return descend_apart(forward, noise, at, horizon, steps, iterations, loose)
+        aim = target if horizon >= 1.0 else None
+        return descend(forward, noise, at, horizon, steps, iterations, loose, aim, held(forward, start, horizon))
+
+    at, steps, total, converged = _over_horizons(forward, noise, at, horizons, descended)
+    linear = linearised(forward, noise, at, horizons[-1], steps)
+    covariance, _ = covariances(forward, linear)
+    return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
+
+
+def fit_apart(
+    forward: Forward, noise: Noise, at: Point, *, horizons: Sequence[float], iterations: int, tolerance: float = 1e-2
+) -> tuple[Point, Array]:
+    """Fit every run's initial state by itself, with shared unknowns kept; and chi2 (R,) of the runs then.
+
+    horizons, tolerance: as in `fit`.
+    """
+
+    def descended(at: Point, steps: Steps, horizon: float) -> tuple[Point, Steps, int, bool]:
+        loose = tolerance if horizon >= 1.0 else ROUGH
+        return descend_apart(forward, noise, at, horizon, steps, iterations, loose)
+
+    at, *_ = _over_horizons(forward, noise, at, horizons, descended)
+    return at, run_costs(forward, noise, at, horizons[-1])
+
+
+def _over_horizons(
+    forward: Forward,
+    noise: Noise,
+    at: Point,
+    horizons: Sequence[float],
+    descended: Callable[[Point, Steps, float], tuple[Point, Steps, int, bool]],
+) -> tuple[Point, Steps, int, bool]:
+    """Descend over one part of the runs after another, with other starts tried where there are several."""
     total = 0
     converged = False
     steps = first_steps(forward)
     for horizon in horizons:
-        loose = tolerance if horizon >= 1.0 else 10.0
-        aim = target if horizon >= 1.0 else None
-        hold = held(forward, start, horizon)
-        if len(values):
-            at, steps, used, converged = descend(forward, noise, at, horizon, steps, iterations, loose, aim, hold)
-        else:
-            at, steps, used, converged = descend_apart(forward, noise, at, horizon, steps, iterations, loose)
+        at, steps, used, converged = descended(at, steps, horizon)
         total += used
         if len(horizons) > 1:
             if horizon <= OPENING:
@@ -97,9 +132,7 @@ def fit(
                 at = other_starts.thrown_anew(forward, noise, at, horizon, steps, worse)
             for _ in range(SWEEPS):
                 at = other_starts.turned_over(forward, noise, at, horizon, steps, other_starts.ILL)
-    linear = linearised(forward, noise, at, horizons[-1], steps)
-    covariance, _ = covariances(forward, linear)
-    return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
+    return at, steps, total, converged
 
 
 def told_well(forward: Forward, noise: Noise, fitted: Fit) -> Fit:

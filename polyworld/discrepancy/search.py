@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
-from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, searched
+from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, begun, looked_through, searched
 from polyworld.discrepancy.parents import unlike
+from polyworld.discrepancy.profiled import profiled, touchy
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.trial import FINEST, Bench, Start, Trial, refined
@@ -27,7 +28,8 @@ from polyworld.discrepancy.windows import windows
 
 Array = NDArray[np.float64]
 
-FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from; EXPLAINED where bodies collide
+FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
+ASTRAY = 1.06  # the same where bodies collide: some runs then lie behind other collisions than those that were
 FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
@@ -38,8 +40,6 @@ WORTH = 0.2  # share of the best gain promised below which a further effect is n
 RESTARTED = 2  # hypotheses fitted anew where none passes the gate
 NEARLY = 5.0  # chi2 per measurement beyond which that is not what is wrong
 CLOSE = 50.0  # EBIC behind the best within which hypotheses are fitted with finer steps
-SCARCE = 2000.0  # measurements below which all that was offered is fitted beside the best
-MANY = 40  # of these at most
 PARTS = (0.3, 1.0)  # of the way to what the score test foretells that are tried as starts
 EXPLAINED = 1.5  # chi2 per measurement below which a far hypothesis is no rival any more
 LEADERS = 2  # contenders that are fitted as long as they gain, where the first does not explain the data
@@ -47,6 +47,7 @@ ROUNDS = 5  # of iterations that a leader is given at most
 MOVED = 0.5  # fall of chi2 for which the best is fitted on
 BEHIND = 1.2  # times the leader's chi2 on windows of one body, beyond which whole runs that it explains are not asked
 MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
+CONTESTED = 3  # that are fitted with all care where they are near to one another
 DOUBT = 0.25  # chi2 per measurement behind the best, within which a fit may only be stuck before a collision
 GREATER = (1.1, 2.0)  # times a friction, from where it is fitted again
 ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
@@ -139,7 +140,7 @@ class Search:
         effects = len(parents[0].hypothesis.parts) + 1
         further = effects > 1
         most = self.settings.further if further else self.settings.contenders
-        far = level > (EXPLAINED if profile.collide(self.bench.design) else FAR) * self.bench.observations
+        far = level > (ASTRAY if profile.collide(self.bench.design) else FAR) * self.bench.observations
         if far and not further and self._of_few_runs(parents[0]):
             return
         on_windows = self._windows if far else None
@@ -299,23 +300,21 @@ class Search:
     def _whole(self, search: WindowSearch, trial: Trial) -> Trial:
         """The best fit to whole runs of a hypothesis fitted on windows.
 
-        Where bodies collide, a small change makes another motion, and states have to follow collision by collision:
-        from those of the windows, or if these lead nowhere, from the data's own and over other parts of the runs.
+        Where bodies collide, a small change makes another motion, and every run finds its states by itself at the
+        windows' shared values first.
         """
         start = search.cut.start(trial.fit)
-        ways: list[tuple[Sequence[Array], tuple[float, ...]]] = [(start.states, (1.0,))]
-        if profile.collide(self.bench.design):
-            begun = profile.start_states(self.bench.design)
-            ways = [(start.states, profile.FINE_HORIZONS), (begun, profile.OTHER_HORIZONS)]
-        for states, horizons in ways:
+        if touchy(self.bench.design):
+            starts = [start.states, profile.start_states(self.bench.design)]
+            whole = begun(self.bench, trial.hypothesis, start.values, starts)
+        else:
+            collide = profile.collide(self.bench.design)
+            horizons = profile.FINE_HORIZONS if collide else (1.0,)
             whole = self.bench.fit(
-                trial.hypothesis, start.values, states, horizons=horizons, iterations=FIRST_ITERATIONS
+                trial.hypothesis, start.values, start.states, horizons=horizons, iterations=FIRST_ITERATIONS
             )
-            self.tell("first fit", whole.figures())
-            best = self.take(searched(whole))
-            if best.chi2 < EXPLAINED * self.bench.observations:
-                break
-        return best
+        self.tell("first fit", whole.figures())
+        return self.take(searched(whole))
 
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""
@@ -343,8 +342,10 @@ class Search:
             for lead in leads(self.bench, ground, self._more(ground), 1)
             if promise(lead, self.bench.observations) + choice < ground.ebic - gain
         ]
-        fits = [self.bench.fit(x.hypothesis, x.values, ground.fit.states) for x in own[: self.settings.contenders]]
-        return sorted(fits, key=lambda t: t.ebic)
+        chosen = own[: self.settings.contenders]
+        starts = [self.bench.nearest(x.hypothesis, self._options(ground, x)) for x in chosen]
+        fits = [self.bench.fit(x.hypothesis, s.values, s.states) for x, s in zip(chosen, starts, strict=True)]
+        return sorted((profiled(t) for t in fits), key=lambda t: t.ebic)
 
     def best(self, effects: int) -> Trial | None:
         """The hypothesis with so many effects that has the lowest EBIC."""
@@ -458,7 +459,20 @@ class Search:
         doubt = max(self.settings.credible, DOUBT * self.bench.observations if untold else 0.0)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + doubt]
         for trial in near[: self.settings.finalists]:
-            self._anew("settled", trial.hypothesis, trial, IN_DOUBT)
+            if touchy(self.bench.design):
+                self._bettered("settled", trial, profiled(searched(trial, doubt=IN_DOUBT)))
+            else:
+                self._anew("settled", trial.hypothesis, trial, IN_DOUBT)
+        if touchy(self.bench.design):
+            self._contest(effects)
+
+    def _contest(self, effects: int) -> None:
+        """Where hypotheses are so near to one another that one run which is stuck would decide: look all runs of the
+        best few through."""
+        near = [t for t in self.ranked(effects) if t.ebic <= self.ranked(effects)[0].ebic + CLOSE]
+        if any(t.chi2 > near[0].chi2 + ALIKE_FIT for t in near):
+            for trial in near[:CONTESTED]:
+                self._bettered("contested", trial, profiled(looked_through(trial)))
 
     def beyond(self, effects: int) -> None:
         """Fit the best from greater friction: where a grip suffices more of it changes nothing, and a fit that stopped
@@ -477,34 +491,13 @@ class Search:
 
     def _anew(self, step: str, hypothesis: Hypothesis, trial: Trial, doubt: float = UNLIKELY) -> None:
         """Fit a hypothesis from a trial's values and the data's own starts, a little more of each run at a time."""
-        again = searched(anew(trial, hypothesis), doubt=doubt)
+        self._bettered(step, trial, searched(anew(trial, hypothesis), doubt=doubt))
+
+    def _bettered(self, step: str, trial: Trial, again: Trial) -> None:
+        """Keep another fit of a trial's hypothesis where it is better, and tell of it."""
         if again.chi2 < trial.chi2 - ALIKE_FIT:
             self.tell(step, again.figures())
         self.take(again)
-
-    def rivals(self, effects: int) -> None:
-        """Fit from the best's initial states what windows hardly tell from it, and whole runs seemed to: a fit that
-        went astray is no evidence."""
-        best = self.best(effects)
-        if best is None or self.on_windows is None:
-            return
-        alike = [t for t in self.on_windows.trials.values() if len(t.hypothesis.parts) == effects]
-        level = min((t.ebic for t in alike), default=np.inf)
-        asked = [(t.hypothesis, t.values) for t in alike if t.ebic <= level + CLOSE]
-        if self.bench.observations < SCARCE:  # so few data tell little, and slopes at a wrong fit foretell even less
-            others = sorted((lead for _, lead in self.promised.values()), key=lambda lead: lead.chi2)
-            there = {identity(h) for h, _ in asked}
-            named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
-            asked += [(x.hypothesis, x.values) for x in named[:MANY]]
-        horizons = profile.horizons_for(self.bench.design) if profile.collide(self.bench.design) else (1.0,)
-        for hypothesis, values in asked:
-            known = self.trials.get(identity(hypothesis))
-            if known is not None and known.ebic <= best.ebic + self.settings.credible:
-                continue
-            again = self.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
-            again = searched(again, best.ebic + self.settings.credible)
-            self.tell("rival", again.figures())
-            self.take(again)
 
     def twins(self, effects: int) -> None:
         """Fit with care what promised the same as the best hypothesis: it may be the same motion by another name; and

@@ -11,6 +11,7 @@ import numpy as np
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.mending import mended, searched
+from polyworld.discrepancy.profiled import profiled
 from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.strength_map import mapped
@@ -80,7 +81,8 @@ class WindowSearch:
         unforeseen = [key for key in rest[most:] if _unforeseen(ways[key][0][1].hypothesis)]
         for key in (*rest[:most], *unforeseen):
             if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
-                trial = self._first_fit(*self.cut.nearest(ways[key]))
+                foretold = max(min(lead.chi2 for _, lead in ways[key]), self.cut.bench.observations)
+                trial = self._first_fit(*self.cut.nearest(ways[key]), foretold + LITTLE * (before - foretold))
                 if not any(_explains(t) for t in (*fits, trial)):
                     trial = self._where_asked(trial, ways[key])
                 leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
@@ -96,12 +98,13 @@ class WindowSearch:
         ranked = _worth_more(wanted, before)
         return self._to_the_end(ranked) if ranked else []
 
-    def _first_fit(self, hypothesis: Hypothesis, at: Start) -> Trial:
-        """First iterations of a contender. Where bodies collide, states bent to a law that lacked something lie behind
-        other collisions than the right ones: it is fitted from the data's own too, a little more at a time."""
+    def _first_fit(self, hypothesis: Hypothesis, at: Start, hoped: float) -> Trial:
+        """First iterations of a contender. Where bodies collide, and it does not come to the chi2 hoped for, states
+        bent to a law that lacked something may lie behind other collisions than the right ones: it is fitted from the
+        data's own too, a little more at a time."""
         bench = self.cut.bench
         trial = bench.fit(hypothesis, at.values, at.states, iterations=ITERATIONS)
-        if not profile.collide(bench.design) or _explains(trial):
+        if not profile.collide(bench.design) or _explains(trial) or trial.chi2 < hoped:
             return trial
         begun, horizons = profile.start_states(bench.design), profile.horizons_for(bench.design)
         other = bench.fit(hypothesis, at.values, begun, horizons=horizons, iterations=ITERATIONS)
@@ -147,6 +150,7 @@ class WindowSearch:
             if level < FAILED or len(done) == FEW:
                 break
             onward = searched(self.cut.bench.refit(trial))
+            onward = onward if _explains(onward) else profiled(onward)
             settled = settled and (onward.fit.converged or onward.chi2 > (1.0 - ONWARD) * trial.chi2)
             self._keep(onward)
             done.append(onward)

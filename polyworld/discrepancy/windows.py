@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.design import Design, RunDesign, design
 from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.mending import searched
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.parts import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
 from polyworld.discrepancy.score import Lead
@@ -45,14 +46,16 @@ class Windows:
         )
 
     def ground(self, hypothesis: Hypothesis, values: Array) -> Trial:
-        """A hypothesis fitted to the windows from the data's own starts."""
-        return self.bench.fit(
+        """A hypothesis fitted to the windows from the data's own starts; those that are lost, along several ways: they
+        would hide what others tell."""
+        found = self.bench.fit(
             hypothesis,
             values,
             profile.start_states(self.bench.design),
             horizons=profile.horizons_for(self.bench.design),
             iterations=GROUND_ITERATIONS,
         )
+        return searched(found) if profile.collide(self.bench.design) else found
 
     def nearest(self, ways: Sequence[tuple[Trial, Lead]]) -> tuple[Hypothesis, Start]:
         """Of leads to one hypothesis, as the score test foretells or not yet moved, the one nearest to the data: with

@@ -1,0 +1,165 @@
+"""Shared values moved with every run's initial state found anew at each, where bodies collide.
+
+Behind collisions a small change makes another motion, so that a fit of everything together stops where one run that
+is touchy lies in a narrow valley of its own, however plainly the others ask for other values. Here shared values take
+the step that all runs ask for once initial states are projected out (variable projection: Golub & Pereyra 1973, SIAM
+J. Numer. Anal. 10, 413), or that all but one ask for; every run follows by itself, and one that is lost on the way is
+fitted along several ways.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.apart import descend_apart
+from polyworld.discrepancy.descent import PRIOR, Point, standard_steps, trial_costs
+from polyworld.discrepancy.design import Design
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.several_ways import Way, best_way
+from polyworld.discrepancy.trial import Bench, Trial
+
+Array = NDArray[np.float64]
+
+ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
+STEPS = 4  # of shared values, at most
+ALIKE = 0.5  # standard errors within which two steps are one
+LITTLE = 0.1  # standard errors below which a step is none
+ASKED = 5  # runs that are left out in turn, at most: those without which the step would be another
+FOLLOWED = 2  # of the steps asked for, those for which lost runs are looked for
+SEARCHES = 4  # for lost runs, in all
+LOST = 10.0  # chi2 by which a run is worse than before that has been lost on the way
+GAIN = 2.0  # fall of chi2 for which it goes on
+ITERATIONS, TOGETHER = 5, 4  # of a run by itself, and of all together after a step
+ROUGH = 0.5  # fall of chi2 below which a run is at rest
+
+
+@dataclass
+class _Followed:
+    """Shared values (S,), states[run] (N,) that have followed them, and chi2 (R,) of the runs there."""
+
+    values: Array
+    states: list[Array]
+    costs: Array
+
+    def lost(self, before: Array) -> list[int]:
+        """Runs that fit much worse than before."""
+        return [int(k) for k in np.flatnonzero(self.costs > before + LOST)]
+
+    def hoped(self, before: Array, lost: float = 0.0) -> float:
+        """chi2 if runs that are lost come back to what they were, or to so much more."""
+        return float(np.minimum(self.costs, before + lost).sum())
+
+
+def touchy(design: Design) -> bool:
+    """Whether bodies may collide, and nothing is coupled to them that would take long."""
+    return profile.collide(design) and not design.world.coupled
+
+
+def profiled(trial: Trial) -> Trial:
+    """The trial, or a better one by steps of the shared values that initial states follow run by run.
+
+    As it is where bodies do not collide, nothing is shared, or not even the better half of the runs is nearly
+    explained: then it is not a run that holds up the others.
+    """
+    if not len(trial.values) or not touchy(trial.bench.design) or middle(trial.misfits) > ILL:
+        return trial
+    searches = SEARCHES
+    for _ in range(STEPS):
+        before = np.array([float(r @ r) for r in trial.fit.linear.r])
+        if not np.all(np.isfinite(before)):
+            return trial
+        followed = sorted((_followed(trial, v) for v in _asked_for(trial)), key=lambda f: f.hoped(before, LOST))
+        further: Trial | None = None
+        for one in followed[:FOLLOWED]:
+            lost = one.lost(before)
+            if one.hoped(before) < trial.chi2 - GAIN and len(lost) <= searches:
+                searches -= len(lost)
+                _look_for(trial, one, lost, before)
+                further = _together(trial, one)
+            if further is not None:
+                break
+        if further is None:
+            return trial
+        trial = further
+    return trial
+
+
+def middle(misfits: Array) -> float:
+    """Of chi2 per measurement (R,) of the runs that of the worst of the better half; of two runs the better one's."""
+    return float(np.sort(misfits)[(len(misfits) - 1) // 2])
+
+
+def way_of(bench: Bench, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
+    """The way found to fit a run best at shared values (S,); `below` as in `best_way`."""
+    world = hypothesis.fitted_world(values, bench.design.runs[run].run)
+    found = best_way(world, bench.design, bench.noise, run, below, bench.cancelled)
+    bench.forward(hypothesis).rollouts += found.rollouts
+    return found
+
+
+def _asked_for(trial: Trial) -> list[Array]:
+    """Shared values (S,) that all runs ask for, and that all but one do, where that is something else."""
+    unknowns = trial.hypothesis.unknowns
+    lower, upper = np.array([u.lower for u in unknowns]), np.array([u.upper for u in unknowns])
+    slopes, residuals = trial.ground.slopes, trial.fit.linear.r
+    own = [a.T @ a for a in slopes]
+    pull = [a.T @ r for a, r in zip(slopes, residuals, strict=True)]
+    prior = np.diag([(PRIOR / u.typical) ** 2 for u in unknowns])
+    whole, gradient = sum(own, prior), sum(pull, np.zeros(len(unknowns)))
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.inv(whole)), 0.0))
+
+    def towards(information: Array, slope: Array) -> Array:
+        step = np.linalg.lstsq(information, slope, rcond=1e-12)[0]
+        clipped: Array = np.clip(trial.values - step, lower, upper)
+        return clipped
+
+    first = towards(whole, gradient)
+    others = [towards(whole - a, gradient - g) for a, g in zip(own, pull, strict=True)] if len(own) > 1 else []
+    others.sort(key=lambda v: -float(np.max(np.abs(v - first) / errors)))
+    chosen: list[Array] = []
+    for v in (first, *others[:ASKED]):
+        moved = np.abs(v - trial.values) > LITTLE * errors
+        if moved.any() and all(np.any(np.abs(v - c) > ALIKE * errors) for c in chosen):
+            chosen.append(v)
+    return chosen
+
+
+def _followed(trial: Trial, values: Array) -> _Followed:
+    """Every run fitted by itself at other shared values, from where the slopes have it and from where it was."""
+    bench, linear = trial.bench, trial.fit.linear
+    forward = bench.forward(trial.hypothesis)
+    shift = values - trial.values
+    foretold = tuple(
+        state + answer @ (r + a @ shift)
+        for state, answer, r, a in zip(trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True)
+    )
+    steps = standard_steps(forward, linear)
+    best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))
+    for states in (foretold, trial.fit.states):
+        at = Point(values, states)
+        at, *_ = descend_apart(forward, bench.noise, at, 1.0, steps, ITERATIONS, ROUGH)
+        costs = trial_costs(forward, bench.noise, [at], 1.0)[0]
+        for k in np.flatnonzero(costs < best.costs):
+            best.states[k], best.costs[k] = at.states[k], costs[k]
+    return best
+
+
+def _look_for(trial: Trial, one: _Followed, lost: list[int], before: Array) -> None:
+    """Fit lost runs along several ways, in place."""
+    for k in lost:
+        if trial.bench.design.runs[k].count:
+            found = way_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + GAIN)
+            if found.chi2 < one.costs[k]:
+                one.states[k], one.costs[k] = found.state, found.chi2
+
+
+def _together(trial: Trial, one: _Followed) -> Trial | None:
+    """All runs fitted together from what was found; None where that is no better."""
+    if one.costs.sum() > trial.chi2 - GAIN:
+        return None
+    found = trial.bench.fit(trial.hypothesis, one.values, one.states, iterations=TOGETHER)
+    return found if found.chi2 < trial.chi2 - GAIN else None

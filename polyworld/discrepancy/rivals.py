@@ -1,0 +1,50 @@
+"""What seemed far behind the best on whole runs, and was not elsewhere: a fit that went astray is no evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.mending import begun, searched
+from polyworld.discrepancy.profiled import touchy
+from polyworld.discrepancy.promises import identity
+from polyworld.discrepancy.search import CLOSE, Search
+from polyworld.discrepancy.trial import Trial
+
+SCARCE = 2000.0  # measurements below which all that was offered is fitted beside the best
+MANY = 40  # of these at most
+BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost
+
+
+def fit_rivals(search: Search, effects: int) -> None:
+    """Fit from the best's initial states what windows hardly tell from it, and whole runs seemed to."""
+    best = search.best(effects)
+    if best is None or search.on_windows is None:
+        return
+    alike = [t for t in search.on_windows.trials.values() if len(t.hypothesis.parts) == effects]
+    level = min((t.ebic for t in alike), default=np.inf)
+    asked = [(t.hypothesis, t.values) for t in alike if t.ebic <= level + CLOSE]
+    if search.bench.observations < SCARCE:  # so few data tell little, and slopes at a wrong fit foretell even less
+        others = sorted((lead for _, lead in search.promised.values()), key=lambda lead: lead.chi2)
+        there = {identity(h) for h, _ in asked}
+        named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
+        asked += [(x.hypothesis, x.values) for x in named[:MANY]]
+    for hypothesis, values in asked:
+        known = search.trials.get(identity(hypothesis))
+        # Where bodies collide, every run was looked for in each fit.
+        if known is not None and (touchy(search.bench.design) or known.ebic <= best.ebic + search.settings.credible):
+            continue
+        again = best.bench.fit(hypothesis, values, best.fit.states)
+        if not touchy(search.bench.design):
+            again = searched(again, best.ebic + search.settings.credible)
+        elif not _refused(again, best):
+            starts = [best.fit.states, profile.start_states(search.bench.design)]
+            again = searched(begun(best.bench, hypothesis, values, starts))
+        search.tell("rival", again.figures())
+        search.take(again)
+
+
+def _refused(trial: Trial, best: Trial) -> bool:
+    """Whether most runs say no, which no run that is lost can be blamed for."""
+    worse = np.sort([float(a @ a - b @ b) for a, b in zip(trial.fit.linear.r, best.fit.linear.r, strict=True)])
+    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND
