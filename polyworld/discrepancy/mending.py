@@ -106,7 +106,7 @@ def anew(trial: Trial, hypothesis: Hypothesis) -> Trial:
     parts of the runs; then with the states of whichever fits a run better. Where bodies collide, `begun`."""
     bench = trial.bench
     if touchy(bench.design):
-        return begun(bench, hypothesis, trial.values, [trial.fit.states, profile.start_states(bench.design)])
+        return begun(bench, hypothesis, trial.values, [profile.start_states(bench.design), trial.fit.states])
     states = profile.start_states(bench.design)
     again = bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=ANEW_ITERATIONS)
     again = again if again.fit.converged else bench.refit(again)

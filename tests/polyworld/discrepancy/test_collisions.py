@@ -12,7 +12,7 @@ from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
-from polyworld.discrepancy.mending import IN_DOUBT, anew, mended, searched
+from polyworld.discrepancy.mending import IN_DOUBT, anew, looked_through, mended, searched
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.several_ways import best_way
@@ -74,6 +74,15 @@ def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
     assert searched(lost, doubt=IN_DOUBT).chi2 < right.chi2 + 1.0
     assert searched(lost, right.ebic + 10.0, IN_DOUBT).chi2 < right.chi2 + 1.0
     assert searched(lost, right.ebic - 1000.0, IN_DOUBT).chi2 > right.chi2 + 50.0  # of no interest even so
+
+
+def test_a_run_whose_chi2_is_not_conspicuous_is_blamed_by_the_gate() -> None:
+    _, right = plain(4, 2)
+    lost = bent_run(right, 1, "disc3.velocity.y", 0.2)
+    assert lost.chi2 > right.chi2 + 50.0
+    assert mended(lost) is lost
+    assert searched(lost).chi2 < right.chi2 + 1.0
+    assert looked_through(lost).chi2 < right.chi2 + 1.0
 
 
 def test_a_run_that_diverges_does_not_hold_up_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
