@@ -24,6 +24,7 @@ Bools = NDArray[np.bool_]
 
 MODES = 12
 LINE = 1e-4  # a rhythm in higher modes that noise would show more seldom is none
+TESTS = 3.0  # of which the least p counts: of all, of the lowest modes, of the worst series
 LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
 LEVEL = 0.003  # share of good fits that may fail: a search must not raise one false alarm in a hundred
 LOUD = 9.0  # mean square, in noise variances, beyond which residuals are no noise of that level
@@ -154,7 +155,7 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
     p_worst = min(1.0, found[0].p * len(found))
     slow, left = (float(sum(e for e, _ in lowest)), sum(c for _, c in lowest))
     p_lowest = _tail(slow, left, max(x.lowest_error for x in scale.values()), 0.0) if left else 1.0
-    p = min(1.0, 3.0 * min(p_total, p_lowest, p_worst))
+    p = min(1.0, TESTS * min(p_total, p_lowest, p_worst))
     if _loudest(design, noise, fit) > LOUD:
         p = 0.0  # whatever their course, such residuals are not the noise that the fit was made under
     line = NO_LINE

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.descent import Point
 from polyworld.discrepancy.forward import Forward
-from polyworld.discrepancy.goodness import LEVEL
+from polyworld.discrepancy.goodness import LEVEL, TESTS
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.profiled import ILL, middle, profiled, touchy, way_of
 from polyworld.discrepancy.trial import Bench, Trial
@@ -84,7 +84,7 @@ def _blamed(trial: Trial) -> int | None:
     """The run of the series that fits worst, where that alone would fail the gate: it may be stuck where no chi2 is
     conspicuous."""
     worst = trial.goodness.worst
-    if worst is None or worst.p * len(trial.goodness.series) > LEVEL:
+    if worst is None or TESTS * worst.p * len(trial.goodness.series) > LEVEL:
         return None
     return next(r.index for r in trial.bench.design.runs if r.run.name == worst.run)
 

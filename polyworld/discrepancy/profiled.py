@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.apart import descend_apart
-from polyworld.discrepancy.descent import PRIOR, Point, standard_steps, trial_costs
+from polyworld.discrepancy.descent import Point, standard_steps, trial_costs
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.score import bounded_step
 from polyworld.discrepancy.several_ways import Way, best_way
 from polyworld.discrepancy.trial import Bench, Trial
 
 Array = NDArray[np.float64]
 
+HOPELESS = 10.0  # chi2 per measurement of the better half of the runs beyond which no step is tried
 ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
 STEPS = 4  # of shared values, at most
 ALIKE = 0.5  # standard errors within which two steps are one
@@ -62,20 +64,23 @@ def touchy(design: Design) -> bool:
 def profiled(trial: Trial) -> Trial:
     """The trial, or a better one by steps of the shared values that initial states follow run by run.
 
-    As it is where bodies do not collide, nothing is shared, or not even the better half of the runs is nearly
-    explained: then it is not a run that holds up the others.
+    As it is where bodies do not collide, nothing is shared, or the better half of the runs is far from explained: then
+    it is not a run that holds up the others.
     """
-    if not len(trial.values) or not touchy(trial.bench.design) or middle(trial.misfits) > ILL:
+    if not len(trial.values) or not touchy(trial.bench.design) or middle(trial.misfits) > HOPELESS:
         return trial
+    counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
     searches = SEARCHES
     for _ in range(STEPS):
         before = np.array([float(r @ r) for r in trial.fit.linear.r])
         if not np.all(np.isfinite(before)):
             return trial
-        followed = sorted((_followed(trial, v) for v in _asked_for(trial)), key=lambda f: f.hoped(before, LOST))
+        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, LOST))
         further: Trial | None = None
         for one in followed[:FOLLOWED]:
             lost = one.lost(before)
+            if lost and middle(one.costs / counts) > ILL:
+                continue  # it is the law that fails
             if one.hoped(before) < trial.chi2 - GAIN and len(lost) <= searches:
                 searches -= len(lost)
                 _look_for(trial, one, lost, before)
@@ -101,24 +106,21 @@ def way_of(bench: Bench, hypothesis: Hypothesis, values: Array, run: int, below:
     return found
 
 
-def _asked_for(trial: Trial) -> list[Array]:
+def asked_for(trial: Trial) -> list[Array]:
     """Shared values (S,) that all runs ask for, and that all but one do, where that is something else."""
-    unknowns = trial.hypothesis.unknowns
-    lower, upper = np.array([u.lower for u in unknowns]), np.array([u.upper for u in unknowns])
     slopes, residuals = trial.ground.slopes, trial.fit.linear.r
     own = [a.T @ a for a in slopes]
     pull = [a.T @ r for a, r in zip(slopes, residuals, strict=True)]
-    prior = np.diag([(PRIOR / u.typical) ** 2 for u in unknowns])
-    whole, gradient = sum(own, prior), sum(pull, np.zeros(len(unknowns)))
-    errors = np.sqrt(np.maximum(np.diag(np.linalg.inv(whole)), 0.0))
+    errors = np.maximum(np.sqrt(np.maximum(np.diag(trial.fit.covariance), 0.0)), 1e-300)
 
-    def towards(information: Array, slope: Array) -> Array:
-        step = np.linalg.lstsq(information, slope, rcond=1e-12)[0]
-        clipped: Array = np.clip(trial.values - step, lower, upper)
-        return clipped
+    def towards(left_out: int | None) -> Array:
+        taking_part = [k for k in range(len(own)) if k != left_out]
+        information = sum((own[k] for k in taking_part), np.zeros_like(own[0]))
+        gradient = sum((pull[k] for k in taking_part), np.zeros_like(pull[0]))
+        return trial.values + bounded_step(information, gradient, trial.hypothesis.unknowns, trial.values)
 
-    first = towards(whole, gradient)
-    others = [towards(whole - a, gradient - g) for a, g in zip(own, pull, strict=True)] if len(own) > 1 else []
+    first = towards(None)
+    others = [towards(k) for k in range(len(own))] if len(own) > 1 else []
     others.sort(key=lambda v: -float(np.max(np.abs(v - first) / errors)))
     chosen: list[Array] = []
     for v in (first, *others[:ASKED]):

@@ -29,12 +29,15 @@ def fit_rivals(search: Search, effects: int) -> None:
         there = {identity(h) for h, _ in asked}
         named = [x for x in others if len(x.hypothesis.parts) == effects and identity(x.hypothesis) not in there]
         asked += [(x.hypothesis, x.values) for x in named[:MANY]]
+    coupled = profile.collide(search.bench.design) and not touchy(search.bench.design)
+    horizons = profile.FINE_HORIZONS if coupled else (1.0,)
     for hypothesis, values in asked:
         known = search.trials.get(identity(hypothesis))
-        # Where bodies collide, every run was looked for in each fit.
-        if known is not None and (touchy(search.bench.design) or known.ebic <= best.ebic + search.settings.credible):
+        if known is not None and known.ebic <= best.ebic + search.settings.credible:
             continue
-        again = best.bench.fit(hypothesis, values, best.fit.states)
+        if identity(hypothesis) in search.run_by_run:
+            continue  # every run was looked for
+        again = best.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
         if not touchy(search.bench.design):
             again = searched(again, best.ebic + search.settings.credible)
         elif not _refused(again, best):

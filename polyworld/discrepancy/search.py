@@ -29,7 +29,7 @@ from polyworld.discrepancy.windows import windows
 Array = NDArray[np.float64]
 
 FAR = 3.0  # chi2 per measurement beyond which a fit is no place to start from
-ASTRAY = 1.06  # the same where bodies collide: some runs then lie behind other collisions than those that were
+ASTRAY = 1.06  # the same where bodies collide: slopes foretell little of what comes behind collisions
 FARTHER = 10.0  # the same beyond which windows are short ones
 SHORT, LONG = 4, 2  # windows of a run
 FIRST_ITERATIONS = 4  # of every contender, at each horizon, after which the hopeless are left
@@ -78,7 +78,8 @@ class Search:
 
     ground: the base, fitted. substep [s]: of the world that was given, which the design's may exceed; the best are
     judged with it. on_windows: the search on windows, once it was begun. foretold: least chi2 that the score test on
-    whole runs foretold of each hypothesis, of the effects tried last.
+    whole runs foretold of each hypothesis, of the effects tried last. run_by_run: hypotheses of which every run was
+    looked for by itself.
     """
 
     bench: Bench
@@ -91,6 +92,7 @@ class Search:
     promised: dict[tuple[str, ...], tuple[float, Lead]] = field(default_factory=dict)
     on_windows: WindowSearch | None = None
     foretold: dict[tuple[str, ...], float] = field(default_factory=dict)
+    run_by_run: set[tuple[str, ...]] = field(default_factory=set)
 
     def ranked(self, effects: int | None = None) -> list[Trial]:
         """The best trial of every hypothesis (with so many effects), lowest EBIC first."""
@@ -149,14 +151,14 @@ class Search:
             self.on_windows = on_windows
             self._through_windows(on_windows, parents, most, level)
             best = self.best(effects)
-            unclear = best is None or best.chi2 > EXPLAINED * self.bench.observations
+            unclear = best is None or not self._explains(best, level)
             # An effect with an edge may be at a wrong place, which gets near to the data and not there.
             unclear = unclear or (best is not None and _edged(best.hypothesis.parts[-1]) and not best.passes)
             if unclear and not further and self._longer is not None and self._longer is not on_windows:
                 self.on_windows, cut = self._longer, self._longer.cut
                 self._through_windows(self._longer, parents, most, level)
                 best = self.best(effects)
-            if best is not None and best.chi2 < EXPLAINED * self.bench.observations:
+            if best is not None and self._explains(best, level):
                 return
         found: list[tuple[Trial, Lead]] = []
         for parent in parents:
@@ -283,16 +285,22 @@ class Search:
         hopeless = self.hopeless(len(ranked[0].hypothesis.parts))
         chosen: list[Trial] = []
         for trial in ranked[: window_search.FEW if hopeless else None]:
-            explained = any(t.chi2 < EXPLAINED * self.bench.observations for t in chosen)
+            explained = any(self._explains(t, level) for t in chosen)
             if explained and self._behind(trial, ranked[0]):
                 break
             chosen.append(self._whole(search, trial))
         if not hopeless:
             self.finish(chosen, level)
 
+    def _explains(self, trial: Trial, level: float) -> bool:
+        """Whether a trial explains what fits with chi2 `level` do not: nearly, or where these already do so, as the
+        gate has it."""
+        near = EXPLAINED * self.bench.observations
+        return trial.passes if level < near else trial.chi2 < near
+
     def _behind(self, trial: Trial, leader: Trial) -> bool:
-        """Whether a trial on windows is so far behind the leader there that whole runs need not be asked. Where bodies
-        collide, windows are what can be fitted with care, and whole runs decide between those hardly apart."""
+        """Whether a trial on windows is so far behind the leader there that whole runs need not be asked: where bodies
+        collide, these decide between those hardly apart."""
         if profile.collide(self.bench.design):
             return trial.ebic > leader.ebic + CLOSE
         return trial.chi2 > BEHIND * leader.chi2
@@ -300,16 +308,15 @@ class Search:
     def _whole(self, search: WindowSearch, trial: Trial) -> Trial:
         """The best fit to whole runs of a hypothesis fitted on windows.
 
-        Where bodies collide, a small change makes another motion, and every run finds its states by itself at the
-        windows' shared values first.
+        Where bodies collide, every run finds its states by itself first, at the windows' shared values.
         """
         start = search.cut.start(trial.fit)
         if touchy(self.bench.design):
             starts = [start.states, profile.start_states(self.bench.design)]
             whole = begun(self.bench, trial.hypothesis, start.values, starts)
+            self.run_by_run.add(identity(trial.hypothesis))
         else:
-            collide = profile.collide(self.bench.design)
-            horizons = profile.FINE_HORIZONS if collide else (1.0,)
+            horizons = profile.FINE_HORIZONS if profile.collide(self.bench.design) else (1.0,)
             whole = self.bench.fit(
                 trial.hypothesis, start.values, start.states, horizons=horizons, iterations=FIRST_ITERATIONS
             )
@@ -343,7 +350,10 @@ class Search:
             if promise(lead, self.bench.observations) + choice < ground.ebic - gain
         ]
         chosen = own[: self.settings.contenders]
-        starts = [self.bench.nearest(x.hypothesis, self._options(ground, x)) for x in chosen]
+        if touchy(self.bench.design):
+            starts = [self.bench.nearest(x.hypothesis, self._options(ground, x)) for x in chosen]
+        else:
+            starts = [Start(x.values, ground.fit.states) for x in chosen]
         fits = [self.bench.fit(x.hypothesis, s.values, s.states) for x, s in zip(chosen, starts, strict=True)]
         return sorted((profiled(t) for t in fits), key=lambda t: t.ebic)
 
@@ -444,7 +454,7 @@ class Search:
             self._anew("restart", trial.hypothesis.stepped(self.bench.design.world.time.substep), trial)
 
     def settle(self, effects: int) -> None:
-        """Fit what may be told anew, a little more of each run at a time, where bodies collide or a place has an edge.
+        """Fit what may be told anew, a little more of each run at a time, or where bodies collide, run by run.
 
         A fit can pass the gate in a minimum next to the right one, with values that are several standard errors off;
         and where bodies collide, one that is far behind may only be stuck, unless windows have told.
@@ -459,16 +469,15 @@ class Search:
         doubt = max(self.settings.credible, DOUBT * self.bench.observations if untold else 0.0)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + doubt]
         for trial in near[: self.settings.finalists]:
-            if touchy(self.bench.design):
-                self._bettered("settled", trial, profiled(searched(trial, doubt=IN_DOUBT)))
-            else:
+            if not touchy(self.bench.design):
                 self._anew("settled", trial.hypothesis, trial, IN_DOUBT)
+                continue
+            self._bettered("settled", trial, profiled(searched(trial, doubt=IN_DOUBT)))
         if touchy(self.bench.design):
             self._contest(effects)
 
     def _contest(self, effects: int) -> None:
-        """Where hypotheses are so near to one another that one run which is stuck would decide: look all runs of the
-        best few through."""
+        """Where hypotheses are so near that one run which is stuck would decide: look all runs of the best through."""
         near = [t for t in self.ranked(effects) if t.ebic <= self.ranked(effects)[0].ebic + CLOSE]
         if any(t.chi2 > near[0].chi2 + ALIKE_FIT for t in near):
             for trial in near[:CONTESTED]:

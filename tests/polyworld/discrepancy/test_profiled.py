@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.catalogue import catalogue
-from polyworld.discrepancy.descent import Point
+from polyworld.discrepancy.descent import Linearised, Point
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.mending import begun
 from polyworld.discrepancy.noise import measured_noise
-from polyworld.discrepancy.profiled import profiled
+from polyworld.discrepancy.profiled import asked_for, profiled
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.recording import Recording, Run
@@ -82,7 +82,7 @@ def test_a_touchy_run_does_not_hold_up_the_others() -> None:
 
 def test_what_is_at_rest_stays() -> None:
     right = fitted(3, 3)
-    assert right.chi2 - 2.0 < profiled(right).chi2 <= right.chi2
+    assert profiled(right) is right
 
 
 def test_a_fit_begins_from_a_value_half_of_the_true_one() -> None:
@@ -93,7 +93,7 @@ def test_a_fit_begins_from_a_value_half_of_the_true_one() -> None:
     assert together.chi2 > 9000.0  # a run is behind another collision, and holds the others
     found = begun(bench, law, far, [starts])
     assert found.passes
-    assert found.values[0] == pytest.approx(TRUE, rel=0.02)
+    assert found.values[0] == pytest.approx(TRUE, rel=0.04)
 
 
 def test_runs_fitted_apart_keep_what_they_share() -> None:
@@ -117,3 +117,24 @@ def test_a_world_of_one_run_has_the_values_of_that_run() -> None:
     for run, value in zip(bench.design.recording.runs, values, strict=True):
         (effect,) = own.fitted_world(values, run).effects
         assert effect.parameters["coefficient"] == value
+
+
+def test_a_step_that_a_bound_stops_leaves_the_others_what_is_best_then() -> None:
+    """Half of what is asked of two unknowns that go together lies beyond a bound."""
+    bench, law = colliding(3, 3)
+    trial = fitted(3, 3)
+    (unknown,) = law.parts[0].variant.unknowns
+    two = (replace(unknown, upper=float(trial.values[0])), replace(unknown, name="other", upper=1e9))
+    part = replace(law.parts[0], variant=replace(law.parts[0].variant, unknowns=two))
+    (slope,) = (np.random.default_rng(0).normal(size=50),)
+    beside = 0.9 * slope + 0.4 * np.random.default_rng(1).normal(size=50)
+    a = np.column_stack([slope, beside])
+    r = a @ np.array([-0.5, 0.3])  # the best step is (0.5, -0.3)
+    linear = Linearised((r,), (a,), (np.zeros((50, 0)),))
+    covariance = np.linalg.inv(a.T @ a)
+    values = np.array([trial.values[0], 0.5])
+    made = replace(trial.fit, values=values, linear=linear, covariance=covariance, states=(np.zeros(0),))
+    (asked,) = asked_for(Trial(replace(law, parts=(part,)), made, bench))
+    assert asked[0] == values[0]
+    alone = -(beside @ r) / (beside @ beside)
+    assert asked[1] == pytest.approx(values[1] + alone, rel=1e-3)
