@@ -40,7 +40,7 @@ def mended(trial: Trial) -> Trial:
     schedules = [profile.horizons_for(bench.design)]
     if profile.collide(bench.design) and typical < ILL:
         schedules.append(profile.OTHER_HORIZONS)
-    states, costs = list(trial.fit.states), _costs(trial)
+    states, costs = list(trial.fit.states), trial.costs
     for horizons in schedules:
         chosen = np.flatnonzero(costs > most)
         if len(chosen):
@@ -59,7 +59,7 @@ def searched(trial: Trial, level: float = np.inf, doubt: float = UNLIKELY) -> Tr
     typical = middle(trial.misfits)
     if not touchy(bench.design) or typical >= ILL:
         return trial
-    costs = _costs(trial)
+    costs = trial.costs
     limits = _limits(bench, typical, doubt)
     hoped = np.minimum(costs, _limits(bench, typical, -UNLIKELY))
     if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
@@ -69,7 +69,7 @@ def searched(trial: Trial, level: float = np.inf, doubt: float = UNLIKELY) -> Tr
     asked = set(ill)
     while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
         asked.add(blamed)
-        before, trial = trial, _by_other_ways(trial, {blamed: float(_costs(trial)[blamed]) - WORTH})
+        before, trial = trial, _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - WORTH})
         if trial is before:
             break
     return trial
@@ -92,7 +92,7 @@ def _blamed(trial: Trial) -> int | None:
 def _by_other_ways(trial: Trial, runs: Mapping[int, float]) -> Trial:
     """The trial, with some runs fitted along several ways at its shared values, each until its chi2 is below a level,
     and all of it fitted on where that was of use."""
-    bench, costs, states = trial.bench, _costs(trial), list(trial.fit.states)
+    bench, costs, states = trial.bench, trial.costs, list(trial.fit.states)
     for k, below in runs.items():
         if bench.design.runs[k].count:
             way = way_of(bench, trial.hypothesis, trial.values, k, below)
@@ -118,7 +118,7 @@ def begun(bench: Bench, hypothesis: Hypothesis, values: Array, starts: Sequence[
     initial states, a little more of it at a time, and where it is lost still, along several ways; then all of it."""
     horizons = profile.horizons_for(bench.design)
     together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=ANEW_ITERATIONS)
-    if together.passes and np.all(_costs(together) <= _limits(bench, middle(together.misfits))):
+    if together.passes and np.all(together.costs <= _limits(bench, middle(together.misfits))):
         return profiled(together)
     forward = bench.forward(hypothesis)
     best, costs = list(starts[0]), np.full(len(bench.design.runs), np.inf)
@@ -127,7 +127,7 @@ def begun(bench: Bench, hypothesis: Hypothesis, values: Array, starts: Sequence[
         at, found = profile.fit_apart(forward, bench.noise, at, horizons=horizons, iterations=ANEW_ITERATIONS)
         for k in np.flatnonzero(found < costs):
             best[k], costs[k] = at.states[k], found[k]
-    typical = middle(costs / _counts(bench))
+    typical = middle(costs / bench.counts)
     limits = _limits(bench, typical)
     for k in np.flatnonzero(costs > limits) if typical < ILL else ():
         if bench.design.runs[k].count:
@@ -154,14 +154,9 @@ def _carried_on(trial: Trial, states: list[Array]) -> Trial:
     return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
-def _counts(bench: Bench) -> Array:
-    """Measurements (R,) of each run, at least 1."""
-    return np.array([max(int(kept.sum()), 1) for kept in bench.noise.kept])
-
-
 def _limits(bench: Bench, typical: float, doubt: float = UNLIKELY) -> Array:
     """chi2 (R,) beyond which runs may be lost, where the worst of the better half has `typical` per measurement."""
-    counts = _counts(bench)
+    counts = bench.counts
     if typical < ILL:
         above = doubt * np.sqrt(2.0 / counts)
         if not profile.collide(bench.design):
@@ -170,11 +165,6 @@ def _limits(bench: Bench, typical: float, doubt: float = UNLIKELY) -> Array:
         return unlikely
     worse: Array = max(ILL, WORSE * typical) * counts
     return worse
-
-
-def _costs(trial: Trial) -> Array:
-    """chi2 (R,) of each run."""
-    return np.array([float(r @ r) for r in trial.fit.linear.r])
 
 
 def _alone(

@@ -69,17 +69,16 @@ def profiled(trial: Trial) -> Trial:
     """
     if not len(trial.values) or not touchy(trial.bench.design) or middle(trial.misfits) > HOPELESS:
         return trial
-    counts = np.array([max(int(kept.sum()), 1) for kept in trial.bench.noise.kept])
     searches = SEARCHES
     for _ in range(STEPS):
-        before = np.array([float(r @ r) for r in trial.fit.linear.r])
+        before = trial.costs
         if not np.all(np.isfinite(before)):
             return trial
         followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, LOST))
         further: Trial | None = None
         for one in followed[:FOLLOWED]:
             lost = one.lost(before)
-            if lost and middle(one.costs / counts) > ILL:
+            if lost and middle(one.costs / trial.bench.counts) > ILL:
                 continue  # it is the law that fails
             if one.hoped(before) < trial.chi2 - GAIN and len(lost) <= searches:
                 searches -= len(lost)

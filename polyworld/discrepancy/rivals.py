@@ -49,5 +49,5 @@ def fit_rivals(search: Search, effects: int) -> None:
 
 def _refused(trial: Trial, best: Trial) -> bool:
     """Whether most runs say no, which no run that is lost can be blamed for."""
-    worse = np.sort([float(a @ a - b @ b) for a, b in zip(trial.fit.linear.r, best.fit.linear.r, strict=True)])
+    worse = np.sort(trial.costs - best.costs)
     return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND

@@ -83,8 +83,12 @@ class Trial:
     @property
     def misfits(self) -> Array:
         """chi2 per measurement (R,) of each run, infinite where its rollout diverges."""
-        counts = [max(int(kept.sum()), 1) for kept in self.bench.noise.kept]
-        return np.array([float(r @ r) / count for r, count in zip(self.fit.linear.r, counts, strict=True)])
+        return self.costs / self.bench.counts
+
+    @property
+    def costs(self) -> Array:
+        """chi2 (R,) of each run, infinite where its rollout diverges."""
+        return np.array([float(r @ r) for r in self.fit.linear.r])
 
     def figures(self) -> dict[str, Any]:
         """What is told of a fit as a search goes on, JSON-ready."""
@@ -148,6 +152,11 @@ class Bench:
     def observations(self) -> float:
         """Number of independent measurements."""
         return float(self.noise.count)
+
+    @property
+    def counts(self) -> Array:
+        """Measurements (R,) of each run, at least 1."""
+        return np.array([max(float(kept.sum()), 1.0) for kept in self.noise.kept])
 
     @property
     def rollouts(self) -> int:

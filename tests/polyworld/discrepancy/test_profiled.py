@@ -120,13 +120,13 @@ def test_a_world_of_one_run_has_the_values_of_that_run() -> None:
 
 
 def test_a_step_that_a_bound_stops_leaves_the_others_what_is_best_then() -> None:
-    """Half of what is asked of two unknowns that go together lies beyond a bound."""
+    """Two unknowns go together; the step that both ask for leaves the bound of one."""
     bench, law = colliding(3, 3)
     trial = fitted(3, 3)
     (unknown,) = law.parts[0].variant.unknowns
     two = (replace(unknown, upper=float(trial.values[0])), replace(unknown, name="other", upper=1e9))
     part = replace(law.parts[0], variant=replace(law.parts[0].variant, unknowns=two))
-    (slope,) = (np.random.default_rng(0).normal(size=50),)
+    slope = np.random.default_rng(0).normal(size=50)
     beside = 0.9 * slope + 0.4 * np.random.default_rng(1).normal(size=50)
     a = np.column_stack([slope, beside])
     r = a @ np.array([-0.5, 0.3])  # the best step is (0.5, -0.3)
