@@ -127,12 +127,19 @@ def plane_axes(plane: MotionPlane) -> Array:
     For a normal along +z these are the world axes; for a vertical plane y is up, as seen by a viewer whom
     the normal points at.
     """
-    n = np.asarray(plane.normal, dtype=float)
+    return _axes_across(tuple(plane.normal))
+
+
+@lru_cache(maxsize=256)
+def _axes_across(normal: tuple[float, ...]) -> Array:
+    n = np.asarray(normal, dtype=float)
     n = n / np.linalg.norm(n)
     up = np.array([0.0, 0.0, 1.0]) if abs(n[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
     y = up - (up @ n) * n
     y /= np.linalg.norm(y)
-    return np.stack([np.cross(y, n), y, n])
+    axes = np.stack([np.cross(y, n), y, n])
+    axes.setflags(write=False)  # all who ask share them
+    return axes
 
 
 def quaternion_matrix(q: Array) -> Array:

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design, RunDesign, owner
+from polyworld.discrepancy.in_plane import InPlane
 from polyworld.discrepancy.turns import counted_angles, counted_vectors
 from polyworld.meshing import mesh_of
 from polyworld.observer import clock_ratio, observe, sampling_times
 from polyworld.parameters import parameter_paths, read_parameter
 from polyworld.readouts.material_points import MaterialPoints, material_points
 from polyworld.rollout import Simulator, simulator
+from polyworld.solver.planar import PlanarSimulator
+from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.symmetry import rotation_vector, smallest_rotation, turn_about
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
@@ -111,6 +114,7 @@ class _Group:
         self.times = design.runs[key].times
         self.observer = world.observer
         self._simulators: dict[tuple[int, bytes], Simulator] = {}
+        self._in_plane = InPlane()
         self._markers: dict[tuple[int, str], MaterialPoints] = {}
         self._paths = frozenset(parameter_paths(world))
         self._described: dict[str, float] = {}
@@ -125,8 +129,9 @@ class _Group:
 
     def run(
         self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], horizon: float
-    ) -> tuple[BatchTrajectory, dict[str, Array]]:
-        """Roll out all settings as one batch; also the observer's parameters of each world."""
+    ) -> tuple[BatchTrajectory | PlaneMotion, dict[str, Array]]:
+        """Roll out all settings as one batch, in the plane itself where that is enough; also the observer's parameters
+        of each world."""
         count = sum(len(s.shared) for s in settings)
         shared = np.concatenate([s.shared for s in settings])
         values = {path: shared[:, i].copy() for i, u in enumerate(unknowns) for path in u.paths if u.run is None}
@@ -148,12 +153,21 @@ class _Group:
             if len(self._simulators) >= 4:  # sizes come and go; the newest are those that come again
                 self._simulators.pop(next(iter(self._simulators)))
             self._simulators[key] = simulator(self.world, instants, n_worlds=count)
-        return self._simulators[key].run(overrides or None, samples=samples), observer
+        chosen = self._simulators[key]
+        if self.observer is None and isinstance(chosen, PlanarSimulator):
+            return chosen.roll(overrides or None, samples=samples), observer
+        return chosen.run(overrides or None, samples=samples), observer
 
     def compare(
-        self, designs: Sequence[RunDesign], batch: BatchTrajectory, observer: dict[str, Array], worlds: Ints
+        self,
+        designs: Sequence[RunDesign],
+        batch: BatchTrajectory | PlaneMotion,
+        observer: dict[str, Array],
+        worlds: Ints,
     ) -> Array:
         """Residuals (R, k, m) of R k worlds of a batch against R runs of the same layout, k worlds each."""
+        if isinstance(batch, PlaneMotion):
+            return self._in_plane.compare(designs, batch, worlds)
         design = designs[0]
         names = design.run.names
         positions, velocities = self._motion(designs, batch, worlds)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,12 @@ from polyworld.parameters import (
     specification,
     torsional_radius,
 )
-from polyworld.representations.joint import Joint, Spring
+from polyworld.representations.joint import Spring
 from polyworld.solver.spatial.joint_layout import NEVER
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 OWN = -1.0  # marks a static or plane coefficient that is left to the touching object
 
@@ -130,86 +132,128 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         ).reshape(len(effects), len(objects)),
         effect_programs=programs,
     )
-    return with_overrides(world, arrays, overrides) if overrides else arrays
+    return Overriding(world, arrays).arrays(overrides) if overrides else arrays
 
 
-def with_overrides(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) -> RigidArrays:
-    """A copy of a world's arrays with some parameters given per world; raises as `rigid_arrays` does."""
-    arrays = replace(arrays, **{name: field.copy() for name, field in vars(arrays).items()})
-    _apply(world, arrays, overrides)
-    return arrays
+class Overriding:
+    """Arrays of variants of one world: where each parameter goes in them is looked up once, not for every batch."""
 
+    def __init__(self, world: World, own: RigidArrays | None = None) -> None:
+        self.own = own if own is not None else rigid_arrays(world)
+        self._world = world
+        self._known = parameter_paths(world)
+        self._places: dict[tuple[str, ...], _Places] = {}
 
-def _apply(world: World, arrays: RigidArrays, overrides: Mapping[str, Array]) -> None:
-    lengths = {path: np.shape(v) for path, v in overrides.items()}
-    if len(set(lengths.values())) > 1 or any(len(s) != 1 for s in lengths.values()):
-        raise ValueError(f"overrides must be one-dimensional and of equal length, got {lengths}")
-    rows = next(iter(lengths.values()))[0]
-    columns = {o.name: i for i, o in enumerate(world.objects)}
-    static_columns = {s.name: i for i, s in enumerate(world.statics)}
-    effect_columns = {e.name: i for i, e in enumerate(e for e in world.effects if e.enabled)}
-    joint_columns = {j.name: i for i, j in enumerate(world.joints)}
-    effects = {e.name: e for e in world.effects}
-    known = parameter_paths(world)
-    turns: dict[str, Array] = {}
-    for path, given in overrides.items():
-        values = np.asarray(given, dtype=float)
-        spec = known.get(path) or specification(world, path)  # the latter raises, naming the choices
-        check_differs_per_world(world, path)
-        if not (np.all(np.isfinite(values)) and values.min() >= spec.lower and values.max() <= spec.upper):
+    def arrays(self, overrides: Mapping[str, Array]) -> RigidArrays:
+        """The world's arrays with some parameters given per world; fields that nothing changes are the world's own.
+
+        Raises as `rigid_arrays` does.
+        """
+        lengths = {path: np.shape(v) for path, v in overrides.items()}
+        if len(set(lengths.values())) > 1 or any(len(s) != 1 for s in lengths.values()):
+            raise ValueError(f"overrides must be one-dimensional and of equal length, got {lengths}")
+        paths = tuple(overrides)
+        if paths not in self._places:
+            self._places[paths] = self._looked_up(paths)
+        places = self._places[paths]
+        values = np.array([overrides[path] for path in paths], dtype=float)
+        inside = (values >= places.lower[:, None]) & (values <= places.upper[:, None]) & np.isfinite(values)
+        if not inside.all():
+            path = paths[int(np.argmin(inside.all(axis=1)))]
+            spec = self._known[path]
             raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
-        parts = path.split(".")
-        if parts[0] in ("objects", "statics") and parts[2] == "rotation":
-            turns.setdefault(parts[1], np.zeros((rows, 3)))[:, "xyz".index(parts[3])] = values
-        elif parts[0] == "objects" and len(parts) == 4:
-            _widen(arrays, parts[2], rows)[:, columns[parts[1]], "xyz".index(parts[3])] = values
-        elif parts[0] == "objects":
-            _widen(arrays, parts[2], rows)[:, columns[parts[1]]] = values
-        elif parts[0] == "statics" and len(parts) == 4:
-            _widen(arrays, "static_position", rows)[:, static_columns[parts[1]], "xyz".index(parts[3])] = values
-        elif parts[0] == "statics":
-            _widen(arrays, f"static_{parts[2]}", rows)[:, static_columns[parts[1]]] = values
-        elif parts[0] == "environment" and parts[1] == "gravity":
-            _widen(arrays, "gravity", rows)[:, "xyz".index(parts[2])] = values
-        elif parts[0] == "environment":
-            _widen(arrays, "plane_friction", rows)[:, 0] = values
-        elif parts[0] == "joints":
-            _apply_joint(arrays, world.joints[joint_columns[parts[1]]], parts[2:], joint_columns[parts[1]], values)
-        elif parts[0] == "effects":
-            if parts[1] in effect_columns:  # a disabled effect has no column: its parameters act on nothing
-                slot = list(law_of(effects[parts[1]]).parameters).index(parts[2])
-                _widen(arrays, "effect_parameters", rows)[:, effect_columns[parts[1]], slot] = values
-        elif path == "time.origin":
-            arrays.time_origin = values[:, None]
-        else:
-            arrays.time_scale = (values / world.time.seconds_per_frame)[:, None]
-    for name, vectors in turns.items():
-        is_static = name in static_columns  # names of objects and statics differ
-        orientation = _widen(arrays, "static_orientation" if is_static else "orientation", rows)
-        column = static_columns[name] if is_static else columns[name]
-        turn = geometry.rotation_quaternion(vectors)
-        orientation[:, column] = geometry.quaternion_product(turn, orientation[:, column])
+        values /= places.unit[:, None]
+        rows = values.shape[1]
+        changed: dict[str, Array] = {}
+        for name, (which, where) in places.written.items():
+            changed[name] = np.repeat(getattr(self.own, name), rows, axis=0)
+            changed[name][:, *where] = values[which].T
+        for name, (which, bodies, axes) in places.turned.items():
+            columns, own = np.unique(bodies, return_inverse=True)
+            vectors = np.zeros((rows, len(columns), 3))
+            vectors[:, own, axes] = values[which].T
+            changed[name] = np.repeat(getattr(self.own, name), rows, axis=0)
+            turn = geometry.rotation_quaternion(vectors)
+            changed[name][:, columns] = geometry.quaternion_product(turn, changed[name][:, columns])
+        return replace(self.own, **changed)
+
+    def _looked_up(self, paths: tuple[str, ...]) -> _Places:
+        specs, unit = [], np.ones(len(paths))
+        written: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
+        turned: dict[str, list[tuple[int, int, int]]] = {}
+        for i, path in enumerate(paths):
+            specs.append(self._known.get(path) or specification(self._world, path))  # the latter raises, with choices
+            check_differs_per_world(self._world, path)
+            parts = path.split(".")
+            if parts[0] in ("objects", "statics") and parts[2] == "rotation":
+                field = "orientation" if parts[0] == "objects" else "static_orientation"
+                turned.setdefault(field, []).append((i, self._column(parts), "xyz".index(parts[3])))
+                continue
+            if path == "time.seconds_per_frame":
+                unit[i] = self._world.time.seconds_per_frame
+            for field, where in self._fields(path, parts):
+                written.setdefault(field, []).append((i, where))
+        return _Places(
+            lower=np.array([s.lower for s in specs]),
+            upper=np.array([s.upper for s in specs]),
+            unit=unit,
+            written={
+                field: (np.array([i for i, _ in found]), tuple(np.array([w for _, w in found]).T))
+                for field, found in written.items()
+            },
+            turned={field: tuple(np.array(found).T) for field, found in turned.items()},
+        )
+
+    def _fields(self, path: str, parts: list[str]) -> list[tuple[str, tuple[int, ...]]]:
+        """Fields that a parameter is written to, and where, behind the axis of worlds."""
+        if path == "time.origin":
+            return [("time_origin", (0,))]
+        if path == "time.seconds_per_frame":
+            return [("time_scale", (0,))]
+        if parts[0] == "environment":
+            is_gravity = parts[1] == "gravity"
+            return [("gravity", ("xyz".index(parts[2]),)) if is_gravity else ("plane_friction", (0,))]
+        column = self._column(parts)
+        if parts[0] == "effects":
+            effect = next(e for e in self._world.effects if e.name == parts[1])
+            if not effect.enabled:  # its parameters act on nothing
+                return []
+            return [("effect_parameters", (column, list(law_of(effect).parameters).index(parts[2])))]
+        prefix = {"objects": "", "statics": "static_", "joints": "joint_"}[parts[0]]
+        if parts[2] == "motor":
+            return [(f"motor_{parts[3]}", (column,))]
+        if len(parts) == 3:
+            return [(f"{prefix}{parts[2]}", (column,))]
+        where = (column, "xyz".index(parts[3]))
+        fields = [(f"{prefix}{parts[2]}", where)]
+        if parts[0] == "joints" and not isinstance(self._world.joints[column], Spring):  # one point for both ends
+            fields.append(("joint_other_anchor", where))
+        return fields
+
+    def _column(self, parts: list[str]) -> int:
+        """Where the arrays have the part of the world that a path names; -1 of an effect that is switched off."""
+        named: dict[str, Sequence[Any]] = {
+            "objects": self._world.objects,
+            "statics": self._world.statics,
+            "joints": self._world.joints,
+            "effects": [e for e in self._world.effects if e.enabled],
+        }
+        return next((i for i, part in enumerate(named[parts[0]]) if part.name == parts[1]), -1)
 
 
-def _apply_joint(arrays: RigidArrays, joint: Joint, field: list[str], column: int, values: Array) -> None:
-    rows = len(values)
-    if field[0] == "motor":
-        _widen(arrays, f"motor_{field[1]}", rows)[:, column] = values
-    elif len(field) == 1:
-        _widen(arrays, f"joint_{field[0]}", rows)[:, column] = values
-    else:
-        axis = "xyz".index(field[1])
-        _widen(arrays, f"joint_{field[0]}", rows)[:, column, axis] = values
-        if not isinstance(joint, Spring):  # one point for both ends
-            _widen(arrays, "joint_other_anchor", rows)[:, column, axis] = values
+@dataclass(frozen=True)
+class _Places:
+    """Where P parameters go.
 
+    lower, upper, unit (P,): bounds, and what values are divided by. written: field -> which parameters (m,), and their
+    indices behind the axis of worlds; turned: field -> which parameters (m,), bodies (m,) and axes (m,).
+    """
 
-def _widen(arrays: RigidArrays, name: str, rows: int) -> Array:
-    field: Array = getattr(arrays, name)
-    if field.shape[0] != rows:
-        field = np.repeat(field, rows, axis=0)
-        setattr(arrays, name, field)
-    return field
+    lower: Array
+    upper: Array
+    unit: Array
+    written: Mapping[str, tuple[Ints, tuple[Ints, ...]]]
+    turned: Mapping[str, tuple[Ints, ...]]
 
 
 def _effect_parameters(world: World) -> Array:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
-from polyworld.solver.arrays import RigidArrays, rigid_arrays, with_overrides
+from polyworld.solver.arrays import Overriding, RigidArrays
 from polyworld.solver.passing import passed
 from polyworld.solver.planar.kernel import rollout
+from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples, Scene, Whereabouts
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import static_poses, turn_in_plane
@@ -83,7 +84,7 @@ class PlanarSimulator:
         self.sample_times = sample_times
         self.record_events = record_events
         self.threads = threads or available_cores()
-        self._arrays = rigid_arrays(world)
+        self._overriding = Overriding(world)
         self._table = time_table(world, sample_times)
         self._scene, self._all_names, self._static_poses = build_scene(world, self._table)
         self._axes = geometry.plane_axes(world.environment.motion_plane)
@@ -96,22 +97,27 @@ class PlanarSimulator:
                 for r, s in zip(rotations, solids, strict=True)
             ]
         )
+        self._described = np.array([o.orientation for o in world.objects]).reshape(1, -1, 4)
         self._joints = build_joints(world)
         self._allocate()
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
         """Roll all variants out from their initial state, to the first `samples` sample times."""
+        return self._told(self.roll(overrides, samples=samples))
+
+    def roll(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> PlaneMotion:
+        """As `run`, in the plane: views of buffers that the next run writes to."""
         count = len(self.sample_times) if samples is None else samples
         if not 1 <= count <= len(self.sample_times):
             raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
-        arrays = with_overrides(self.world, self._arrays, overrides) if overrides else self._arrays
+        arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
         lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
         if lengths and lengths != {self.n_worlds}:
             raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
         self._write(arrays)
         segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
         self._launch(segments)
-        return self._read(count)
+        return self._rolled(count)
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
@@ -157,6 +163,7 @@ class PlanarSimulator:
         samples.diverged_time = _zeros((w,), wp.float64)
         samples.crowded = _zeros((w,), wp.int32)
         self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
+        self._of_bodies, self._of_joints, self._of_log, self._of_samples = map(_Views, (bodies, joints, log, samples))
         self._where = Whereabouts()
         self._where.scene = passed(self._scene, Scene)
         self._where.bodies = passed(bodies, Bodies)
@@ -164,63 +171,62 @@ class PlanarSimulator:
 
     def _write(self, arrays: RigidArrays) -> None:
         """Fill the device arrays in place."""
-        b, axes = self._bodies, self._axes
+        b, axes = self._of_bodies, self._axes
         flat, normal = axes[:2], axes[2]
-        base = np.array([o.orientation for o in self.world.objects]).reshape(1, -1, 4)
-        angle = turn_in_plane(arrays.orientation, base, normal, "objects")
-        pose, rate = _view(b.pose), _view(b.rate)
+        angle = turn_in_plane(arrays.orientation, self._described, normal, "objects")
+        pose, rate = b.pose, b.rate
         pose[..., :2] = arrays.position @ flat.T
         pose[..., 2] = angle
         rate[..., :2] = arrays.velocity @ flat.T
         rate[..., 2] = arrays.angular_velocity @ normal
-        _view(b.height)[:] = arrays.position @ normal
-        _view(b.static_pose)[:] = static_poses(self.world, arrays, self._static_poses)
-        _view(b.mass)[:] = arrays.mass
-        _view(b.inverse_mass)[:] = 1.0 / arrays.mass
-        _view(b.inverse_inertia)[:] = 1.0 / (arrays.mass * self._gyration)
+        b.height[:] = arrays.position @ normal
+        b.static_pose[:] = static_poses(self.world, arrays, self._static_poses)
+        b.mass[:] = arrays.mass
+        b.inverse_mass[:] = 1.0 / arrays.mass
+        b.inverse_inertia[:] = 1.0 / (arrays.mass * self._gyration)
         plane = self.world.environment.motion_plane
         load = np.maximum(0.0, -(arrays.gravity @ normal))[:, None] if plane.supports else np.zeros((1, 1))
         own = arrays.plane_friction < 0
         support = np.where(own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction))
-        _view(b.support)[:] = support
-        _view(b.hold)[:] = load * support
-        _view(b.patch)[:] = arrays.torsional_radius
-        _view(b.linear_damping)[:] = arrays.linear_damping
-        _view(b.angular_damping)[:] = arrays.angular_damping
-        _view(b.rolling)[:] = arrays.rolling_resistance
+        b.support[:] = support
+        b.hold[:] = load * support
+        b.patch[:] = arrays.torsional_radius
+        b.linear_damping[:] = arrays.linear_damping
+        b.angular_damping[:] = arrays.angular_damping
+        b.rolling[:] = arrays.rolling_resistance
         n = self._scene.bodies
-        _view(b.friction)[:, :n] = arrays.friction
-        _view(b.friction)[:, n:] = arrays.static_friction
-        _view(b.restitution)[:, :n] = arrays.restitution
-        _view(b.restitution)[:, n:] = arrays.static_restitution
-        _view(b.gravity)[:] = arrays.gravity @ axes.T
-        _view(b.time_scale)[:] = arrays.time_scale[:, 0]
-        _view(b.time_origin)[:] = arrays.time_origin[:, 0]
-        _view(b.effect_parameters)[:] = arrays.effect_parameters
-        _view(b.decay_step)[:] = -1.0
-        _view(b.reaction)[:] = 0.0
-        _view(b.touching)[:] = 0
+        b.friction[:, :n] = arrays.friction
+        b.friction[:, n:] = arrays.static_friction
+        b.restitution[:, :n] = arrays.restitution
+        b.restitution[:, n:] = arrays.static_restitution
+        b.gravity[:] = arrays.gravity @ axes.T
+        b.time_scale[:] = arrays.time_scale[:, 0]
+        b.time_origin[:] = arrays.time_origin[:, 0]
+        b.effect_parameters[:] = arrays.effect_parameters
+        b.decay_step[:] = -1.0
+        b.reaction[:] = 0.0
+        b.touching[:] = 0
         self._write_joints(arrays)
-        _view(self._log.open)[:] = -1
-        _view(self._log.count)[:] = 0
-        out = self._samples
-        _view(out.pose)[:] = np.nan
-        _view(out.rate)[:] = np.nan
-        _view(out.diverged_object)[:] = -1
-        _view(out.diverged_time)[:] = np.nan
-        _view(out.crowded)[:] = 0
+        self._of_log.open[:] = -1
+        self._of_log.count[:] = 0
+        out = self._of_samples
+        out.pose[:] = np.nan
+        out.rate[:] = np.nan
+        out.diverged_object[:] = -1
+        out.diverged_time[:] = np.nan
+        out.crowded[:] = 0
 
     def _write_joints(self, arrays: RigidArrays) -> None:
         """Where each hinge's pivot lies in its bodies' own axes, at the poses the run starts from."""
-        body, anchor, pose = _view(self._joints.body), _view(self._joints.anchor), _view(self._bodies.pose)
+        body, anchor, pose = self._of_joints.body, self._of_joints.anchor, self._of_bodies.pose
         anchor[:] = arrays.joint_anchor @ self._axes[:2].T
-        arm = _view(self._joints.arm)
+        arm = self._of_joints.arm
         for j, e in np.argwhere(body >= 0):
             x, y = (anchor[:, j] - pose[:, body[j, e], :2]).T
             angle = pose[:, body[j, e], 2]
             arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
-        _view(self._joints.impulse)[:] = 0.0
+        self._of_joints.impulse[:] = 0.0
 
     def _launch(self, segments: int) -> None:
         if self._scene.bodies == 0:
@@ -250,55 +256,63 @@ class PlanarSimulator:
         rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
         spread(piece, pieces, self.threads)
 
-    def _read(self, count: int) -> BatchTrajectory:
-        out, axes = self._samples, self._axes
-        crowded = _view(out.crowded)
-        if crowded.any():
+    def _rolled(self, count: int) -> PlaneMotion:
+        out = self._of_samples
+        if out.crowded.any():
             raise RuntimeError(
-                f"{int(crowded.max())} contact points found no room: the objects overlap too much at the start"
+                f"{int(out.crowded.max())} contact points found no room: the objects overlap too much at the start"
             )
-        pose, rate = _view(out.pose)[:, :count], _view(out.rate)[:, :count]
-        height = _view(self._bodies.height)[:, None, :, None]
+        return PlaneMotion(
+            names=self.names,
+            axes=self._axes,
+            times=self.sample_times[None, :count] * self._of_bodies.time_scale[:, None],
+            pose=out.pose[:, :count],
+            rate=out.rate[:, :count],
+            height=self._of_bodies.height,
+            described=self._described,
+            diverged=out.diverged_object >= 0,
+        )
+
+    def _told(self, motion: PlaneMotion) -> BatchTrajectory:
+        out, axes, pose, rate = self._of_samples, self._axes, motion.pose, motion.rate
+        count = pose.shape[1]
         turn = np.zeros((*pose.shape[:3], 4))
         turn[..., 0] = np.cos(pose[..., 2] / 2)
         turn[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
-        # The angle counts from the world's own orientation, an override's turn included.
-        base = np.array([o.orientation for o in self.world.objects]).reshape(1, 1, -1, 4)
         starts = np.array([o.start_time for o in self.world.objects])
-        diverged = _view(out.diverged_object) >= 0
-        times = self.sample_times[None, :count] * _view(self._bodies.time_scale)[:, None]
         # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
-        ends = np.where(diverged, _view(out.diverged_time) - 2.0 * self.world.time.substep, times[:, -1])
+        ends = np.where(motion.diverged, out.diverged_time - 2.0 * self.world.time.substep, motion.times[:, -1])
         return BatchTrajectory(
             names=self.names,
-            times=times,
-            positions=pose[..., :2] @ axes[:2] + height * axes[2],
-            orientations=geometry.quaternion_product(turn, np.broadcast_to(base, turn.shape)),
+            times=motion.times,
+            positions=pose[..., :2] @ axes[:2] + motion.height[:, None, :, None] * axes[2],
+            # The angle counts from the world's own orientation, an override's turn included.
+            orientations=geometry.quaternion_product(turn, np.broadcast_to(self._described[:, None], turn.shape)),
             velocities=rate[..., :2] @ axes[:2],
             angular_velocities=rate[..., 2:] * axes[2],
             active=self.sample_times[:count, None] >= starts[None, :],
-            diverged=diverged,
-            diverged_time=_view(out.diverged_time).copy(),
-            diverged_object=_view(out.diverged_object).astype(np.int64),
+            diverged=motion.diverged,
+            diverged_time=out.diverged_time.copy(),
+            diverged_object=out.diverged_object.astype(np.int64),
             events=tuple(self._events(w, float(ends[w])) for w in range(self.n_worlds)),
         )
 
     def _events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contact events of one world in order of time."""
-        log = self._log
+        log = self._of_log
         if not self.record_events:
             return ()
-        count = int(_view(log.count)[w])
+        count = int(log.count[w])
         if count > EPISODES:
             raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
-        pairs, points = _view(log.pair)[w], _view(log.point)[w]
-        begin, last = _view(log.begin)[w], _view(log.last)[w]
-        first, total, speed = (_view(getattr(log, k))[w] for k in ("first_impulse", "impulse", "speed"))
+        pairs, points = log.pair[w], log.point[w]
+        begin, last = log.begin[w], log.last[w]
+        first, total, speed = (getattr(log, k)[w] for k in ("first_impulse", "impulse", "speed"))
         events = []
         for k in range(count):
             a, b = int(pairs[k][0]), int(pairs[k][1])
             names = tuple(sorted((self._all_names[a], self._all_names[b])))
-            spot = points[k] @ self._axes[:2] + _view(self._bodies.height)[w, a] * self._axes[2]
+            spot = points[k] @ self._axes[:2] + self._of_bodies.height[w, a] * self._axes[2]
             position = (float(spot[0]), float(spot[1]), float(spot[2]))
             events.append(Event("contact_begin", float(begin[k]), names, position, float(first[k]), float(speed[k])))
             if last[k] < end:
@@ -313,3 +327,15 @@ def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
 def _view(array: Any) -> Any:
     """The memory of a Warp array on the CPU as a NumPy array."""
     return array.numpy()
+
+
+class _Views:
+    """The memory of a record's Warp arrays on the CPU as NumPy arrays, each looked up once."""
+
+    def __init__(self, record: Any) -> None:
+        self._record = record
+
+    def __getattr__(self, name: str) -> Any:
+        view = _view(getattr(self._record, name))
+        setattr(self, name, view)
+        return view

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.arrays import Overriding, RigidArrays
 from polyworld.solver.passing import passed
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
@@ -62,6 +62,7 @@ class SpatialSimulator:
         # More launches than threads, so that a thread whose worlds are quick takes over from one whose are not.
         self._pieces = min(n_worlds, 1 if self.threads == 1 else 4 * self.threads)
         self._parameters = ParameterBuffers(world)
+        self._overriding = Overriding(world)
         self._state: Any
         self._joints: Joints
         self._samples: Any
@@ -76,7 +77,7 @@ class SpatialSimulator:
         lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
         if lengths - {self.n_worlds}:
             raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
-        arrays = rigid_arrays(self.world, overrides)
+        arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
         self._write(arrays)
         self._launch(int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1)
         return self._read(arrays, count)
