@@ -29,6 +29,7 @@ from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.simpler import put_simpler
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
+from polyworld.discrepancy.twins import fit_twins
 from polyworld.discrepancy.unexplained import MAX_TERMS, Near, ResidualForce
 from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
 from polyworld.recording import Recording
@@ -243,7 +244,7 @@ def _searched(
         fit_rivals(search, effects)
         search.settle(effects)
         search.beyond(effects)
-        search.twins(effects)
+        fit_twins(search, effects)
         put_simpler(search, effects)
         search.finely(effects)
         search.settled(effects)

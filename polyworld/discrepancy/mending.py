@@ -113,12 +113,25 @@ def anew(trial: Trial, hypothesis: Hypothesis) -> Trial:
     return min([again, _crossed(again, trial)], key=lambda t: t.chi2)
 
 
-def begun(bench: Bench, hypothesis: Hypothesis, values: Array, starts: Sequence[Sequence[Array]]) -> Trial:
+def begun(
+    bench: Bench,
+    hypothesis: Hypothesis,
+    values: Array,
+    starts: Sequence[Sequence[Array]],
+    known: Sequence[Array] | None = None,
+) -> Trial:
     """A hypothesis fitted from shared values that are about right: every run by itself for these, from each of some
-    initial states, a little more of it at a time, and where it is lost still, along several ways; then all of it."""
+    initial states, a little more of it at a time, and where it is lost still, along several ways; then all of it.
+
+    known: initial states with which a law like it fits; where it passes the gate from there, that is all.
+    """
+    if known is not None:
+        like = bench.fit(hypothesis, values, known)
+        if like.passes and not np.any(_lost(like)):
+            return profiled(like)
     horizons = profile.horizons_for(bench.design)
     together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=ANEW_ITERATIONS)
-    if together.passes and np.all(together.costs <= _limits(bench, middle(together.misfits))):
+    if together.passes and not np.any(_lost(together)):
         return profiled(together)
     forward = bench.forward(hypothesis)
     best, costs = list(starts[0]), np.full(len(bench.design.runs), np.inf)
@@ -135,6 +148,11 @@ def begun(bench: Bench, hypothesis: Hypothesis, values: Array, starts: Sequence[
             if way.chi2 < costs[k]:
                 best[k] = way.state
     return profiled(bench.fit(hypothesis, values, best))
+
+
+def _lost(trial: Trial) -> NDArray[np.bool_]:
+    """Runs (R,) that fit much worse than the better half."""
+    return trial.costs > _limits(trial.bench, middle(trial.misfits))
 
 
 def _crossed(one: Trial, other: Trial) -> Trial:

@@ -50,7 +50,6 @@ MARGIN = 100.0  # chi2 above the leader's at which a fit is still of interest
 CONTESTED = 3  # that are fitted with all care where they are near to one another
 DOUBT = 0.25  # chi2 per measurement behind the best, within which a fit may only be stuck before a collision
 GREATER = (1.1, 2.0)  # times a friction, from where it is fitted again
-ALIKE = 0.01  # of the gain promised, within which two effects may be names for the same motion
 ALIKE_FIT = 1.0  # chi2 within which their fits then are as good
 
 
@@ -283,6 +282,9 @@ class Search:
         if not ranked:
             return
         hopeless = self.hopeless(len(ranked[0].hypothesis.parts))
+        others = self._longer is not None and self._longer is not search and not parents[0].hypothesis.parts
+        if hopeless and others and touchy(self.bench.design):
+            return  # longer windows tell more of what is so far off, and whole runs cost more
         chosen: list[Trial] = []
         for trial in ranked[: window_search.FEW if hopeless else None]:
             explained = any(self._explains(t, level) for t in chosen)
@@ -313,7 +315,10 @@ class Search:
         start = search.cut.start(trial.fit)
         if touchy(self.bench.design):
             starts = [start.states, profile.start_states(self.bench.design)]
-            whole = begun(self.bench, trial.hypothesis, start.values, starts)
+            best = self.best(len(trial.hypothesis.parts))
+            explained = best is not None and best.chi2 < EXPLAINED * self.bench.observations
+            known = best.fit.states if best is not None and explained else None
+            whole = begun(self.bench, trial.hypothesis, start.values, starts, known)
             self.run_by_run.add(identity(trial.hypothesis))
         else:
             horizons = profile.FINE_HORIZONS if profile.collide(self.bench.design) else (1.0,)
@@ -507,52 +512,6 @@ class Search:
         if again.chi2 < trial.chi2 - ALIKE_FIT:
             self.tell(step, again.figures())
         self.take(again)
-
-    def twins(self, effects: int) -> None:
-        """Fit with care what promised the same as the best hypothesis: it may be the same motion by another name; and
-        laws that it contains, from its values."""
-        self._contained(effects)
-        best = self.best(effects)
-        told = None if best is None else self.promised.get(identity(best.hypothesis))
-        if best is None or told is None:
-            return
-        level, own = told
-        if own.chi2 > (1.0 - ALIKE) * level:
-            return  # nothing was foretold of it, as of much else
-        states = profile.start_states(self.bench.design)
-        for key, (before, lead) in list(self.promised.items()):
-            known = self.trials.get(key)
-            if before != level or abs(lead.chi2 - own.chi2) > ALIKE * (level - own.chi2):
-                continue
-            if known is None or known.chi2 > best.chi2 + ALIKE_FIT:
-                horizons = profile.horizons_for(self.bench.design)
-                again = self.bench.fit(lead.hypothesis, lead.values, states, horizons=horizons)
-                trial = searched(again, best.ebic + self.settings.credible)
-                self.tell("twin", trial.figures())
-                self.take(trial)
-
-    def _contained(self, effects: int) -> None:
-        """Start simpler laws from the best: those whose unknowns, by name and unit, are among those of one effect."""
-        best = self.best(effects)
-        if best is None:
-            return
-        base = Hypothesis(self.bench.design.world, best.hypothesis.base)
-        for index, part in enumerate(best.hypothesis.parts):
-            theirs = {(u.name, u.unit) for u in part.variant.unknowns}
-            less = without_part(base, best.hypothesis, index, best.values, self.bench.design.recording)
-            if less is None:
-                continue
-            told = best.hypothesis.of_part(index, best.values)
-            for candidate in self.candidates:
-                for simpler in extended(less[0], candidate, self.bench.design.recording):
-                    own = simpler.parts[-1].variant.unknowns
-                    if {(u.name, u.unit) for u in own} < theirs:
-                        values = np.concatenate([less[1], [told[u.name] for u in own]])
-                        level = best.chi2 + MARGIN
-                        like = simpler.stepped(best.hypothesis.world.time.substep)
-                        trial = self.bench.fit(like, values, best.fit.states, iterations=ROUGH_ITERATIONS, target=level)
-                        self.tell("contained", trial.figures())
-                        self.take(trial)
 
     def swap(self, effects: int) -> None:
         """Replace each effect of the best hypothesis by every other that promises more."""

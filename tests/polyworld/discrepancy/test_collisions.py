@@ -18,6 +18,7 @@ from polyworld.discrepancy.search import Search, SearchSettings
 from polyworld.discrepancy.several_ways import best_way
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.twins import fit_twins
 from polyworld.discrepancy.window_search import WindowSearch
 from polyworld.discrepancy.windows import windows
 from polyworld.recording import Recording, Run
@@ -153,7 +154,7 @@ def test_what_a_law_contains_is_tried_whatever_was_promised() -> None:
     values = np.array([known[u.name] for u in tether.unknowns])
     begun = profile.start_states(plan)
     search.take(bench.fit(tether, values, begun, horizons=profile.FINE_HORIZONS))
-    search.twins(1)
+    fit_twins(search, 1)
     best = search.best(1)
     assert best is not None
     assert best.hypothesis.names == ("spring",)
