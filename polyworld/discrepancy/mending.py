@@ -39,7 +39,7 @@ def mended(trial: Trial) -> Trial:
     most = _limits(bench, typical)
     schedules = [profile.horizons_for(bench.design)]
     if profile.collide(bench.design) and typical < ILL:
-        schedules.append(profile.OTHER_HORIZONS)
+        schedules.append(profile.thinned(profile.OTHER_HORIZONS, bench.design))
     states, costs = list(trial.fit.states), trial.costs
     for horizons in schedules:
         chosen = np.flatnonzero(costs > most)

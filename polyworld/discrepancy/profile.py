@@ -34,6 +34,7 @@ HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early d
 # Where bodies meet: about one more collision at a time.
 FINE_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
 OTHER_HORIZONS = tuple(float(h) for h in np.linspace(0.05, 1.0, 24).round(3))  # another way past the collisions
+ADDED = 7  # samples by which parts of the runs are to grow on average where bodies meet
 OPENING = 0.4  # part of a run's time in which its first velocities are decided
 WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried anew
 SWEEPS = 2  # through all spins
@@ -155,8 +156,17 @@ def collide(design: Design) -> bool:
 
 
 def horizons_for(design: Design) -> tuple[float, ...]:
-    """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet."""
-    return FINE_HORIZONS if collide(design) else HORIZONS
+    """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet and the more samples
+    there are."""
+    return thinned(FINE_HORIZONS, design) if collide(design) else HORIZONS
+
+
+def thinned(horizons: tuple[float, ...], design: Design) -> tuple[float, ...]:
+    """Of some parts of a run's time every one, or where the longest run has few samples, every second, third, ...,
+    the whole among them."""
+    samples = max(len(r.times) for r in design.runs)
+    every = max(1, round(len(FINE_HORIZONS) * ADDED / samples))
+    return horizons[::-1][::every][::-1]
 
 
 def start_states(design: Design) -> tuple[Array, ...]:
