@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.discrepancy import profile
+from polyworld.discrepancy import mending, profile
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import Design, design
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
-from polyworld.discrepancy.mending import IN_DOUBT, anew, looked_through, mended, searched
+from polyworld.discrepancy.mending import IN_DOUBT, anew, begun, looked_through, mended, searched
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.search import Search, SearchSettings
-from polyworld.discrepancy.several_ways import best_way
+from polyworld.discrepancy.several_ways import Way, best_way
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.twins import fit_twins
@@ -75,6 +75,37 @@ def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
     assert searched(lost, doubt=IN_DOUBT).chi2 < right.chi2 + 1.0
     assert searched(lost, right.ebic + 10.0, IN_DOUBT).chi2 < right.chi2 + 1.0
     assert searched(lost, right.ebic - 1000.0, IN_DOUBT).chi2 > right.chi2 + 50.0  # of no interest even so
+
+
+def test_a_few_runs_looked_for_in_vain_end_the_looking_the_worst_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, right = plain(3, 2)
+    asked: list[int] = []
+
+    def nowhere(bench: Bench, _hypothesis: Hypothesis, _values: Array, run: int, _below: float) -> Way:
+        asked.append(run)
+        return Way(bench.design.runs[run].start, np.inf, 0)
+
+    monkeypatch.setattr(mending, "way_of", nowhere)
+    monkeypatch.setattr(mending, "VAIN", 2)
+    assert searched(right, doubt=-5.0).chi2 == right.chi2
+    assert asked == [int(k) for k in np.argsort(-right.misfits)[:2]]
+    assert len(right.misfits) > 2
+
+
+def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
+    bench, right = plain(3, 2)
+    starts = [profile.start_states(bench.design)]
+
+    def asked(known: Sequence[Array] | None) -> tuple[float, int]:
+        before = bench.rollouts
+        return begun(bench, right.hypothesis, right.values, starts, known).chi2, bench.rollouts - before
+
+    alone, all_the_way = asked(None)
+    short, rollouts = asked(right.fit.states)
+    assert short == pytest.approx(alone, abs=1.0)
+    assert 5 * rollouts < all_the_way
+    lost = bent_run(right, 1, "disc0.velocity.x", -0.4)
+    assert asked(lost.fit.states)[0] < right.chi2 + 1.0 < lost.chi2 - 20.0
 
 
 def test_a_run_whose_chi2_is_not_conspicuous_is_blamed_by_the_gate() -> None:
@@ -159,3 +190,16 @@ def test_what_a_law_contains_is_tried_whatever_was_promised() -> None:
     assert best is not None
     assert best.hypothesis.names == ("spring",)
     assert best.passes
+
+
+def test_short_windows_are_fitted_in_as_few_parts_as_they_have_samples_for() -> None:
+    plan = laid_out(scene(2, 1)[0], 2, 1)
+    cut = windows(Bench(plan, measured_noise(plan), 1), 4)
+    assert cut is not None
+    whole, short = profile.horizons_for(plan), profile.horizons_for(cut.bench.design)
+    assert whole[-1] == short[-1] == 1.0
+    samples = max(len(r.times) for r in cut.bench.design.runs)
+    assert samples < len(plan.runs[0].times) / 3.9
+    assert len(short) > 1
+    assert np.diff([0.0, *short]).min() * samples > 3.0  # less than that many samples tell no state
+    assert np.diff([0.0, *whole]).min() * samples < 3.0
