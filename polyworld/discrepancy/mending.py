@@ -66,19 +66,19 @@ def searched(trial: Trial, level: float = np.inf, doubt: float = UNLIKELY) -> Tr
     if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
         return trial
     ill = {int(k): float(limits[k]) for k in np.flatnonzero(costs > limits)}
-    trial = _by_other_ways(trial, ill)
-    asked = set(ill)
+    trial, asked = _by_other_ways(trial, ill)
     while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
-        asked.add(blamed)
-        before, trial = trial, _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - WORTH})
+        before = trial
+        trial, more = _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - WORTH})
         if trial is before:
             break
+        asked |= more
     return trial
 
 
 def looked_through(trial: Trial) -> Trial:
     """The trial, with every run fitted along several ways, whether or not it is conspicuous."""
-    return _by_other_ways(trial, dict.fromkeys(range(len(trial.bench.design.runs)), np.inf))
+    return _by_other_ways(trial, dict.fromkeys(range(len(trial.bench.design.runs)), np.inf))[0]
 
 
 def _blamed(trial: Trial) -> int | None:
@@ -90,18 +90,21 @@ def _blamed(trial: Trial) -> int | None:
     return next(r.index for r in trial.bench.design.runs if r.run.name == worst.run)
 
 
-def _by_other_ways(trial: Trial, runs: Mapping[int, float]) -> Trial:
+def _by_other_ways(trial: Trial, runs: Mapping[int, float]) -> tuple[Trial, set[int]]:
     """The trial, with some runs fitted along several ways at its shared values, each until its chi2 is below a level,
-    and all of it fitted on where that was of use. The worst come first, and a few that stay above end it."""
+    and all of it fitted on where that was of use; and which runs were looked for: the worst come first, and a few that
+    come not even halfway there end it."""
     bench, costs, states = trial.bench, trial.costs, list(trial.fit.states)
+    asked: set[int] = set()
     vain = 0
-    for k in sorted(runs, key=lambda k: -costs[k] / runs[k]):
+    for k in sorted(runs, key=lambda k: runs[k] - costs[k]):
         if bench.design.runs[k].count and vain < VAIN:
             way = way_of(bench, trial.hypothesis, trial.values, k, runs[k])
-            vain += way.chi2 >= runs[k]
+            asked.add(k)
+            vain += way.chi2 > max(runs[k], 0.5 * (runs[k] + costs[k]))
             if way.chi2 < costs[k] - 1.0:
                 states[k] = way.state
-    return _carried_on(trial, states)
+    return _carried_on(trial, states), asked
 
 
 def anew(trial: Trial, hypothesis: Hypothesis) -> Trial:

@@ -34,7 +34,8 @@ HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early d
 # Where bodies meet: about one more collision at a time.
 FINE_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
 OTHER_HORIZONS = tuple(float(h) for h in np.linspace(0.05, 1.0, 24).round(3))  # another way past the collisions
-ADDED = 7  # samples by which parts of the runs are to grow on average where bodies meet
+ADDED = 7  # samples by which parts of windows are to grow on average where bodies meet
+COARSEST = 4  # of these parts at least every so many are fitted
 OPENING = 0.4  # part of a run's time in which its first velocities are decided
 WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried anew
 SWEEPS = 2  # through all spins
@@ -156,16 +157,17 @@ def collide(design: Design) -> bool:
 
 
 def horizons_for(design: Design) -> tuple[float, ...]:
-    """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet and the more samples
-    there are."""
+    """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet."""
     return thinned(FINE_HORIZONS, design) if collide(design) else HORIZONS
 
 
 def thinned(horizons: tuple[float, ...], design: Design) -> tuple[float, ...]:
-    """Of some parts of a run's time every one, or where the longest run has few samples, every second, third, ...,
-    the whole among them."""
+    """Of some parts of a run's time every one, or of windows with few samples every second to fourth, the whole among
+    them."""
+    if any(r.run.window_of is None for r in design.runs):
+        return horizons
     samples = max(len(r.times) for r in design.runs)
-    every = max(1, round(len(FINE_HORIZONS) * ADDED / samples))
+    every = min(max(1, round(len(FINE_HORIZONS) * ADDED / samples)), COARSEST)
     return horizons[::-1][::every][::-1]
 
 

@@ -319,7 +319,8 @@ class Search:
             explained = best is not None and best.chi2 < EXPLAINED * self.bench.observations
             known = best.fit.states if best is not None and explained else None
             whole = begun(self.bench, trial.hypothesis, start.values, starts, known)
-            self.run_by_run.add(identity(trial.hypothesis))
+            if known is None:
+                self.run_by_run.add(identity(trial.hypothesis))
         else:
             horizons = profile.FINE_HORIZONS if profile.collide(self.bench.design) else (1.0,)
             whole = self.bench.fit(

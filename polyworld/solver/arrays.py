@@ -26,6 +26,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+KEPT = 64  # lists of paths whose places are remembered
 OWN = -1.0  # marks a static or plane coefficient that is left to the touching object
 
 
@@ -153,7 +154,11 @@ class Overriding:
         if len(set(lengths.values())) > 1 or any(len(s) != 1 for s in lengths.values()):
             raise ValueError(f"overrides must be one-dimensional and of equal length, got {lengths}")
         paths = tuple(overrides)
+        if not len(overrides[paths[0]]):
+            raise ValueError("overrides must hold a value for at least one world, got none")
         if paths not in self._places:
+            if len(self._places) == KEPT:
+                self._places.clear()
             self._places[paths] = self._looked_up(paths)
         places = self._places[paths]
         values = np.array([overrides[path] for path in paths], dtype=float)
