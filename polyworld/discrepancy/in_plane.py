@@ -34,9 +34,9 @@ class _Turn:
 class _Table:
     """Where the residuals of a run come from, up to some instant.
 
-    where (P,): entries of the residual that are simulated. take (P,): their places in a pose (T n 3,), of a world's
-    axis the plane's own that lies most along it. factor (P,): what they count. across: what else counts, None where the
-    plane's axes are the world's. turns: series of angles.
+    where (P,): entries of the residual that are simulated. take (P,): where a pose (T n 3,) has them; of a coordinate
+    along a world's axis, the one along the plane's axis nearest to it. factor (P,): what they count. across: what else
+    counts, None where the plane's axes are the world's. turns: series of angles.
     """
 
     where: Ints
@@ -80,12 +80,10 @@ class InPlane:
         if table.across is not None:
             found += flat[:, table.across.take] * table.across.factor
             found += motion.height[worlds][:, table.across.body] * table.across.height_factor
-        residual = np.zeros((len(designs), len(worlds) // len(designs), first.length))
-        found = found.reshape(*residual.shape[:2], -1) - seen[:, None, table.where]
-        if len(table.where) == first.length:
-            residual = found
-        else:
-            residual[..., table.where] = found
+        residual = found.reshape(len(designs), -1, len(table.where)) - seen[:, None, table.where]
+        if len(table.where) < first.length:
+            early, residual = residual, np.zeros((*residual.shape[:2], first.length))
+            residual[..., table.where] = early
         for turn in table.turns:
             angles = residual[..., turn.where].reshape(len(worlds), -1)
             folded = np.zeros_like(angles)
