@@ -80,7 +80,7 @@ class InPlane:
         if table.across is not None:
             found += flat[:, table.across.take] * table.across.factor
             found += motion.height[worlds][:, table.across.body] * table.across.height_factor
-        residual = found.reshape(len(designs), -1, len(table.where)) - seen[:, None, table.where]
+        residual: Array = found.reshape(len(designs), -1, len(table.where)) - seen[:, None, table.where]
         if len(table.where) < first.length:
             early, residual = residual, np.zeros((*residual.shape[:2], first.length))
             residual[..., table.where] = early
