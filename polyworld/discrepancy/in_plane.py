@@ -73,8 +73,8 @@ class InPlane:
             self._tables[key] = _table(first, motion, count)
         table = self._tables[key]
         seen = np.array([self._observed(d, motion) for d in designs])
-        whole = len(worlds) == len(motion.pose)
-        pose = motion.pose if whole else motion.pose[worlds]
+        all_worlds = np.array_equal(worlds, np.arange(len(motion.pose)))  # most often; then none need be picked
+        pose = motion.pose if all_worlds else motion.pose[worlds]
         flat = np.ascontiguousarray(pose).reshape(len(worlds), -1)
         found = np.take(flat, table.take, axis=1) * table.factor
         if table.across is not None:
