@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 EARLY = 8  # samples in which something must show
 CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or the other way round, that tell them apart
 RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
+VARIES = 1.2  # times its noise beyond which a height may vary in truth
+ALOFT = 1.5  # times its noise by which a mean height is off that of rest
 STEEP = 4.0  # standard errors of its slope above which a height changes
 CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch what bears it
 TOUCHING = 1e-9  # gap that counts as none [m]
@@ -39,6 +41,18 @@ def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
         return False
     error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
     return bool(abs(slope) <= STEEP * error)
+
+
+def is_aloft(values: Array, rest: float) -> bool:
+    """Whether a ball whose height (m,) seems to stay the same hops in truth, unseen for the noise: on the whole it is
+    off the height at which it would rest, and varies about its mean by more than the noise does.
+
+    Only both tell: an observer may see every height wrongly, and noise that is correlated varies more than its third
+    differences say.
+    """
+    x = values[: 8 * EARLY]
+    noise = noise_of(x)
+    return abs(float(np.mean(x)) - rest) > ALOFT * noise and float(np.std(x)) > VARIES * noise
 
 
 def noise_of(values: Array) -> float:

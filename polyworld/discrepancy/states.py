@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.discrepancy.bearing import is_borne, keeps_height, may_be_borne, rest_place
+from polyworld.discrepancy.bearing import is_aloft, is_borne, keeps_height, may_be_borne, rest_place
 from polyworld.discrepancy.linkage import Linkage, is_held, linkages
 from polyworld.recording import Run
 from polyworld.representations.fluid import Fluid
@@ -106,11 +106,12 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             continue
         fall = float(gravity[axis])
         level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
-        if level and may_be_borne(world, item, run):
-            known = rest_place(world, item, run, axis)
-            if known is not None:
-                at_rest[f"position.{letter}"] = known
-                continue
+        borne = level and may_be_borne(world, item, run)
+        known = rest_place(world, item, run, axis) if borne else None
+        if known is not None and not is_aloft(values[rows], known):
+            at_rest[f"position.{letter}"] = known
+            continue
+        if borne and known is None:
             labels.append(f"position.{letter}")
             start.append(float(np.mean(values[rows][:EARLY])))
             typical.append(LENGTH)

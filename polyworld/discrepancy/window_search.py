@@ -11,7 +11,7 @@ import numpy as np
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.mending import mended, searched
-from polyworld.discrepancy.profiled import profiled
+from polyworld.discrepancy.profiled import ILL, profiled
 from polyworld.discrepancy.promises import identity, in_turn, labels, shares
 from polyworld.discrepancy.score import Lead, leads
 from polyworld.discrepancy.strength_map import mapped
@@ -24,6 +24,7 @@ HOPELESS = 0.5  # share of the leader's gain below which a contender is left aft
 LITTLE = 0.1  # share of what a fit lacks, beyond the noise, below which there is hardly more to gain
 FAILED = 2.0  # chi2 per measurement, at a fit that has converged, that no better start mends
 SETTLED = 1.05  # chi2 per measurement above which effects with a place are looked for in closer places
+FEW_LOST = 1.0 / 16.0  # share of the windows that may be such as nothing explains
 CLOSER, TRIED = 6, 4  # iterations from each of so many of these
 SEEN = 12  # starts of an effect at contacts at which chi2 is looked at
 BESIDE = 10.0  # EBIC behind the best within which a contender is kept, however little there is to gain
@@ -83,12 +84,14 @@ class WindowSearch:
             if share[key] >= HOPELESS or not any(_nearly_all(t, before) for t in fits):
                 foretold = max(min(lead.chi2 for _, lead in ways[key]), self.cut.bench.observations)
                 trial = self._first_fit(*self.cut.nearest(ways[key]), foretold + LITTLE * (before - foretold))
-                if not any(_explains(t) for t in (*fits, trial)):
-                    trial = self._where_asked(trial, ways[key])
                 leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
                 fits.append(mended(trial) if leads_so_far else trial)
+        for i, trial in enumerate(fits):
+            if not any(_explains(t) for t in fits):
+                asked = self._where_asked(trial, ways[identity(trial.hypothesis)])
+                fits[i] = asked if asked is trial else mended(asked)
         wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
-        if min((t.chi2 for t in wanted), default=np.inf) > SETTLED * self.cut.bench.observations:
+        if not _settled(wanted):
             for i, trial in enumerate(wanted):
                 wanted[i] = self._closer(trial, ways[identity(trial.hypothesis)])
                 if _explains(wanted[i]):
@@ -162,6 +165,19 @@ class WindowSearch:
     def _keep(self, trial: Trial) -> None:
         self.trials[identity(trial.hypothesis)] = trial
         self.tell("windows", trial.figures())
+
+
+def _settled(trials: Sequence[Trial]) -> bool:
+    """Whether nothing is left for closer places to explain: the best leaves hardly more than noise; or has no place,
+    and leaves no more where any of them explains a window, which is nearly everywhere."""
+    if not trials:
+        return False
+    best = min(trials, key=lambda t: t.chi2)
+    counts = best.bench.counts
+    known = np.min([t.misfits for t in trials], axis=0) < ILL
+    if best.hypothesis.parts[-1].variant.idle or np.sum(~known) > FEW_LOST * len(known):
+        known[:] = True
+    return bool(best.costs[known].sum() <= SETTLED * counts[known].sum())
 
 
 def _at_contacts(hypothesis: Hypothesis) -> bool:

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
 from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
@@ -27,12 +29,17 @@ def down(out: BatchTrajectory, angle: float, index: int = 0) -> np.ndarray:
 @pytest.mark.parametrize(
     "shape", [CUBE, Cylinder(radius=0.1, half_height=0.1), Box(half_extents=(0.2, 0.1, 0.05))], ids=lambda s: s.kind
 )
-@pytest.mark.parametrize("substep", [0.002, 0.005])
-def test_slide_length_is_v2_over_2_mu_g(shape: Box | Cylinder, substep: float) -> None:
-    """4 / (2 0.2 g) = 1.0194 m, in a straight line, without turning."""
+@pytest.mark.parametrize("substep", [0.002, 0.01])
+@pytest.mark.parametrize("angle", [0.0, 0.1])
+def test_slide_length_is_v2_over_2_a(shape: Box | Cylinder, substep: float, angle: float) -> None:
+    """With a = g (mu cos - sin) down a slope, in a straight line; wherever in a step the body comes to rest."""
     height = shape.half_height if isinstance(shape, Cylinder) else shape.half_extents[2]
-    out = run(make_world(body("b", shape, (0, 0, height), velocity=(2, 0, 0), friction=0.2), substep=substep), 2.0)
-    assert out.positions[0, -1, 0, 0] == pytest.approx(4 / (2 * 0.2 * GRAVITY), rel=1e-4)
+    position, orientation = on_slope(angle, height)
+    velocity = (2 * np.cos(angle), 0.0, -2 * np.sin(angle))
+    sliding = body("b", shape, position, orientation=orientation, velocity=velocity, friction=0.2)
+    out = run(make_world(sliding, statics=(slope(angle),), substep=substep), 2.5)
+    length = 4 / (2 * GRAVITY * (0.2 * np.cos(angle) - np.sin(angle)))
+    assert down(out, angle)[-1] == pytest.approx(length, abs=1e-7)
     assert abs(out.positions[0, -1, 0, 1]) < 1e-6
     assert np.abs(out.velocities[0, -1]).max() < 1e-9
 
@@ -89,15 +96,34 @@ def test_rolling_down_a_slope_without_slipping(shape: Sphere | Cylinder, factor:
     assert np.abs(heights - 0.1).max() < 2e-5  # no facets: the axis stays at one height
 
 
-def test_sliding_ball_goes_over_to_rolling_at_five_sevenths_of_its_speed() -> None:
-    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on (any mechanics text)."""
-    out = run(make_world(body("b", Sphere(radius=0.1), (0, 0, 0.1), velocity=(3, 0, 0), friction=0.2)), 1.0)
-    moment = 2 * 3 / (7 * 0.2 * GRAVITY)
-    speed = out.velocities[0, :, 0, 0]
+@pytest.mark.parametrize("substep", [0.002, 0.01])
+def test_sliding_ball_goes_over_to_rolling(substep: float) -> None:
+    """Thrown with any spin, the point of contact slips in one direction, 7/2 mu g slower each second, until it rolls.
+
+    Its turn is that of the angular velocity, integrated by SciPy: turns about an axis that moves do not commute.
+    """
+    r, friction = 0.1, 0.2
+    up, velocity, spin = np.array([0.0, 0.0, 1.0]), np.array([2.0, 0.5, 0.0]), np.array([3.0, -12.0, 8.0])
+    thrown = body("b", Sphere(radius=r), r * up, velocity=velocity, angular_velocity=spin, friction=friction)
+    out = run(make_world(thrown, substep=substep), 1.0)
+    slip = velocity + np.cross(spin, -r * up)
+    towards = -slip / np.linalg.norm(slip)
+    moment = float(np.linalg.norm(slip)) / (3.5 * friction * GRAVITY)
+    turning = np.cross(-r * up, towards) * friction * GRAVITY / (0.4 * r**2)
     t = out.times[0]
-    assert np.abs(speed[t > moment + 0.01] - 15 / 7).max() < 1e-6
-    sliding = t < moment - 0.01
-    assert np.abs(speed[sliding] - (3 - 0.2 * GRAVITY * t[sliding])).max() < 1e-9
+    slipping, rolling = np.minimum(t, moment)[:, None], np.maximum(t - moment, 0.0)[:, None]
+    path = r * up + velocity * t[:, None]
+    path = path + friction * GRAVITY * towards * (0.5 * slipping**2 + slipping * rolling)
+    assert np.abs(out.positions[0, :, 0] - path).max() < 1e-9
+    assert np.abs(out.angular_velocities[0, :, 0] - spin - turning * slipping).max() < 1e-6
+
+    def rate(time: float, turned: np.ndarray) -> np.ndarray:
+        own = spin + turning * min(time, moment)
+        return 0.5 * np.append(turned[3] * own + np.cross(own, turned[:3]), -own @ turned[:3])
+
+    whole = solve_ivp(rate, (0.0, 1.0), [0.0, 0.0, 0.0, 1.0], t_eval=t, max_step=0.005, rtol=1e-9, atol=1e-9).y.T
+    apart = Rotation.from_quat(np.roll(out.orientations[0, :, 0], -1, axis=-1)) * Rotation.from_quat(whole).inv()
+    assert apart.magnitude().max() < 5e-6
 
 
 @pytest.mark.parametrize("shape", [Sphere(radius=0.1), Capsule(radius=0.1, half_height=0.1)], ids=lambda s: s.kind)

@@ -8,6 +8,7 @@ import warp as wp
 from polyworld.solver.spatial.constraints import aim_contacts, build_rows, note_forces, separate_overlaps
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
+from polyworld.solver.spatial.gripping import end_slips
 from polyworld.solver.spatial.impacts import rub_as_effects_have_it, time_to_impact
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
@@ -92,6 +93,7 @@ def stepping(joining: Joining) -> Any:
             aim_contacts(state, k, half, part, slowest)
             solve(joints, state, k, half, part)
             note_forces(state, k, half, part)
+            end_slips(state, k, half, part)
             separate_overlaps(state, k, half, part)
             for i in range(state[0].objects):
                 if state[0].bodies[k, i].active == 1 and not carries(joints, i):

@@ -57,6 +57,9 @@ def build_rows(state: wp.array[State], w: int, half: int, lock: wp.vec3d) -> Non
             state[0].rows[w, r + 1] = make_row(m.t1, wp.cross(pa, m.t1), wp.cross(pb, m.t1), ia, ib, masses, lock)
             state[0].rows[w, r + 2] = make_row(m.t2, wp.cross(pa, m.t2), wp.cross(pb, m.t2), ia, ib, masses, lock)
             state[0].contacts[w, c].speed = velocity_along(state, w, m.a, m.b, r)
+            state[0].contacts[w, c].slip = wp.vec2d(
+                velocity_along(state, w, m.a, m.b, r + 1), velocity_along(state, w, m.a, m.b, r + 2)
+            )
             state[0].contacts[w, c].coupling = wp.dot(state[0].rows[w, r + 1].ja, state[0].rows[w, r + 2].wa) + wp.dot(
                 state[0].rows[w, r + 1].jb, state[0].rows[w, r + 2].wb
             )

@@ -81,7 +81,8 @@ class Body:
     """State and parameters of one body in one world.
 
     x, q, v, w: position, orientation, velocity, angular velocity. rotation: matrix of q. v_free, w_free, dx,
-    q_free: where the step ends without contact forces. inertia_body and its inverse are for unit mass, about
+    q_free: where the step ends without contact forces; of an isotropic one turn_free, its rotation vector, and w_start,
+    the angular velocity at the start of the step, tell that. inertia_body and its inverse are for unit mass, about
     the centre of mass. isotropic: 1 where the inertia is the same about all axes. swept: how far a point of the
     body may move in one step [m]. push, push_torque: of deformable objects, constant over the step [N], [N m].
     """
@@ -98,6 +99,8 @@ class Body:
     w_free: wp.vec3d
     dx: wp.vec3d
     q_free: wp.quatd
+    turn_free: wp.vec3d
+    w_start: wp.vec3d
     angular_momentum: wp.vec3d
     shift: wp.vec3d
     turn: wp.vec3d
@@ -143,7 +146,8 @@ class Contact:
     grip: wp.float64  # tangential impulse allowed whatever Coulomb's limit
     coupling: wp.float64  # off-diagonal of the tangential effective mass
     coupling_rolling: wp.float64
-    turning: wp.vec2d  # relative angular velocity along the tangents at the start of the step
+    slip: wp.vec2d  # relative velocity along the tangents at the start of the step
+    turning: wp.vec2d  # the same of the angular velocity
     force_n: wp.float64
     force_t: wp.vec3d
     force_spin: wp.float64

@@ -103,7 +103,8 @@ def move_freely(
     mean = remaining(bodies[k, i].angular_damping, h)[1]
     if bodies[k, i].isotropic == 1:
         turning = bodies[k, i].inverse_inertia * torque * (light * h)
-        bodies[k, i].q_free = turned(bodies[k, i].q, (w * mean + turning * wp.float64(0.5)) * h)
+        bodies[k, i].turn_free = (w * mean + turning * wp.float64(0.5)) * h
+        bodies[k, i].w_start = w
         w = w * left + turning
     else:
         b = bodies[k, i]
@@ -125,12 +126,20 @@ def end_position(bodies: wp.array2d[Body], k: int, i: int, h: wp.float64) -> wp.
 
 @wp.func
 def end_orientation(bodies: wp.array2d[Body], k: int, i: int, h: wp.float64) -> wp.quatd:
-    """Orientation in which the step ends, by the same rule."""
-    rotation = (bodies[k, i].w - bodies[k, i].w_free) * (wp.float64(0.5) * h)
-    q = bodies[k, i].q_free
-    if wp.dot(rotation, rotation) > wp.float64(0.0):
-        q = turned(q, rotation)
-    return q
+    """Orientation in which the step ends, by the same rule.
+
+    Turns about changing axes do not commute: of an angular velocity that changes evenly their logarithm is taken to
+    fourth order (Magnus 1954, Commun. Pure Appl. Math. 7, 649); where a torque-free turn comes first, that of the
+    product (Baker, Campbell & Hausdorff) is corrected by it.
+    """
+    change = bodies[k, i].w - bodies[k, i].w_free
+    added = change * (wp.float64(0.5) * h)
+    if bodies[k, i].isotropic == 1:
+        bent = wp.cross(bodies[k, i].w, bodies[k, i].w_start) * (h * h / wp.float64(12.0))
+        return turned(bodies[k, i].q, bodies[k, i].turn_free + added + bent)
+    if wp.dot(change, change) > wp.float64(0.0):
+        return turned(bodies[k, i].q_free, added - wp.cross(change, bodies[k, i].w_free) * (h * h / wp.float64(6.0)))
+    return bodies[k, i].q_free
 
 
 @wp.func

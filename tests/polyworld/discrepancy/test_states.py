@@ -65,6 +65,20 @@ def test_a_ball_that_hops_is_not_at_rest():
     assert "velocity.z" in guessed(hops, 0.005)
 
 
+def test_a_ball_that_hops_under_much_noise_is_mostly_not_at_rest():
+    """Nearly 10 cm up and down, seen from the middle of a hop, with noise of 4 cm: its mean height tells. A ball that
+    lies there is at rest under the same noise."""
+    phase = (TIMES + 0.25) % 0.28
+    hops = 0.1 + 0.5 * 9.81 * phase * (0.28 - phase)
+    found = {"hops": 0, "lies": 0}
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(0.0, 0.036, len(TIMES))
+        found["hops"] += "velocity.z" in guessed(hops + noise, 1e-4)
+        found["lies"] += "velocity.z" in guessed(0.1 + noise, 1e-4)
+    assert found["hops"] > 20
+    assert found["lies"] == 0
+
+
 def test_a_ball_thrown_up_is_not_at_rest_though_its_noise_drifts():
     missed = 0
     for seed in range(40):
