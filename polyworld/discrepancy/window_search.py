@@ -87,9 +87,10 @@ class WindowSearch:
                 leads_so_far = all(trial.chi2 < t.chi2 for t in fits)
                 fits.append(mended(trial) if leads_so_far else trial)
         for i, trial in enumerate(fits):
-            if not any(_explains(t) for t in fits):
-                asked = self._where_asked(trial, ways[identity(trial.hypothesis)])
-                fits[i] = asked if asked is trial else mended(asked)
+            if any(_explains(t) for t in fits):
+                break
+            asked = self._where_asked(trial, ways[identity(trial.hypothesis)])
+            fits[i] = asked if asked is trial else mended(asked)
         wanted = [mended(self.cut.bench.refit(t, iterations=ITERATIONS)) for t in _worth_more(fits, before)]
         if not _settled(wanted):
             for i, trial in enumerate(wanted):

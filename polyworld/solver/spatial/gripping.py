@@ -9,7 +9,7 @@ import warp as wp
 
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.layout import State
-from polyworld.solver.spatial.rows import velocity_along
+from polyworld.solver.spatial.rows import along, velocity_along
 
 STILL = wp.float64(1.0e-6)  # slip that counts as none [m/s]
 SWEEPS = 50
@@ -77,11 +77,8 @@ def slipping_part(state: wp.array[State], w: int, i: int, offset: int) -> wp.flo
 @wp.func
 def free_velocity_along(state: wp.array[State], w: int, a: int, b: int, r: int) -> wp.float64:
     """Relative velocity along row r at the end of the step, had nothing touched."""
-    return (
-        wp.dot(state[0].rows[w, r].d, state[0].bodies[w, a].v_free - state[0].bodies[w, b].v_free)
-        + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, a].w_free)
-        - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, b].w_free)
-    )
+    apart = state[0].bodies[w, a].v_free - state[0].bodies[w, b].v_free
+    return along(state, w, r, apart, state[0].bodies[w, a].w_free, state[0].bodies[w, b].w_free)
 
 
 @wp.func
@@ -107,11 +104,8 @@ def keep_touching(state: wp.array[State], w: int, i: int, offset: int) -> None:
         for c in range(start, start + state[0].manifolds[w, i].count):
             r = ROWS * (c - offset)
             if state[0].rows[w, r].impulse > wp.float64(0.0):
-                away = (
-                    wp.dot(state[0].rows[w, r].d, state[0].bodies[w, a].shift - state[0].bodies[w, b].shift)
-                    + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, a].turn)
-                    - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, b].turn)
-                )
+                apart = state[0].bodies[w, a].shift - state[0].bodies[w, b].shift
+                away = along(state, w, r, apart, state[0].bodies[w, a].turn, state[0].bodies[w, b].turn)
                 shift(state, w, i, r, -away / state[0].rows[w, r].k)
                 furthest = wp.max(furthest, wp.abs(away))
         if furthest <= LEVEL:

@@ -37,13 +37,20 @@ def make_row(
 
 
 @wp.func
+def along(state: wp.array[State], w: int, r: int, apart: wp.vec3d, turn_a: wp.vec3d, turn_b: wp.vec3d) -> wp.float64:
+    """What of two bodies' velocities or small moves goes along row r: of a's centre less b's, and of their turns."""
+    return (
+        wp.dot(state[0].rows[w, r].d, apart)
+        + wp.dot(state[0].rows[w, r].ja, turn_a)
+        - wp.dot(state[0].rows[w, r].jb, turn_b)
+    )
+
+
+@wp.func
 def velocity_along(state: wp.array[State], w: int, a: int, b: int, r: int) -> wp.float64:
     """Relative velocity along row r, positive where a moves away from b."""
-    return (
-        wp.dot(state[0].rows[w, r].d, state[0].bodies[w, a].v - state[0].bodies[w, b].v)
-        + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, a].w)
-        - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, b].w)
-    )
+    apart = state[0].bodies[w, a].v - state[0].bodies[w, b].v
+    return along(state, w, r, apart, state[0].bodies[w, a].w, state[0].bodies[w, b].w)
 
 
 @wp.func
