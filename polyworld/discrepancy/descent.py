@@ -280,7 +280,7 @@ def _with_states_after(
         slopes = linear.b[r.index]
         change = np.where(np.isfinite(white), white, 0.0) @ slopes @ _inverse(slopes.T @ slopes, r.typical, 1e-9)
         for k in range(len(trials)):
-            states[k][r.index] = states[k][r.index] - np.clip(change[k], -LONGEST * r.typical, LONGEST * r.typical)
+            states[k][r.index] = states[k][r.index] - within_reach(change[k], r.typical)
     after = [Point(t.values, tuple(own)) for t, own in zip(trials, states, strict=True)]
     again = _costs(forward, noise, after, horizon, hold)
     better = again < costs
@@ -335,7 +335,7 @@ class NormalEquations:
         return self._changed(states, change)
 
     def _changed(self, states: Sequence[Array], change: Array) -> tuple[Array, ...]:
-        change = np.clip(change, -LONGEST * self.typical, LONGEST * self.typical)
+        change = within_reach(change, self.typical)
         return tuple(old - change[i, :n] for i, (old, n) in enumerate(zip(states, self.counts, strict=True)))
 
     def carried(self, states: Sequence[Array], inverse: Array, step: Array) -> tuple[Array, ...]:
@@ -349,6 +349,13 @@ class NormalEquations:
         matrix = self.aa - np.einsum("rns,rnt->st", self.ba, carried)
         vector = self.ar - np.einsum("rns,rn->s", carried, self.br)
         return inverse, matrix, vector
+
+
+def within_reach(change: Array, typical: Array) -> Array:
+    """Changes (..., N) of initial states, none longer than one step may be: of what the data do not tell, a spin that
+    shows nowhere, slopes would ask for any."""
+    reached: Array = np.clip(change, -LONGEST * typical, LONGEST * typical)
+    return reached
 
 
 def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) -> Point:

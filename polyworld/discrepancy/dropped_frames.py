@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.discrepancy.descent import within_reach
 from polyworld.discrepancy.design import RunDesign
 from polyworld.discrepancy.forward import Settings
 from polyworld.discrepancy.hypothesis import Hypothesis
@@ -89,7 +90,8 @@ def dropped_frame_leads(bench: Bench, trial: Trial, hypotheses: Sequence[Hypothe
             before = np.concatenate([trial.values, [(told | {"shift": 0.0})[u.name] for u in part.unknowns]])
             (slope,) = _slopes(bench, trial, hypothesis, run, np.searchsorted(run.times, [onset.time]))
             states = list(trial.fit.states)
-            states[run.index] = states[run.index] + trial.ground.answers[run.index] @ (slope * onset.shift)
+            answer = trial.ground.answers[run.index] @ (slope * onset.shift)
+            states[run.index] = states[run.index] + within_reach(answer, run.typical)
             found.append(Lead(hypothesis, values, trial.chi2 - onset.gain, before, tuple(states)))
     return sorted(found, key=lambda lead: lead.chi2)[:keep]
 

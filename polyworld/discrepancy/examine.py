@@ -10,8 +10,9 @@ from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.mending import IN_DOUBT, searched
+from polyworld.discrepancy.mending import IN_DOUBT, looked_through, searched
 from polyworld.discrepancy.noise import measured_noise, refined_noise
+from polyworld.discrepancy.profiled import ILL, middle, touchy
 from polyworld.discrepancy.trial import Bench, Trial
 
 REFINEMENTS = 2  # of the noise after a fit, each followed by a fit
@@ -45,6 +46,8 @@ def fitted_base(
     if trial.passes or not any(r.spread.any() for r in plan.runs):
         return trial
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
+    if touchy(plan) and middle(trial.misfits) < ILL:
+        return with_refined_noise(searched(looked_through(trial), doubt=IN_DOUBT))
     turned = profile.turned_over(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=ITERATIONS))
     if trial.passes or profile.collide(plan):

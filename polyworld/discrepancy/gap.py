@@ -21,7 +21,7 @@ from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.noise import Noise, refined_noise
 from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
 from polyworld.discrepancy.parents import nearest
-from polyworld.discrepancy.parts import in_parts, of_whole_runs
+from polyworld.discrepancy.parts import halved, in_parts, of_whole_runs
 from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.rivals import fit_rivals
 from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
@@ -84,10 +84,15 @@ def find_gap(
     """
     settings = settings or GapSettings()
     cut = in_parts(recording, world)
-    plan = design(coarsened(world, cut), cut)
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
     story = _Story(progress)
+    plan = design(coarsened(world, cut), cut)
     search = _searched(plan, world.time.substep, tuple(base), chosen, settings, story, cancelled)
+    if search.astray:
+        story.tell(0.4, "runs in parts", {"runs": list(search.astray)})
+        cut = halved(cut, search.astray)
+        plan = design(coarsened(world, cut), cut)
+        search = _searched(plan, world.time.substep, tuple(base), chosen, settings, story, cancelled)
     verdict, bench, ground = search.verdict, search.bench, search.ground
     best = verdict.best
     intervals = intervals95(bench, best if best is not None else ground)
@@ -186,6 +191,7 @@ class _Searched:
     ground: Trial
     near_misses: tuple[dict[str, Any], ...] = ()
     near: Near | None = None
+    astray: tuple[str, ...] = ()
 
 
 def _searched(
@@ -223,6 +229,8 @@ def _searched(
         search.add_effect(parents)
         _renoise(search, effects)
         search.finely(effects, 1.0)
+        if effects == 1 and (lost := search.astray(effects)):
+            return _Searched(Verdict("unexplained", search.best(effects)), search.bench, ground, astray=lost)
         if not _passed(search, effects) and not search.hopeless(effects):
             search.restart(effects)
             _renoise(search, effects)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from polyworld.discrepancy import profile
+from polyworld.discrepancy.descent import within_reach
 from polyworld.discrepancy.forward import Forward, Settings
 from polyworld.discrepancy.trial import Bench, Trial
 
@@ -130,8 +131,8 @@ def _profiled(bench: Bench, trial: Trial, moved: Array, index: NDArray[np.int64]
     ground, slopes = trial.ground, trial.fit.linear.a
     count = len(moved)
     states = [
-        s + (moved - trial.values) @ (answer @ a).T
-        for s, answer, a in zip(trial.fit.states, ground.answers, slopes, strict=True)
+        s + within_reach((moved - trial.values) @ (answer @ a).T, own.typical)
+        for own, s, answer, a in zip(bench.design.runs, trial.fit.states, ground.answers, slopes, strict=True)
     ]
     # Beyond a kink, as where a grip suffices, all else stays as it is rather than following the slopes.
     alone = np.repeat(trial.values[None], count, axis=0)
@@ -148,8 +149,10 @@ def _profiled(bench: Bench, trial: Trial, moved: Array, index: NDArray[np.int64]
             step[k, others] = -inverse @ gradient[k, others]
         to = np.clip(at.values + step, lower, upper)
         there = [
-            s + (r + (to - at.values) @ a.T) @ answer.T
-            for s, r, a, answer in zip(at.states, at.residuals, slopes, ground.answers, strict=True)
+            s + within_reach((r + (to - at.values) @ a.T) @ answer.T, own.typical)
+            for own, s, r, a, answer in zip(
+                bench.design.runs, at.states, at.residuals, slopes, ground.answers, strict=True
+            )
         ]
         onward = at.or_better(_followed(bench, trial, to, there))
         if not (onward.chi2 < at.chi2).any():

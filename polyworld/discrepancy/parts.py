@@ -45,6 +45,17 @@ def in_parts(recording: Recording, *worlds: World) -> Recording:
     return Recording(tuple(parts))
 
 
+def halved(recording: Recording, names: Sequence[str]) -> Recording:
+    """The recording with the named runs in two parts each."""
+    parts: list[Run] = []
+    for run in recording.runs:
+        count = len(run.times)
+        reach = range(count // 2 - count // 8, count // 2 + count // 8 + 1)
+        edges = [0, smooth_near(roughness(run), count // 2, reach), count]
+        parts += _between(run, edges) if run.name in names else [run]
+    return Recording(tuple(parts))
+
+
 def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World:
     """A world that was found on parts, as it is to be read with the recording: where frames were dropped is told by the
     run's name and from where the run begins."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.apart import descend_apart
-from polyworld.discrepancy.descent import Point, standard_steps, trial_costs
+from polyworld.discrepancy.descent import Point, standard_steps, trial_costs, within_reach
 from polyworld.discrepancy.design import Design
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.score import bounded_step
@@ -135,8 +135,10 @@ def _followed(trial: Trial, values: Array) -> _Followed:
     forward = bench.forward(trial.hypothesis)
     shift = values - trial.values
     foretold = tuple(
-        state + answer @ (r + a @ shift)
-        for state, answer, r, a in zip(trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True)
+        state + within_reach(answer @ (r + a @ shift), own.typical)
+        for own, state, answer, r, a in zip(
+            bench.design.runs, trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True
+        )
     )
     steps = standard_steps(forward, linear)
     best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.discrepancy.candidate import Unknown
-from polyworld.discrepancy.descent import FIRST_STEP, PRIOR, least_step
+from polyworld.discrepancy.descent import FIRST_STEP, PRIOR, least_step, within_reach
 from polyworld.discrepancy.forward import Settings
 from polyworld.discrepancy.hypothesis import Hypothesis
 from polyworld.discrepancy.trial import Bench, Ground, Trial
@@ -138,8 +138,10 @@ def _of_starts(
         shared = -ground.inverse @ (ga[i] + ac[i] @ step)
         begin[:s] = np.clip(begin[:s] + shared, least, most)  # the slope may foretell more than there can be
         states = tuple(
-            own_states + still[i] + step @ moved[i] + shared @ carried
-            for own_states, (still, moved, carried) in zip(trial.fit.states, answers, strict=True)
+            own_states + within_reach(still[i] + step @ moved[i] + shared @ carried, run.typical)
+            for run, own_states, (still, moved, carried) in zip(
+                bench.design.runs, trial.fit.states, answers, strict=True
+            )
         )
         found.append(Lead(hypothesis, begin, float(chi2), starts[i], states))
     return found

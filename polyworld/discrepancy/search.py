@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile, window_search
+from polyworld.discrepancy.astray import astray
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
 from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, begun, looked_through, searched
@@ -328,6 +329,17 @@ class Search:
             )
         self.tell("first fit", whole.figures())
         return self.take(searched(whole))
+
+    def astray(self, effects: int) -> tuple[str, ...]:
+        """Runs that the best with so many effects, or the base, does not follow although it explains their windows."""
+        search = self.on_windows
+        for whole in (self.ground, self.best(effects)):
+            on_windows = None if search is None or whole is None else search.trials.get(identity(whole.hypothesis))
+            if search is not None and whole is not None and on_windows is not None:
+                lost = astray(whole, search.cut, on_windows)
+                if lost:
+                    return lost
+        return ()
 
     def hopeless(self, effects: int) -> bool:
         """Whether so many effects do not even explain windows, with the best of them fitted to the end there."""

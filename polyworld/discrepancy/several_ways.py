@@ -3,13 +3,16 @@
 Before a collision, data leave initial states a little uncertain; behind it this has become many motions, and a fit that
 follows sample by sample may be led to a collision that was not. So it goes from part to part of the run with a few
 states side by side, each fitted by itself: the best so far, and the best of many drawn from the spread that the part
-before has left (as particle filters draw, but descending from each; Gordon, Salmond & Smith 1993).
+before has left (as particle filters draw, but descending from each; Gordon, Salmond & Smith 1993). Spins that nobody
+measured show by their size while a body slides, and by their sign only where it is hit: all patterns of signs are
+tried.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain, combinations, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +34,8 @@ WIDTHS = (1.0, 2.0)  # standard deviations in which they are drawn, in turn
 UNKNOWN = 0.1  # of a typical change: the spread before anything is fitted
 ITERATIONS, LAST = 2, 12  # at each stage, and at the whole
 ROUGH, TOLERANCE = 1.0, 1e-2  # of chi2
+PATTERNS = 64  # of the signs of spins at most, those with few turned first: of six bodies all
+TURNED, KEPT = 3, 8  # iterations for each, and how many of them are fitted to the end
 SEED = 2024  # of the draws, the same for all
 
 
@@ -61,7 +66,12 @@ def best_way(
     found: list[tuple[Array, float]] = []
     for count in PARTS:
         found.append(_followed(forward, copies, np.linspace(FIRST, 1.0, count)))
-        if found[-1][1] < below:
+        while design.runs[run].spread.any():
+            state, before = found[-1]
+            found.append(_turned_over(forward, noise, run, state))
+            if found[-1][1] > before - ROUGH:
+                break
+        if min(cost for _, cost in found) < below:
             break
     state, cost = min(found, key=lambda way: way[1])
     return Way(state, cost, forward.rollouts)
@@ -83,6 +93,27 @@ def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, floa
         best, cost = at.states[least], float(costs[least])
         root = _root(linear.b[least], run.typical)
     return best, cost
+
+
+def _turned_over(forward: Forward, noise: Noise, run: int, state: Array) -> tuple[Array, float]:
+    """The best of fits to the whole run from a state with unseen spins turned the other way, in all patterns."""
+    spins = np.flatnonzero(forward.design.runs[0].spread)
+    few_first = chain.from_iterable(combinations(spins, k) for k in range(len(spins) + 1))
+    options = []
+    for turned in islice(few_first, PATTERNS):
+        options.append(state.copy())
+        options[-1][list(turned)] *= -1.0
+    for iterations in (TURNED, LAST):
+        many = Forward(forward.design.copies(0, len(options)), forward.world, (), forward.cancelled)
+        copies = noise.only([run] * len(options))
+        at, *_ = descend_apart(
+            many, copies, Point(np.zeros(0), tuple(options)), 1.0, first_steps(many), iterations, ROUGH
+        )
+        costs = trial_costs(many, copies, [at], 1.0)[0]
+        forward.rollouts += many.rollouts
+        best = np.argsort(costs)
+        options = [at.states[k] for k in best[:KEPT]]
+    return options[0], float(costs[best[0]])
 
 
 def _root(slopes: Array, typical: Array) -> Array:

@@ -115,12 +115,27 @@ class WindowSearch:
         return min([trial, other], key=lambda t: t.chi2)
 
     def _where_asked(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
-        """A trial, or a better one from where windows ask for its effect, if that has an edge."""
+        """A trial, or a better one from where windows ask for its effect, if that has an edge; or from other strengths,
+        if slopes at the present one tell little of these."""
+        if _unforeseen(trial.hypothesis):
+            return self._from_other_strengths(trial, ways)
         edged = [(p, x.hypothesis) for p, x in ways if x.hypothesis.parts[-1].variant.everywhere is not None]
         if not edged:
             return trial
         ground, hypothesis = edged[0]
         return self._best_of(trial, ground, mapped(ground, hypothesis))
+
+    def _from_other_strengths(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
+        """The best of a trial and of fits that begin at other strengths of its effect, with the data's own states: the
+        parent's are bent to a law that does otherwise."""
+        bench = self.cut.bench
+        begun, horizons = profile.start_states(bench.design), profile.horizons_for(bench.design)
+        for lead in (x for _, x in ways if x.before is not None):
+            tried = bench.fit(lead.hypothesis, lead.before, begun, horizons=horizons, iterations=ITERATIONS)
+            trial = min([trial, mended(tried)], key=lambda t: t.chi2)
+            if _explains(trial):
+                break
+        return trial
 
     def _closer(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
         """A trial, or a better one from closer starts where the effect has a place or a rhythm."""
@@ -182,15 +197,17 @@ def _settled(trials: Sequence[Trial]) -> bool:
 
 
 def _at_contacts(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect acts where bodies touch, as what stands in the way or another law of contact."""
-    return hypothesis.parts[-1].candidate.group in ("structure", "contact")
+    """Whether the last effect acts where bodies touch: what stands in the way, another law of contact, or friction."""
+    candidate = hypothesis.parts[-1].candidate
+    return candidate.group in ("structure", "contact") or candidate.name == "friction_error"
 
 
 def _unforeseen(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect cannot be switched off, so that no slope tells what it would do, nor chi2 before all
-    initial states have followed."""
-    variant = hypothesis.parts[-1].variant
-    return _at_contacts(hypothesis) and variant.strength is None and len(variant.starts) > 1
+    """Whether no slope tells what the last effect would do, nor chi2 before all initial states have followed: it cannot
+    be switched off, or what it does ends where bodies grip."""
+    part = hypothesis.parts[-1]
+    jumps = part.variant.strength is None and len(part.variant.starts) > 1
+    return _at_contacts(hypothesis) and (jumps or part.candidate.further is not None)
 
 
 def _worth_more(trials: Sequence[Trial], before: float) -> list[Trial]:

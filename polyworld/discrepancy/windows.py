@@ -80,6 +80,16 @@ class Windows:
                 found.append((float(costs.min(axis=0).sum()), lead.hypothesis, Start(values, states)))
         return min(found, key=lambda f: f[0])
 
+    def run_costs(self, trial: Trial) -> Array:
+        """chi2 (R,) of all windows of each whole run."""
+        return np.add.reduceat(trial.costs, self._first)
+
+    @property
+    def states_added(self) -> NDArray[np.int64]:
+        """How many initial-state coordinates (R,) more the windows of each whole run have than the run itself."""
+        counts = np.add.reduceat([r.count for r in self.bench.design.runs], self._first)
+        return np.array(counts - [r.count for r in self._runs])
+
     def start(self, fit: profile.Fit) -> Start:
         """Where a fit to whole runs begins: the windows' shared values, and the states of the first windows."""
         return Start(fit.values, tuple(self._whole(r, fit) for r in self._runs))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ SAME_ON_PLANE = (
     frozenset({"friction_error", "gravity_error", "observer_clock"}),
     frozenset({"linear_drag", "viscous_friction"}),
 )
+ON_PLANE = ("bodies", "unturned_bodies")  # sections
 # What acts like a force that is the same everywhere: two of these are one such force, and one moves a spring's anchor.
 UNIFORM = SAME[0] | {"tilt"}
 
@@ -35,7 +36,7 @@ class Case:
     """section and index tell the case; draw: index of the physics, the same for all noise levels.
 
     effects: names, empty for none. bodies: how many the scene has. noise: standard deviation as a share of the path
-    scale (positions) and of a radian (turns). design, runs, rate: see `hidden_design`.
+    scale (positions) and of a radian (turns). design, runs, rate: see `hidden_design`. turns: whether measured.
     """
 
     section: str
@@ -48,6 +49,7 @@ class Case:
     runs: int = 8
     rate: float = 120.0
     bodies: int = 1
+    turns: bool = True
 
     @property
     def name(self) -> str:
@@ -61,7 +63,7 @@ class Case:
 
 def same_class(name: str, section: str) -> frozenset[str]:
     """All effects that no experiment of a section tells from this one."""
-    return next((s for s in (SAME_ON_PLANE if section == "bodies" else SAME) if name in s), frozenset({name}))
+    return next((s for s in (SAME_ON_PLANE if section in ON_PLANE else SAME) if name in s), frozenset({name}))
 
 
 def _one_motion(pair: tuple[str, str]) -> bool:
@@ -135,6 +137,12 @@ def bodies(seeds: int) -> Iterator[Case]:
                 yield Case("bodies", next(index), draw, effects, noise, design="discs", runs=4, rate=60.0, bodies=count)
 
 
+def unturned_bodies(seeds: int) -> Iterator[Case]:
+    """Like discs of which places alone were measured, as tracks of a video have them."""
+    for case in bodies(seeds):
+        yield replace(case, section="unturned_bodies", turns=False)
+
+
 SECTIONS: dict[str, Callable[[int], Iterator[Case]]] = {
     "one_effect": one_effect,
     "nothing": nothing,
@@ -142,9 +150,11 @@ SECTIONS: dict[str, Callable[[int], Iterator[Case]]] = {
     "outside": outside,
     "poor_designs": poor_designs,
     "bodies": bodies,
+    "unturned_bodies": unturned_bodies,
 }
 # Repetitions in a full run: 28 effects x 10 seeds x 3 noises; 300 white and 100 of each other kind; and so on.
-FULL = {"one_effect": 10, "nothing": 100, "two_effects": 100, "outside": 10, "poor_designs": 25, "bodies": 10}
+FULL = {"one_effect": 10, "nothing": 100, "two_effects": 100, "outside": 10, "poor_designs": 25}
+FULL |= dict.fromkeys(ON_PLANE, 10)
 
 
 @dataclass(frozen=True)

@@ -227,6 +227,7 @@ class HiddenDiscs:
             seen[..., 2] = 0.0  # a camera above tells turns about the vertical, and no height
             turned[..., 1:3] = 0.0
             turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+            turned[:, :] = turned if self.case.turns else np.nan
             told.append((f"run{k}", self.scene.stamps[keep], seen[keep], turned[keep]))
         return told
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from tests.benchmarks.hidden_ball import Launch, UnusableCase
 from tests.benchmarks.hidden_ball import Path as Motion
-from tests.benchmarks.hidden_cases import Case, Hidden, draw_hidden
+from tests.benchmarks.hidden_cases import ON_PLANE, Case, Hidden, draw_hidden
 from tests.benchmarks.hidden_design import GRAVITY, RESTITUTION
 from tests.benchmarks.hidden_disc_cases import draw_discs
 from tests.benchmarks.hidden_files import read_json, write_json, write_runs
@@ -88,7 +88,7 @@ def _observed(
 def generate(case: Case, seed: int, public: Path, private: Path) -> None:
     """Write one case."""
     rng = np.random.default_rng([seed, 1, *(ord(c) for c in case.name)])
-    if case.section == "bodies":
+    if case.section in ON_PLANE:
         discs = draw_discs(case, seed)
         names, world, truth = discs.names, discs.world_json(), discs.truth_json(seed)
         data = discs.runs(rng, range(case.runs))

@@ -173,22 +173,26 @@ def _poor(outcomes: list[Outcome]) -> list[Row]:
     return rows
 
 
-def _bodies(outcomes: list[Outcome]) -> list[Row]:
+def _bodies(outcomes: list[Outcome], scene: str = "bodies") -> list[Row]:
     hidden = [o for o in outcomes if o["truth"]]
     rows = [
-        share_row(f"bodies, right name, {SHARE[n]} noise", [o["right"] for o in _at(hidden, n)], least=bar)
+        share_row(f"{scene}, right name, {SHARE[n]} noise", [o["right"] for o in _at(hidden, n)], least=bar)
         for n, bar in RIGHT_BARS.items()
     ]
-    rows.append(share_row("bodies, decisive wrong name", [o["decisive_wrong"] for o in hidden], most=0.01))
-    rows.append(share_row("bodies, credible set covers", [o["covers"] for o in hidden], least=0.99))
+    rows.append(share_row(f"{scene}, decisive wrong name", [o["decisive_wrong"] for o in hidden], most=0.01))
+    rows.append(share_row(f"{scene}, credible set covers", [o["covers"] for o in hidden], least=0.99))
     alarms = [o["verdict"] != "nothing_missing" for o in outcomes if not o["truth"]]
-    rows.append(share_row("bodies, nothing hidden: false alarms", alarms, most=0.01))
+    rows.append(share_row(f"{scene}, nothing hidden: false alarms", alarms, most=0.01))
     rows += _sealed(hidden)
     held = [h for o in hidden for h in o["inside"].values()]
-    rows.append(share_row("bodies, 95% intervals hold the truth", held, least=0.90, most=0.98))
+    rows.append(share_row(f"{scene}, 95% intervals hold the truth", held, least=0.90, most=0.98))
     seconds = [o["cpu_seconds"] for o in outcomes if o["cpu_seconds"] is not None]
-    rows.append(value_row("bodies, seconds of work, 9 in 10", seconds, 60.0, at_most=True, form="{:.1f}"))
+    rows.append(value_row(f"{scene}, seconds of work, 9 in 10", seconds, 60.0, at_most=True, form="{:.1f}"))
     return rows
+
+
+def _unturned(outcomes: list[Outcome]) -> list[Row]:
+    return _bodies(outcomes, "bodies, turns unseen")
 
 
 _SECTIONS: dict[str, Callable[[list[Outcome]], list[Row]]] = {
@@ -198,6 +202,7 @@ _SECTIONS: dict[str, Callable[[list[Outcome]], list[Row]]] = {
     "outside": _outside,
     "poor_designs": _poor,
     "bodies": _bodies,
+    "unturned_bodies": _unturned,
 }
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +15,11 @@ from polyworld.recording import Recording
 from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
 
+if TYPE_CHECKING:
+    from polyworld.discrepancy.trial import Bench, Trial
+
 MOST_GROUPS = 4  # different values among bodies that are fitted apart; more would be a refit, not an effect
+OTHERS = (0.4, 2.5)  # times a friction that fits begin at, too
 ROUND = ("sphere", "cylinder", "capsule")
 
 
@@ -107,6 +112,13 @@ def _friction(world: World, recording: Recording) -> tuple[Variant, ...]:
     return tuple(made)
 
 
+def _other_frictions(_bench: Bench, _trial: Trial, variant: Variant) -> tuple[Mapping[str, float], ...]:
+    """Where an impact or a roll grips, more friction changes nothing, and no slope tells what much less of it does."""
+    return tuple(
+        {u.name: float(np.clip(times * u.start, u.lower, u.upper)) for u in variant.unknowns} for times in OTHERS
+    )
+
+
 def _rolling(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     bodies = [o for o in world.objects if o.shape.kind in ROUND and o.representation == "rigid_spatial"]
@@ -181,6 +193,7 @@ CANDIDATES = (
         signature="deceleration while sliding that does not depend on the speed, or a kick along an oblique impact",
         reference="Coulomb (1785), Theorie des machines simples",
         variants=_friction,
+        further=_other_frictions,
         confused_with={
             "rolling_resistance": "the spin: a rolling body keeps its speed but for rolling resistance",
             "viscous_friction": "sliding at several speeds",
