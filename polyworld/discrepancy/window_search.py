@@ -130,11 +130,10 @@ class WindowSearch:
         parent's are bent to a law that does otherwise."""
         bench = self.cut.bench
         begun, horizons = profile.start_states(bench.design), profile.horizons_for(bench.design)
-        for lead in (x for _, x in ways if x.before is not None):
-            tried = bench.fit(lead.hypothesis, lead.before, begun, horizons=horizons, iterations=ITERATIONS)
-            trial = min([trial, mended(tried)], key=lambda t: t.chi2)
-            if _explains(trial):
-                break
+        for _, lead in ways:
+            if lead.before is not None and not _explains(trial):
+                tried = bench.fit(lead.hypothesis, lead.before, begun, horizons=horizons, iterations=ITERATIONS)
+                trial = min([trial, mended(tried)], key=lambda t: t.chi2)
         return trial
 
     def _closer(self, trial: Trial, ways: Sequence[tuple[Trial, Lead]]) -> Trial:
