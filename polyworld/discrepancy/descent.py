@@ -31,6 +31,10 @@ BENT = 0.02  # of chi2, by which the least damped step is worse than the best wh
 LEASH = 1.0  # typical changes, that a value may stray by where the data do not tell it yet
 LONGEST = 20.0  # typical changes: an initial state goes no further in one step
 PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
+HELD = (
+    0.3  # the same of initial states in a step: slopes of the speed of what rests on friction, or of a spin that hardly
+)
+# shows, are next to nothing there and much elsewhere, and steps by them would spoil what all others gain
 
 
 @dataclass(frozen=True)
@@ -278,7 +282,7 @@ def _with_states_after(
     for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
         white = noise.whiten(r.index, raw) * r.before(horizon)
         slopes = linear.b[r.index]
-        change = np.where(np.isfinite(white), white, 0.0) @ slopes @ _inverse(slopes.T @ slopes, r.typical, 1e-9)
+        change = np.where(np.isfinite(white), white, 0.0) @ slopes @ _inverse(slopes.T @ slopes, r.typical, 1e-9, HELD)
         for k in range(len(trials)):
             states[k][r.index] = states[k][r.index] - within_reach(change[k], r.typical)
     after = [Point(t.values, tuple(own)) for t, own in zip(trials, states, strict=True)]
@@ -331,7 +335,7 @@ class NormalEquations:
 
     def stepped(self, states: Sequence[Array], damping: Array) -> tuple[Array, ...]:
         """Initial states[run] (N,) after a step with shared unknowns held; damping (R, 1)."""
-        change = np.einsum("rnm,rm->rn", _inverse(self.bb, self.typical, damping), self.br)
+        change = np.einsum("rnm,rm->rn", _inverse(self.bb, self.typical, damping, HELD), self.br)
         return self._changed(states, change)
 
     def _changed(self, states: Sequence[Array], change: Array) -> tuple[Array, ...]:
@@ -342,9 +346,12 @@ class NormalEquations:
         """Initial states[run] (N,) that follow a step (S,) of the shared unknowns; inverse as from `reduced`."""
         return self._changed(states, np.einsum("rnm,rm->rn", inverse, self.br + self.ba @ step))
 
-    def reduced(self, damping: float) -> tuple[Array, Array, Array]:
-        """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,)."""
-        inverse = _inverse(self.bb, self.typical, damping)
+    def reduced(self, damping: float, prior: float) -> tuple[Array, Array, Array]:
+        """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,).
+
+        prior: weight of an ordinary change of a state.
+        """
+        inverse = _inverse(self.bb, self.typical, damping, prior)
         carried = inverse @ self.ba
         matrix = self.aa - np.einsum("rns,rnt->st", self.ba, carried)
         vector = self.ar - np.einsum("rns,rn->s", carried, self.br)
@@ -361,7 +368,7 @@ def within_reach(change: Array, typical: Array) -> Array:
 def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) -> Point:
     """The damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
     lower, upper = _bounds(forward)
-    inverse, matrix, vector = normal.reduced(damping)
+    inverse, matrix, vector = normal.reduced(damping, HELD)
     free = np.ones(len(vector), dtype=bool)
     step = np.zeros(len(vector))
     for _ in range(len(vector) + 1):
@@ -376,11 +383,12 @@ def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) 
     return Point(values, normal.carried(at.states, inverse, step))
 
 
-def _inverse(matrix: Array, typical: Array, damping: float | Array) -> Array:
-    """Inverses of damped matrices (..., N, N); typical (..., N); damping of all, or (..., 1) of each."""
+def _inverse(matrix: Array, typical: Array, damping: float | Array, prior: float = PRIOR) -> Array:
+    """Inverses of damped matrices (..., N, N); typical (..., N); damping of all, or (..., 1) of each; prior: weight of
+    an ordinary change."""
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0)) + PRIOR / typical
     outer = scale[..., :, None] * scale[..., None, :]
-    diagonal = damping + (PRIOR / typical / scale) ** 2
+    diagonal = damping + (prior / typical / scale) ** 2
     scaled = matrix / outer + diagonal[..., None] * np.eye(matrix.shape[-1])
     result: Array = np.linalg.inv(scaled) / outer
     return result
@@ -396,7 +404,7 @@ def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Arra
 def covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Array, ...]]:
     """Covariance (S, S) of the shared unknowns, and standard deviations (N,) of each run's states for fixed ones."""
     normal = NormalEquations(forward, linear)
-    inverse, matrix, _ = normal.reduced(1e-12)
+    inverse, matrix, _ = normal.reduced(1e-12, PRIOR)
     errors = np.sqrt(np.maximum(np.diagonal(inverse, axis1=-2, axis2=-1), 0.0))
     covariance = _inverse(matrix, normal.shared, 1e-12) if len(matrix) else matrix
     return covariance, tuple(errors[i, :n] for i, n in enumerate(normal.counts))
