@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
-from polyworld.discrepancy.mending import begun, searched
+from polyworld.discrepancy.hypothesis import Hypothesis
+from polyworld.discrepancy.mending import begun, mended, searched
 from polyworld.discrepancy.profiled import touchy
 from polyworld.discrepancy.promises import identity
 from polyworld.discrepancy.search import CLOSE, Search
 from polyworld.discrepancy.trial import Trial
+from polyworld.discrepancy.window_search import WindowSearch
+
+Array = NDArray[np.float64]
 
 SCARCE = 2000.0  # measurements below which all that was offered is fitted beside the best
 MANY = 40  # of these at most
-BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost
+BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost;
+# and all windows may be behind its windows
 
 
 def fit_rivals(search: Search, effects: int) -> None:
@@ -40,11 +46,22 @@ def fit_rivals(search: Search, effects: int) -> None:
         again = best.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
         if not touchy(search.bench.design):
             again = searched(again, best.ebic + search.settings.credible)
-        elif not _refused(again, best):
+        elif not (_refused(again, best) or _refused_by_windows(search.on_windows, best, hypothesis, values)):
             starts = [best.fit.states, profile.start_states(search.bench.design)]
             again = searched(begun(best.bench, hypothesis, values, starts))
         search.tell("rival", again.figures())
         search.take(again)
+
+
+def _refused_by_windows(search: WindowSearch, best: Trial, hypothesis: Hypothesis, values: Array) -> bool:
+    """Whether a hypothesis is far behind the best on windows too, where fewer collisions lead astray: then no run that
+    is lost is what speaks against it."""
+    told = search.trials.get(identity(best.hypothesis))
+    if told is None or not search.cut.holds(hypothesis):
+        return False
+    own = search.trials.get(identity(hypothesis))
+    own = own or mended(search.cut.bench.fit(hypothesis, values, told.fit.states))
+    return own.chi2 > told.chi2 + BEHIND
 
 
 def _refused(trial: Trial, best: Trial) -> bool:

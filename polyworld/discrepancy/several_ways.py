@@ -35,6 +35,7 @@ UNKNOWN = 0.1  # of a typical change: the spread before anything is fitted
 ITERATIONS, LAST = 2, 12  # at each stage, and at the whole
 ROUGH, TOLERANCE = 1.0, 1e-2  # of chi2
 PATTERNS = 64  # of the signs of spins at most, those with few turned first: of six bodies all
+ROUNDS = 2  # of them, at most: what a pattern leads to may be near to another
 TURNED, KEPT = 3, 8  # iterations for each, and how many of them are fitted to the end
 SEED = 2024  # of the draws, the same for all
 
@@ -66,7 +67,7 @@ def best_way(
     found: list[tuple[Array, float]] = []
     for count in PARTS:
         found.append(_followed(forward, copies, np.linspace(FIRST, 1.0, count)))
-        while design.runs[run].spread.any():
+        for _ in range(ROUNDS if design.runs[run].spread.any() else 0):
             state, before = found[-1]
             found.append(_turned_over(forward, noise, run, state))
             if found[-1][1] > before - ROUGH:
