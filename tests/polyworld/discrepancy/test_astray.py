@@ -98,7 +98,7 @@ def test_what_the_score_test_makes_of_a_spin_that_shows_nowhere_stays_within_rea
     data = Recording((Run("run0", ("disc0", "disc1"), times, seen, np.full((40, 2, 4), np.nan)),))
     told = world(discs, apart).model_dump()
     for item in told["objects"]:
-        item["torsional_radius"] = 0.0
+        item["torsional_radius"] = 1e-4  # next to nothing
     plan = design(coarsened(type(world(discs, apart)).model_validate(told), data), data)
     bench = Bench(plan, measured_noise(plan), 1)
     base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan))

@@ -7,15 +7,20 @@ import pytest
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.catalogue import base as base_errors
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.noise import measured_noise
-from polyworld.discrepancy.trial import Bench
+from polyworld.discrepancy.stepping import coarsened
+from polyworld.discrepancy.trial import Bench, Trial
+from polyworld.discrepancy.window_search import WindowSearch
 from polyworld.discrepancy.windows import windows
-from polyworld.recording import Recording
+from polyworld.recording import Recording, Run
 from polyworld.world import World
+from tests.benchmarks.hidden_cases import Case, draw_hidden
+from tests.benchmarks.hidden_generate import observed_runs, world_json
 from tests.polyworld.discrepancy.scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
 AIR = np.array([4.0, -3.0, 0.0])
@@ -108,3 +113,29 @@ def test_a_base_unknown_stays_shared_by_all_windows() -> None:
     cut = windows(fitted_base(plan, (free,)).bench, 4)
     assert cut is not None
     assert cut.ground(Hypothesis(plan.world, (free,)), np.array([0.8])).values == pytest.approx([0.7], abs=0.005)
+
+
+def test_friction_far_less_than_what_grips_is_found_from_other_strengths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the world most impacts grip, so that no slope by its friction tells what half of it does."""
+    hidden = draw_hidden(Case("one_effect", 560, 6, ("friction_error",), 0.03), 1894081600)
+    (true,) = hidden.effects
+    told = World.model_validate(world_json(hidden))
+    shown = observed_runs(hidden, np.random.default_rng(1), range(hidden.design.fitted))
+    data = Recording(tuple(Run(name, ("ball",), *rest) for name, *rest in shown))
+    plan = design(coarsened(told, data), data)
+    bench = Bench(plan, measured_noise(plan), 2)
+    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
+    cut = windows(bench, 2)
+    assert cut is not None
+    friction = catalogue()["friction_error"]
+
+    def best() -> Trial:
+        search = WindowSearch(cut, 3, lambda _step, _figures: None)
+        found = search.leads(base, lambda t: list(extended(t.hypothesis, friction, data)))
+        return search.fitted(found, 1, ())[0]
+
+    right = best()
+    assert right.chi2 < 1.05 * cut.bench.observations
+    assert right.values[0] == pytest.approx(true.numbers["friction"], rel=0.01)
+    monkeypatch.setattr(base_errors, "OTHERS", ())
+    assert best().chi2 > 2.0 * cut.bench.observations
