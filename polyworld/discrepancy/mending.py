@@ -28,6 +28,7 @@ IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a lit
 ODD = 0.25  # of chi2, by which a run has to be above that even if it is long: a law may be a little off
 VAIN = 3  # runs looked for in vain, after which no more are: it is the law that lacks something
 WORTH = 10.0  # chi2 by which a run that the gate blames has to fit better for other ways to be left
+BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost
 ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
 
@@ -124,17 +125,16 @@ def begun(
     hypothesis: Hypothesis,
     values: Array,
     starts: Sequence[Sequence[Array]],
-    known: Sequence[Array] | None = None,
+    like: Trial | None = None,
 ) -> Trial:
     """A hypothesis fitted from shared values that are about right: every run by itself for these, from each of some
     initial states, a little more of it at a time, and where it is lost still, along several ways; then all of it.
 
-    known: initial states with which a law like it fits; where it passes the gate from there, that is all.
+    like: the hypothesis fitted from initial states with which a law like it fits; where it passes the gate from there,
+    that is all.
     """
-    if known is not None:
-        like = bench.fit(hypothesis, values, known)
-        if like.passes and not np.any(_lost(like)):
-            return profiled(like)
+    if like is not None and like.passes and not np.any(_lost(like)):
+        return profiled(like)
     horizons = profile.horizons_for(bench.design)
     together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=ANEW_ITERATIONS)
     if together.passes and not np.any(_lost(together)):
@@ -154,6 +154,12 @@ def begun(
             if way.chi2 < costs[k]:
                 best[k] = way.state
     return profiled(bench.fit(hypothesis, values, best))
+
+
+def refused(trial: Trial, best: Trial) -> bool:
+    """Whether most runs speak against a trial that began where the best ended: no run that is lost is to blame then."""
+    worse = np.sort(trial.costs - best.costs)
+    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND
 
 
 def _lost(trial: Trial) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from polyworld.discrepancy import profile
 from polyworld.discrepancy.hypothesis import Hypothesis
-from polyworld.discrepancy.mending import begun, mended, searched
+from polyworld.discrepancy.mending import begun, mended, refused, searched
 from polyworld.discrepancy.profiled import touchy
 from polyworld.discrepancy.promises import identity
 from polyworld.discrepancy.search import CLOSE, Search
@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 
 SCARCE = 2000.0  # measurements below which all that was offered is fitted beside the best
 MANY = 40  # of these at most
-BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost;
-# and all windows may be behind its windows
+BEHIND = 50.0  # chi2 by which all windows may be behind the best's
 
 
 def fit_rivals(search: Search, effects: int) -> None:
@@ -46,7 +45,7 @@ def fit_rivals(search: Search, effects: int) -> None:
         again = best.bench.fit(hypothesis, values, best.fit.states, horizons=horizons)
         if not touchy(search.bench.design):
             again = searched(again, best.ebic + search.settings.credible)
-        elif not (_refused(again, best) or _refused_by_windows(search.on_windows, best, hypothesis, values)):
+        elif not (refused(again, best) or _refused_by_windows(search.on_windows, best, hypothesis, values)):
             starts = [best.fit.states, profile.start_states(search.bench.design)]
             again = searched(begun(best.bench, hypothesis, values, starts))
         search.tell("rival", again.figures())
@@ -62,9 +61,3 @@ def _refused_by_windows(search: WindowSearch, best: Trial, hypothesis: Hypothesi
     own = search.trials.get(identity(hypothesis))
     own = own or mended(search.cut.bench.fit(hypothesis, values, told.fit.states))
     return own.chi2 > told.chi2 + BEHIND
-
-
-def _refused(trial: Trial, best: Trial) -> bool:
-    """Whether most runs say no, which no run that is lost can be blamed for."""
-    worse = np.sort(trial.costs - best.costs)
-    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND

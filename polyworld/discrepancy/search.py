@@ -18,7 +18,7 @@ from polyworld.discrepancy import profile, window_search
 from polyworld.discrepancy.astray import astray
 from polyworld.discrepancy.candidate import Candidate
 from polyworld.discrepancy.hypothesis import Hypothesis, Part, extended, without_part
-from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, begun, looked_through, searched
+from polyworld.discrepancy.mending import IN_DOUBT, UNLIKELY, anew, begun, looked_through, refused, searched
 from polyworld.discrepancy.parents import unlike
 from polyworld.discrepancy.profiled import profiled, touchy
 from polyworld.discrepancy.promises import Promise, first_of_each, identity, promise, shares
@@ -318,9 +318,14 @@ class Search:
             starts = [start.states, profile.start_states(self.bench.design)]
             best = self.best(len(trial.hypothesis.parts))
             explained = best is not None and best.chi2 < EXPLAINED * self.bench.observations
-            known = best.fit.states if best is not None and explained else None
-            whole = begun(self.bench, trial.hypothesis, start.values, starts, known)
-            if known is None:
+            like = None
+            if best is not None and explained:
+                like = self.bench.fit(trial.hypothesis, start.values, best.fit.states)
+                if best.passes and refused(like, best):
+                    self.tell("first fit", like.figures())
+                    return self.take(like)
+            whole = begun(self.bench, trial.hypothesis, start.values, starts, like)
+            if like is None:
                 self.run_by_run.add(identity(trial.hypothesis))
         else:
             horizons = profile.FINE_HORIZONS if profile.collide(self.bench.design) else (1.0,)
