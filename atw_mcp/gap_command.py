@@ -102,6 +102,7 @@ def _run(options: argparse.Namespace) -> int:
         return OK
     print(verdict_text(told))
     print(_sealed(told))
+    print(_null_control(told))
     return OK
 
 
@@ -126,3 +127,12 @@ def _sealed(told: dict[str, Any]) -> str:
         f"{told['sealed_data']}: gap {gap['gap_before']:.4g} {gap['unit']} before, {gap['gap_after']:.4g} after"
         f"{closed}; noise {gap['noise_floor']:.4g} {gap['unit']}"
     )
+
+
+def _null_control(told: dict[str, Any]) -> str:
+    null = told["null_control"]
+    text = f"null control: {null['verdict']} in data made from the base world, with its noise"
+    if null["chi2_after"] is None:
+        return text
+    gained = null["chi2_before"] - null["chi2_after"]
+    return f"{text}; the effect named takes {gained:.3g} off a chi2 of {null['chi2_before']:.4g} there"

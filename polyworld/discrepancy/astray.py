@@ -26,13 +26,13 @@ def astray(whole: Trial, cut: Windows, on_windows: Trial) -> tuple[str, ...]:
     design = whole.bench.design
     if whole.passes or not touchy(design) or not on_windows.passes:
         return ()
+    if any(r.run.part_of is not None for r in design.runs):
+        return ()  # it was cut before: what still does not fit is not told by cutting ever more
     behind = whole.costs - cut.run_costs(on_windows)
     added = cut.states_added
     lost = behind > np.median(behind) + UNLIKELY * np.sqrt(2.0 * np.maximum(added, 1))
     runs = [r.run for r in design.runs if lost[r.index] and _reach(whole, r.index) > TOUCHY * extent_of(r.run)]
-    if not runs or len(runs) > max(1, FEW * len(design.runs)) or any(run.part_of is not None for run in runs):
-        return ()
-    return tuple(run.name for run in runs)
+    return tuple(run.name for run in runs) if len(runs) <= max(1, FEW * len(design.runs)) else ()
 
 
 def _reach(trial: Trial, run: int) -> float:

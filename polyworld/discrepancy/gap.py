@@ -88,11 +88,8 @@ def find_gap(
     story = _Story(progress)
     plan = design(coarsened(world, cut), cut)
     search = _searched(plan, world.time.substep, tuple(base), chosen, settings, story, cancelled)
-    if search.astray:
-        story.tell(0.4, "runs in parts", {"runs": list(search.astray)})
-        cut = halved(cut, search.astray)
-        plan = design(coarsened(world, cut), cut)
-        search = _searched(plan, world.time.substep, tuple(base), chosen, settings, story, cancelled)
+    plan = search.bench.design
+    cut = plan.recording
     verdict, bench, ground = search.verdict, search.bench, search.ground
     best = verdict.best
     intervals = intervals95(bench, best if best is not None else ground)
@@ -195,6 +192,24 @@ class _Searched:
 
 
 def _searched(
+    plan: Design,
+    substep: float,
+    base: tuple[Unknown, ...],
+    candidates: tuple[Candidate, ...],
+    settings: GapSettings,
+    story: _Story,
+    cancelled: Callable[[], bool] | None,
+) -> _Searched:
+    """The search on whole runs, or where a few of these cannot be followed, with those in parts."""
+    found = _searched_once(plan, substep, base, candidates, settings, story, cancelled)
+    if not found.astray:
+        return found
+    story.tell(story.share, "runs in parts", {"runs": list(found.astray)})
+    again = design(plan.world, halved(plan.recording, found.astray))
+    return _searched_once(again, substep, base, candidates, settings, story, cancelled)
+
+
+def _searched_once(
     plan: Design,
     substep: float,
     base: tuple[Unknown, ...],

@@ -62,6 +62,7 @@ def test_words_world_and_pictures_are_written(folder: Path, capsys: pytest.Captu
     printed = capsys.readouterr().out
     assert printed.startswith("identified: quadratic_drag")
     assert "closed" in printed
+    assert "null control: nothing_missing" in printed
     assert json.loads(better.read_text())["effects"][0]["name"] == "quadratic_drag"
     assert {p.name for p in pictures.iterdir()} == {"residuals.png", "paths.png", "map.png"}
 
