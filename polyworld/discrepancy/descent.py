@@ -31,7 +31,7 @@ BENT = 0.02  # of chi2, by which the least damped step is worse than the best wh
 LEASH = 1.0  # typical changes, that a value may stray by where the data do not tell it yet
 LONGEST = 20.0  # typical changes: an initial state goes no further in one step
 PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
-HELD = 0.3  # the same of states in a step: slopes of what rests on friction tell next to nothing, but where it is
+HELD = 0.3  # the same of states in a step: where a body rests on friction, slopes by its speed tell next to nothing
 
 
 @dataclass(frozen=True)

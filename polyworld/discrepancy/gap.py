@@ -188,7 +188,6 @@ class _Searched:
     ground: Trial
     near_misses: tuple[dict[str, Any], ...] = ()
     near: Near | None = None
-    astray: tuple[str, ...] = ()
 
 
 def _searched(
@@ -200,24 +199,7 @@ def _searched(
     story: _Story,
     cancelled: Callable[[], bool] | None,
 ) -> _Searched:
-    """The search on whole runs, or where a few of these cannot be followed, with those in parts."""
-    found = _searched_once(plan, substep, base, candidates, settings, story, cancelled)
-    if not found.astray:
-        return found
-    story.tell(story.share, "runs in parts", {"runs": list(found.astray)})
-    again = design(plan.world, halved(plan.recording, found.astray))
-    return _searched_once(again, substep, base, candidates, settings, story, cancelled)
-
-
-def _searched_once(
-    plan: Design,
-    substep: float,
-    base: tuple[Unknown, ...],
-    candidates: tuple[Candidate, ...],
-    settings: GapSettings,
-    story: _Story,
-    cancelled: Callable[[], bool] | None,
-) -> _Searched:
+    """The search on whole runs, or where a few of these cannot be followed, once more with those in parts."""
     ground = _finer(fitted_base(plan, base, len(candidates), cancelled), substep)
     story.tell(
         0.1,
@@ -245,7 +227,11 @@ def _searched_once(
         _renoise(search, effects)
         search.finely(effects, 1.0)
         if effects == 1 and (lost := search.astray(effects)):
-            return _Searched(Verdict("unexplained", search.best(effects)), search.bench, ground, astray=lost)
+            parts = halved(plan.recording, lost)
+            if any(run.part_of is not None for run in parts.runs):  # they could be cut, and are only once
+                story.tell(story.share, "runs in parts", {"runs": list(lost)})
+                cut = design(plan.world, parts)
+                return _searched(cut, substep, base, candidates, settings, story, cancelled)
         if not _passed(search, effects) and not search.hopeless(effects):
             search.restart(effects)
             _renoise(search, effects)

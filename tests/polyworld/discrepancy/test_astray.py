@@ -19,6 +19,7 @@ from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.windows import windows
 from polyworld.recording import Recording, Run
+from polyworld.world import World
 from tests.benchmarks.hidden_discs import Started, slide
 from tests.polyworld.discrepancy.test_collisions import bent_run, laid_out, plain
 from tests.polyworld.discrepancy.test_several_bodies import scene, world
@@ -99,7 +100,7 @@ def test_what_the_score_test_makes_of_a_spin_that_shows_nowhere_stays_within_rea
     told = world(discs, apart).model_dump()
     for item in told["objects"]:
         item["torsional_radius"] = 1e-4  # next to nothing
-    plan = design(coarsened(type(world(discs, apart)).model_validate(told), data), data)
+    plan = design(coarsened(World.model_validate(told), data), data)
     bench = Bench(plan, measured_noise(plan), 1)
     base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan))
     found = leads(bench, base, extended(base.hypothesis, catalogue()["quadratic_drag"], data), 1)
