@@ -65,10 +65,10 @@ def _run(options: argparse.Namespace) -> int:
     from atw_mcp import gap_work
     from atw_mcp.gap_unknowns import unknowns_at
     from atw_mcp.gap_words import verdict_text
-    from polyworld.discrepancy import GapSettings, find_gap
     from polyworld.discrepancy.catalogue import named
     from polyworld.discrepancy.holdback import HeldBack, hold_back
     from polyworld.discrepancy.search import SearchSettings
+    from polyworld.gap import GapSettings, find_gap
     from polyworld.recording_csv import read_recording
     from polyworld.world import World
 

@@ -12,7 +12,6 @@ import numpy as np
 from atw_mcp.gap_unknowns import unknown_of
 from atw_mcp.gap_words import verdict_text, worth_text
 from atw_mcp.jobs import Cancelled, Progress
-from polyworld.discrepancy import GapReport, GapSettings, find_gap
 from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.comparison import Compared, compared
@@ -25,9 +24,10 @@ from polyworld.discrepancy.intervals import intervals95
 from polyworld.discrepancy.localise import localise
 from polyworld.discrepancy.parts import in_parts, of_whole_runs
 from polyworld.discrepancy.power import power_check
-from polyworld.discrepancy.report import effects_of, finite
 from polyworld.discrepancy.seal import sealed_gap
 from polyworld.discrepancy.trial import Trial
+from polyworld.gap import GapReport, GapSettings, find_gap
+from polyworld.gap.report import effects_of, finite
 from polyworld.parameters import parameter_paths, with_parameters
 from polyworld.recording import Recording
 from polyworld.world import Effect, World

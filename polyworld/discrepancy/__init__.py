@@ -1,6 +1,1 @@
-"""Where simulated and measured motion disagree, which effect is missing, and what adding it is worth."""
-
-from polyworld.discrepancy.gap import GapSettings, find_gap
-from polyworld.discrepancy.report import GapReport
-
-__all__ = ["GapReport", "GapSettings", "find_gap"]
+"""Parts of the gap workflow that `polyworld.gap` puts together: fits, scores, noise, the catalogue of effects."""

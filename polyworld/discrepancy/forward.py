@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ Ints = NDArray[np.int64]
 
 CLOCK = "time.seconds_per_frame"
 ORIGIN = "time.origin"
-ROUNDING = 1e-7  # [s] by which instants of runs may differ that are rolled out together
+ROUNDING = 1e-7  # [s] by which instants of runs may differ that are sampled together
+FULLER = 1.5  # times as many instants as a run has, at most, for it to be sampled together with others
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,30 @@ class Settings:
     run: int
     shared: Array
     states: Array
+
+
+@dataclass(frozen=True)
+class Ends:
+    """States of all bodies at one instant of k worlds: position, velocity (k, n, 3), orientation (k, n, 4), spin
+    (k, n, 3); of planar motion, position and velocity are pose and rate in the plane, and the others are empty."""
+
+    position: Array
+    velocity: Array
+    orientation: Array
+    spin: Array
+
+    def rows(self, rows: slice) -> Ends:
+        """Those of some worlds."""
+        return Ends(self.position[rows], self.velocity[rows], self.orientation[rows], self.spin[rows])
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Residuals (k, m) of a run, and its states at its first and last instant."""
+
+    residual: Array
+    begin: Ends
+    end: Ends
 
 
 @dataclass
@@ -61,26 +86,44 @@ class Forward:
 
         horizon: part of each run's time that is of interest, as in `RunDesign.before`; residuals beyond it may be 0.
         """
+        return [found for found, _, _ in self._evaluated(settings, horizon, ends=False)]
+
+    def outcomes(self, settings: Sequence[Settings]) -> list[Outcome]:
+        """Residuals, and states at both ends, of each of the settings over whole runs, in their order."""
+        found = []
+        for residual, begin, end in self._evaluated(settings, 1.0, ends=True):
+            assert begin is not None and end is not None
+            found.append(Outcome(residual, begin, end))
+        return found
+
+    def _evaluated(
+        self, settings: Sequence[Settings], horizon: float, ends: bool
+    ) -> list[tuple[Array, Ends | None, Ends | None]]:
         if self.cancelled is not None and self.cancelled():
             raise InterruptedError("cancelled")
         by_group: dict[int, list[int]] = {}
         for i, item in enumerate(settings):
             by_group.setdefault(self._group(item.run).key, []).append(i)
-        results: list[Array] = [np.empty(0)] * len(settings)
+        results: list[tuple[Array, Ends | None, Ends | None]] = [(np.empty(0), None, None)] * len(settings)
         for key, members in by_group.items():
             group = self._groups[key]
             chosen = [settings[i] for i in members]
-            batch, observer = group.run(self.unknowns, chosen, horizon)
+            batch, observer, instants = group.run(self.unknowns, chosen, horizon)
             self.rollouts += sum(len(s.shared) for s in chosen)
             first = np.concatenate([[0], np.cumsum([len(s.shared) for s in chosen])])
-            alike: dict[tuple[int, object], list[int]] = {}
+            alike: dict[tuple[int, object, bytes], list[int]] = {}
             for j, item in enumerate(chosen):
-                alike.setdefault((len(item.shared), self.design.runs[item.run].layout), []).append(j)
-            for (count, _), same in alike.items():
+                run = self.design.runs[item.run]
+                alike.setdefault((len(item.shared), run.layout, group.rows_of(run).tobytes()), []).append(j)
+            for (count, _, _), same in alike.items():
                 worlds = np.concatenate([np.arange(first[j], first[j] + count) for j in same])
-                found = group.compare([self.design.runs[chosen[j].run] for j in same], batch, observer, worlds)
-                for j, residual in zip(same, found, strict=True):
-                    results[members[j]] = residual
+                runs = [self.design.runs[chosen[j].run] for j in same]
+                found = group.compare(runs, group.sampled(batch, runs[0]), observer, worlds)
+                begin, end = (group.ends(batch, worlds, runs[0], instants, last) if ends else None for last in (0, 1))
+                for i, j in enumerate(same):
+                    rows = slice(i * count, (i + 1) * count)
+                    own = (x.rows(rows) if x is not None else None for x in (begin, end))
+                    results[members[j]] = (found[i], *own)
         return results
 
     def release(self) -> None:
@@ -88,22 +131,29 @@ class Forward:
         self._groups.clear()
 
     def _group(self, run: int) -> _Group:
-        """The group whose simulators roll a run out: runs with the same objects at the same instants share one."""
-        own = self.design.runs[run]
-        for group in self._groups.values():
-            if run in group.members:
-                return group
-        for group in self._groups.values():
-            if group.takes(own):
-                group.members.add(run)
-                return group
-        made = _Group(run, own.world(self.world), self.design)
-        self._groups[run] = made
-        return made
+        """The group whose simulators roll a run out: runs with the same objects and much the same instants share one.
+
+        All runs are grouped at once, long ones first, so that a group samples all its members from the beginning.
+        """
+        if not self._groups:
+            for own in sorted(self.design.runs, key=lambda r: (-len(r.times), r.index)):
+                group = next((g for g in self._groups.values() if g.takes(own)), None)
+                if group is None:
+                    group = _Group(own.index, own.world(self.world), self.design)
+                    self._groups[own.index] = group
+                group.add(own)
+        return next(g for g in self._groups.values() if run in g.members)
+
+
+def _union(times: Array, others: Array) -> Array:
+    """Instants of both, those within rounding of each other once."""
+    both = np.sort(np.concatenate([times, others]))
+    kept: Array = both[np.concatenate([[True], np.diff(both) > ROUNDING])]
+    return kept
 
 
 class _Group:
-    """Runs with the same objects at the same instants, simulated together."""
+    """Runs with the same objects whose instants lie on much the same grid, simulated together: rows may be missing."""
 
     def __init__(self, key: int, world: World, design: Design) -> None:
         self.key = key
@@ -118,20 +168,70 @@ class _Group:
         self._markers: dict[tuple[int, str], MaterialPoints] = {}
         self._paths = frozenset(parameter_paths(world))
         self._described: dict[str, float] = {}
+        self._rows: dict[int, Ints] = {}
 
     def takes(self, design: RunDesign) -> bool:
         """Whether a run can be simulated by this group's simulators."""
-        shifted = None if self.observer is None else self.observer.shift_run
-        if shifted in (design.run.name, self._runs[self.key].run.name):
-            return False  # the instants of that run are its own
-        same = len(design.times) == len(self.times) and bool(np.all(np.abs(design.times - self.times) < ROUNDING))
-        return design.absent == self.absent and same
+        if design.absent != self.absent:
+            return False
+        if self.observer is not None:  # what an observer displaces is counted from a run's own instants
+            if self.observer.shift_run in (design.run.name, self._runs[self.key].run.name):
+                return False  # the instants of that run are its own
+            same = len(design.times) == len(self.times)
+            return same and bool(np.all(np.abs(design.times - self.times) < ROUNDING))
+        return len(_union(self.times, design.times)) <= FULLER * len(design.times)
+
+    def add(self, design: RunDesign) -> None:
+        """Take a run in, whose instants are sampled from then on."""
+        self.members.add(design.index)
+        if self.observer is None:
+            self.times = _union(self.times, design.times)
+            self._rows.clear()
+
+    def rows_of(self, design: RunDesign) -> Ints:
+        """Where a run's instants (T,) are among those sampled."""
+        if design.index not in self._rows:
+            self._rows[design.index] = np.searchsorted(self.times, design.times - ROUNDING)
+        return self._rows[design.index]
+
+    def sampled(self, batch: BatchTrajectory | PlaneMotion, design: RunDesign) -> BatchTrajectory | PlaneMotion:
+        """The batch at a run's own instants, as far as it goes."""
+        rows = self.rows_of(design)
+        if self.observer is not None or np.array_equal(rows, np.arange(len(rows))):
+            return batch  # rows beyond a run's last are not looked at
+        rows = rows[rows < batch.times.shape[1]]
+        if isinstance(batch, PlaneMotion):
+            return replace(batch, times=batch.times[:, rows], pose=batch.pose[:, rows], rate=batch.rate[:, rows])
+        return replace(
+            batch,
+            times=batch.times[:, rows],
+            positions=batch.positions[:, rows],
+            orientations=batch.orientations[:, rows],
+            velocities=batch.velocities[:, rows],
+            angular_velocities=batch.angular_velocities[:, rows],
+            active=batch.active[rows],
+            deformables={
+                name: replace(m, points=m.points[:, rows], velocities=m.velocities[:, rows], quantities={})
+                for name, m in batch.deformables.items()
+            },
+        )
+
+    def ends(
+        self, batch: BatchTrajectory | PlaneMotion, worlds: Ints, design: RunDesign, instants: Array, last: int
+    ) -> Ends:
+        """States of some worlds at a run's first instant, or at its last."""
+        at = int(np.argmin(np.abs(instants - design.times[-1 if last else 0])))
+        if isinstance(batch, PlaneMotion):
+            none = np.zeros((len(worlds), 0))
+            return Ends(batch.pose[worlds, at], batch.rate[worlds, at], none, none)
+        motion = (batch.positions, batch.velocities, batch.orientations, batch.angular_velocities)
+        return Ends(*(values[worlds, at] for values in motion))
 
     def run(
         self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], horizon: float
-    ) -> tuple[BatchTrajectory | PlaneMotion, dict[str, Array]]:
+    ) -> tuple[BatchTrajectory | PlaneMotion, dict[str, Array], Array]:
         """Roll out all settings as one batch, in the plane itself where that is enough; also the observer's parameters
-        of each world."""
+        of each world, and the instants sampled."""
         count = sum(len(s.shared) for s in settings)
         shared = np.concatenate([s.shared for s in settings])
         values = {path: shared[:, i].copy() for i, u in enumerate(unknowns) for path in u.paths if u.run is None}
@@ -141,7 +241,7 @@ class _Group:
         observer = {path: v for path, v in values.items() if path.startswith("observer.")}
         overrides = {path: v for path, v in values.items() if path not in observer and path in self._paths}
         instants = self.times
-        samples: int | None = int(np.count_nonzero(self._runs[self.key].instants_before(horizon)))
+        samples: int | None = max(self._reached(self._runs[s.run], horizon) for s in settings)
         if self.observer is not None:
             base = read_parameter(self.world, CLOCK)
             ratio = clock_ratio(self.observer, observer)
@@ -155,8 +255,14 @@ class _Group:
             self._simulators[key] = simulator(self.world, instants, n_worlds=count)
         chosen = self._simulators[key]
         if self.observer is None and isinstance(chosen, PlanarSimulator):
-            return chosen.roll(overrides or None, samples=samples), observer
-        return chosen.run(overrides or None, samples=samples), observer
+            return chosen.roll(overrides or None, samples=samples), observer, instants
+        return chosen.run(overrides or None, samples=samples), observer, instants
+
+    def _reached(self, design: RunDesign, horizon: float) -> int:
+        """How many of the instants sampled it takes to reach that part of a run's time."""
+        if self.observer is not None:
+            return int(np.count_nonzero(design.instants_before(horizon)))
+        return int(self.rows_of(design)[np.count_nonzero(design.instants_before(horizon)) - 1]) + 1
 
     def compare(
         self,

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from polyworld.discrepancy.candidate import Unknown
-from polyworld.discrepancy.gap import GapSettings, find_gap
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording
 from polyworld.world import World
 from tests import real_data

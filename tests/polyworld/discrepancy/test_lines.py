@@ -7,9 +7,9 @@ import pytest
 
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
-from polyworld.discrepancy.gap import GapReport, GapSettings, find_gap
 from polyworld.discrepancy.goodness import MODES, projected
 from polyworld.discrepancy.lines import Line, strongest_line
+from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.recording import Recording, Run
 from tests.polyworld.discrepancy.scenes import puck_world
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from polyworld.discrepancy.gap import GapSettings, find_gap
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Sphere

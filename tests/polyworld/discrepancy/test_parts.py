@@ -7,9 +7,9 @@ import numpy as np
 from polyworld.discrepancy.catalogue import named
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.design import design
-from polyworld.discrepancy.gap import GapSettings, find_gap
 from polyworld.discrepancy.one_course import follows_one_course
 from polyworld.discrepancy.parts import MOST, in_parts
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording, Run
 from polyworld.representations.joint import Hinge
 from polyworld.representations.rigid import RigidObject

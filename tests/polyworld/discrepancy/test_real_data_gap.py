@@ -10,10 +10,10 @@ from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
-from polyworld.discrepancy.gap import GapSettings, find_gap
 from polyworld.discrepancy.hypothesis import Hypothesis, extended
 from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Trial
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording
 from polyworld.world import World
 from tests.benchmarks.real_gap import drops

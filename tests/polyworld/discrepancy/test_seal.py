@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from polyworld.discrepancy import GapSettings, find_gap
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.seal import sealed_gap
+from polyworld.gap import GapSettings, find_gap
 from polyworld.world import World
 from tests.polyworld.discrepancy.scenes import MASS, Bouncing, ball_recording, ball_world, launches
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
-from polyworld.discrepancy.gap import GapSettings, find_gap
-from polyworld.discrepancy.report import GapReport
 from polyworld.discrepancy.stepping import coarsened
+from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_discs import Discs, Started, slide

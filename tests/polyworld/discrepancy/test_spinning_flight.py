@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from polyworld.discrepancy.catalogue import named
-from polyworld.discrepancy.gap import GapSettings, find_gap
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 

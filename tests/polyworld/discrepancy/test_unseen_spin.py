@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from polyworld.discrepancy.catalogue import catalogue, named
 from polyworld.discrepancy.design import design
 from polyworld.discrepancy.examine import fitted_base
-from polyworld.discrepancy.gap import GapSettings, find_gap
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Array, Recording, Run
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Sphere

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.seal import NullControl, SealedGap
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.verdict import RunnerUp, Verdict
+from polyworld.gap.decide import Check, Graded
+from polyworld.gap.outlying import OutlyingRun
+from polyworld.gap.remainder import Remainder
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -22,7 +25,9 @@ class GapReport:
     """The outcome of the search for the gap.
 
     intervals (S, 2): 95%, of the best hypothesis' unknowns. world: child with the effects, fitted; None where nothing
-    is missing. history: every step with its figures. near_misses: effects that would have bettered the fit of data
+    is missing. set_aside: runs that behave unlike the rest. checks: what contradicted the verdict and
+    lowered it. graded: the decision with model error admitted, where nothing leaves only noise. plain: fits of the plain
+    laws. remainder: what the answer leaves undone. limited: the time limit [s] that ended the search. history: every step with its figures. near_misses: effects that would have bettered the fit of data
     that are explained already. cautions: what the recording cannot tell. to_dict gives all of it as JSON-ready values.
     """
 
@@ -38,6 +43,12 @@ class GapReport:
     near_misses: tuple[dict[str, Any], ...]
     cautions: tuple[str, ...]
     history: tuple[dict[str, Any], ...]
+    set_aside: tuple[OutlyingRun, ...] = ()
+    checks: tuple[Check, ...] = ()
+    graded: Graded | None = None
+    plain: tuple[Trial, ...] = ()
+    remainder: Remainder | None = None
+    limited: float | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,6 +61,12 @@ class GapReport:
         judged = best if best is not None else self.base
         told = {
             "verdict": self.verdict.kind,
+            "checks": [{"check": c.name, "found": c.found} for c in self.checks],
+            "set_aside": [o.to_json() | {"summary": o.summary()} for o in self.set_aside],
+            "stability": None if self.graded is None else _stability(self.graded),
+            "plain_laws": [_plain(t, judged) for t in self.plain],
+            "remainder": None if self.remainder is None else self.remainder.to_json(),
+            "time_limit": self.limited,
             "effects": effects_of(best, self.intervals) if best is not None else [],
             "credible_set": [list(t.hypothesis.names) for t in self.verdict.credible],
             "other_forms": [t.hypothesis.title for t in self.verdict.forms],
@@ -104,6 +121,34 @@ def _unknowns(trial: Trial, first: int, count: int, intervals: Array) -> dict[st
             "paths": list(u.paths),
         }
     return told
+
+
+def _plain(trial: Trial, best: Trial) -> dict[str, Any]:
+    """A plain law, fitted by itself, beside the answer."""
+    (part,) = trial.hypothesis.parts
+    return {
+        "name": part.candidate.name,
+        "label": part.variant.label,
+        "values": {
+            u.name: float(trial.values[len(trial.hypothesis.base) + i]) for i, u in enumerate(part.variant.unknowns)
+        },
+        "chi2": trial.chi2,
+        "ebic_behind": trial.ebic - best.ebic,
+        "passes": trial.passes,
+    }
+
+
+def _stability(graded: Graded) -> dict[str, Any]:
+    """The decision with model error admitted."""
+    return {
+        "chosen_in": graded.support,
+        "held_out_gain": graded.held_out,
+        "held_out_error": graded.held_out_error,
+        "ebic_ahead": graded.ahead,
+        "model_error": graded.error.size,
+        "rivals": [list(names) for names in graded.rivals],
+        "reasons": list(graded.reasons),
+    }
 
 
 def _runner_up(found: RunnerUp | None) -> dict[str, Any] | None:

@@ -1,0 +1,9 @@
+"""Find where simulated and measured motion disagree, name the missing effect, and prove what adding it is worth.
+
+Read `method` first; then outlying, searching, decide (model_error, stability), remainder, report.
+"""
+
+from polyworld.gap.method import GapSettings, find_gap
+from polyworld.gap.report import GapReport
+
+__all__ = ["GapReport", "GapSettings", "find_gap"]

@@ -1,0 +1,212 @@
+"""Decide which effects the data name, once, from evidence, stability over runs, and held-out prediction.
+
+Where a hypothesis leaves only noise, it is identified, or ambiguous beside others that do. Where none does, model error
+is admitted as large as what the leading hypothesis leaves, and effects are named that stay decisive then, are chosen
+whichever runs are left out, and predict runs left out better: identified with a remainder. Each check of the program's
+own that contradicts a name lowers the verdict by itself, and is reported with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.trial import Trial
+from polyworld.gap.model_error import ModelError, model_error_of
+from polyworld.gap.settings import DecisionSettings
+from polyworld.gap.stability import Contest, contest, gain_with_error
+
+Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
+Names = tuple[str, ...]
+
+ROUNDS = 4  # of choosing a leader and estimating the model error from it
+
+
+@dataclass(frozen=True)
+class Graded:
+    """What the data name when model error is admitted.
+
+    leader: the hypothesis chosen, None where no names are stable. error: the model error that it leaves. support:
+    effect -> share of resamples of the runs in which it is chosen. rivals: sets of names within reach of the leader.
+    held_out, held_out_error: mean gain per left-out run over the base, and its standard error, in chi2.
+    ahead: by how much its extended BIC is below that of the base. reasons: why no name is given, where none is.
+    """
+
+    leader: Trial | None
+    nearest: Trial
+    error: ModelError
+    support: dict[str, float]
+    rivals: tuple[Names, ...]
+    held_out: float
+    held_out_error: float
+    ahead: float
+    reasons: tuple[str, ...]
+
+
+def names_of(trial: Trial) -> Names:
+    """Return the effects of a hypothesis in alphabetical order."""
+    return tuple(sorted(trial.hypothesis.names))
+
+
+def equivalents(trials: Sequence[Trial]) -> dict[str, frozenset[str]]:
+    """Return every effect's name with those of the effects that these data cannot tell from it."""
+    found: dict[str, set[str]] = {}
+    for trial in trials:
+        for part in trial.hypothesis.parts:
+            found.setdefault(part.candidate.name, {part.candidate.name}).update(part.variant.same_as)
+    return {name: frozenset(same) for name, same in found.items()}
+
+
+def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: DecisionSettings, seed: int = 0) -> Graded:
+    """Choose effects with model error admitted.
+
+    base: the world without them. trials: fitted hypotheses, all under one noise. courses: distinct courses among the
+    runs, as which repeated ones count.
+    """
+    pool = [base, *trials]
+    leader = min(pool, key=lambda t: t.ebic)
+    error, found = model_error_of(leader), None
+    for _ in range(ROUNDS):
+        found = contest(pool, error)
+        best = pool[int(np.argmin(found.scores(np.ones(found.runs))))]
+        if best is leader:
+            break
+        leader, error = best, model_error_of(best)
+    assert found is not None
+    scores = found.scores(np.ones(found.runs))
+    same = equivalents(trials)
+    support = _support(found, settings, seed, same)
+    stable = {name for name, share in support.items() if share >= settings.stable}
+    within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
+    rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) != names_of(leader)))
+    chosen = _with_names(pool, scores, leader, stable, same)
+    reasons = []
+    if courses < settings.fewest_runs:
+        reasons.append(
+            f"the runs follow {_count(courses, 'course')} that differ{'s' if courses == 1 else ''}: stability over "
+            f"runs needs {settings.fewest_runs}"
+        )
+    if not stable:
+        reasons.append("no effect is chosen whichever runs are left out")
+    elif chosen is None:
+        reasons.append("the effects that every resample of the runs chooses were not fitted without others")
+    gain, gain_error, ahead = 0.0, float("inf"), 0.0
+    if chosen is not None and chosen is not base:
+        index = pool.index(chosen)
+        ahead = float(scores[0] - scores[index])
+        held_out = found.held_out()
+        gain, gain_error = gain_with_error(held_out[index], held_out[0])
+        if ahead <= settings.decisive:
+            reasons.append(
+                f"with model error admitted, the base is only {ahead:.1f} behind in the extended BIC "
+                f"(decisive: {settings.decisive:g})"
+            )
+        if not gain > settings.clearly * gain_error:
+            reasons.append(
+                f"runs left out are not predicted better: chi2 falls by {gain:.3g} +- {gain_error:.2g} per run"
+            )
+        for i, other in enumerate(pool[1:], start=1):
+            if _shares(other, chosen, same):
+                continue
+            better, by = gain_with_error(held_out[index], held_out[i])
+            if better < -settings.clearly * by:
+                reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
+                break
+    named = chosen if not reasons and chosen is not base else None
+    return Graded(named, leader, error, support, rivals, gain, gain_error, ahead, tuple(reasons))
+
+
+def _support(
+    found: Contest, settings: DecisionSettings, seed: int, same: dict[str, frozenset[str]]
+) -> dict[str, float]:
+    """Share of resamples in which every effect, or one that these data cannot tell from it, is chosen."""
+    chosen = found.chosen(settings.resamples, seed)
+    share: dict[str, float] = {}
+    for name in dict.fromkeys(n for t in found.trials for n in t.hypothesis.names):
+        has = np.array([bool(set(t.hypothesis.names) & same[name]) for t in found.trials])
+        share[name] = float(has[chosen].mean())
+    return share
+
+
+def _with_names(
+    pool: Sequence[Trial], scores: np.ndarray, leader: Trial, stable: set[str], same: dict[str, frozenset[str]]
+) -> Trial | None:
+    """The best hypothesis whose effects are all stable and that has, of every stable one, one equivalent."""
+    classes = {same[name] for name in stable}
+    fitting = [
+        (float(score), i)
+        for i, (t, score) in enumerate(zip(pool, scores, strict=True))
+        if t.hypothesis.names
+        and all(name in stable for name in t.hypothesis.names)
+        and len({same[n] for n in t.hypothesis.names}) == len(t.hypothesis.names)
+        and all(any(n in c for n in t.hypothesis.names) for c in classes)
+    ]
+    if fitting:
+        return pool[min(fitting)[1]]
+    return leader if leader.hypothesis.names and set(leader.hypothesis.names) <= stable else None
+
+
+def _shares(one: Trial, other: Trial, same: dict[str, frozenset[str]]) -> bool:
+    """Whether a hypothesis has all effects of another, or their equivalents: it does not contradict it then."""
+    return all(any(n in same[name] for n in one.hypothesis.names) for name in other.hypothesis.names)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One of the program's own checks that contradicts a name: what it is called, and what it found."""
+
+    name: Literal["null_control", "held_out", "held_out_remainder", "runner_up", "one_course", "nothing_held_out"]
+    found: str
+
+
+LOWERED: dict[str, dict[Kind, Kind]] = {
+    # A name that held-out data refute is not given.
+    "held_out": {"identified": "unexplained", "identified_with_remainder": "unexplained"},
+    # What explains the data fitted and leaves half of the gap in others leaves something over.
+    "held_out_remainder": {"identified": "identified_with_remainder"},
+    # A procedure that finds effects in data without any proves nothing by finding one.
+    "null_control": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
+    "runner_up": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
+    "one_course": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
+    "nothing_held_out": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
+}
+
+
+def lowered(kind: Kind, checks: Sequence[Check]) -> Kind:
+    """Return the verdict after the checks that contradict it, each of which lowers it by itself."""
+    for check in checks:
+        kind = LOWERED[check.name].get(kind, kind)
+    return kind
+
+
+def widened(unknowns: Sequence[Unknown], intervals: np.ndarray, graded: Graded, trial: Trial) -> np.ndarray:
+    """Return 95% intervals (S, 2) widened by the scatter of the runs (cluster-robust) and the model error."""
+    from scipy.stats import t as student
+
+    from polyworld.gap.model_error import run_evidence
+    from polyworld.gap.stability import clustered_covariance
+
+    evidence = run_evidence(trial, graded.error)
+    runs = len(evidence.level)
+    factor = float(student.ppf(0.975, max(runs - 1, 1)))
+    spread = factor * np.sqrt(np.maximum(np.diag(clustered_covariance(evidence)), 0.0))
+    values = trial.values[: len(intervals)]
+    lower = np.array([u.lower for u in unknowns])[: len(intervals)]
+    upper = np.array([u.upper for u in unknowns])[: len(intervals)]
+    found = intervals.copy()
+    found[:, 0] = np.maximum(np.minimum(intervals[:, 0], values - spread[: len(intervals)]), lower)
+    found[:, 1] = np.minimum(np.maximum(intervals[:, 1], values + spread[: len(intervals)]), upper)
+    return found
+
+
+def without_reasons(graded: Graded) -> Graded:
+    """Return the grade with its leader named, whatever speaks against it; for reports of what is nearest."""
+    return replace(graded, leader=graded.leader or graded.nearest)

@@ -1,0 +1,347 @@
+"""The gap workflow on one page: find where a world disagrees with measurements, name what is missing, and prove it.
+
+runs that behave unlike the rest are set aside and reported        outlying
+the base is fitted, effects are searched for                       searching
+names are decided: evidence, stability over runs, model error      decide
+the decision is held against data that no step has seen            prove
+the program's own checks lower what they contradict                decide
+what remains is described                                          remainder, symbolic
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.candidate import Candidate, Unknown
+from polyworld.discrepancy.catalogue import catalogue
+from polyworld.discrepancy.cautions import cautions
+from polyworld.discrepancy.criteria import extended_bic
+from polyworld.discrepancy.described import described, law_ebic
+from polyworld.discrepancy.design import design
+from polyworld.discrepancy.experiment import Contender, propose_experiment
+from polyworld.discrepancy.intervals import intervals95
+from polyworld.discrepancy.one_course import follows_one_course
+from polyworld.discrepancy.parts import in_parts, of_whole_runs
+from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
+from polyworld.discrepancy.search import SearchSettings
+from polyworld.discrepancy.stepping import coarsened
+from polyworld.discrepancy.trial import Trial
+from polyworld.discrepancy.unexplained import MAX_TERMS, ResidualForce
+from polyworld.discrepancy.verdict import Verdict
+from polyworld.gap.clock import Clock
+from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
+from polyworld.gap.outlying import OutlyingRun, misfitting_runs, outlying_runs, segment_fits, without_runs
+from polyworld.gap.remainder import Remainder, remainder_of
+from polyworld.gap.report import GapReport
+from polyworld.gap.searching import Searched, Story, search_effects
+from polyworld.gap.settings import DecisionSettings, OutlierSettings
+from polyworld.recording import Recording
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+# What happens at one place or in one run and may be an effect of the catalogue rather than an outlying run.
+LOCAL = ("hidden_wall", "hidden_body", "dropped_frames")
+SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to several effects of it
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """How the gap is looked for.
+
+    search: how widely. decision, outliers: when a name is given, and a run set aside. alarm: by how much an effect must
+    lower the extended BIC to be looked into although the base explains the data. null_control: whether the procedure is
+    repeated on data simulated from the base world. experiment: whether the experiment that would decide is sought where
+    the verdict is ambiguous. residual_force: whether a law is sought for what stays unexplained. time_limit [s]: after
+    which the search ends with the best verdict so far. seed: of the null control and the resampling of runs.
+    """
+
+    search: SearchSettings = field(default_factory=SearchSettings)
+    decision: DecisionSettings = field(default_factory=DecisionSettings)
+    outliers: OutlierSettings = field(default_factory=OutlierSettings)
+    alarm: float = 10.0
+    null_control: bool = True
+    experiment: bool = True
+    residual_force: bool = True
+    time_limit: float | None = None
+    seed: int = 0
+
+
+def find_gap(
+    world: World,
+    recording: Recording,
+    *,
+    sealed: Recording | None = None,
+    base: Sequence[Unknown] = (),
+    candidates: Sequence[Candidate] | None = None,
+    settings: GapSettings | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> GapReport:
+    """Find what a world lacks to explain a recording.
+
+    base: unknowns that are fitted in every hypothesis. candidates: effects to choose from, default the whole
+    catalogue. sealed: data that no step sees before the end. progress: called with the share done (0 to 1) and the
+    step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises ValueError where the
+    recording does not fit the world.
+    """
+    settings = settings or GapSettings()
+    chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
+    clock, story = Clock(settings.time_limit, cancelled), Story(progress)
+    work = _Work(world, tuple(base), chosen, settings, story, clock)
+
+    aside, found = _search_without_outliers(work, recording)
+    verdict, graded = _decide(work, found)
+    best = verdict.best
+    bench, ground = found.bench, found.ground
+    intervals = intervals95(bench, best if best is not None else ground)
+    if graded is not None and verdict.kind == "identified_with_remainder" and best is not None:
+        intervals = widened(best.hypothesis.unknowns, intervals, graded, best)
+    kept = bench.design.recording
+    child = of_whole_runs(_fitted_world(best, world), without_runs(recording, [o.run for o in aside]), kept)
+    child_or_none = child if best is not None else None
+    story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
+
+    verdict, force, child_or_none = _residual_force(work, found, verdict, child_or_none)
+    gap = _proof(work, found, child_or_none, sealed)
+    null = _null_control(work, found, best) if settings.null_control and not found.limited else None
+    checks = _checks(found, verdict, graded, gap, null, sealed)
+    verdict = replace(verdict, kind=lowered(verdict.kind, checks))
+    experiment = _experiment(work, found, verdict)
+    story.tell(1.0, "done", {"rollouts": bench.rollouts})
+    return GapReport(
+        verdict=verdict,
+        bench=bench,
+        base=ground,
+        intervals=intervals,
+        world=child_or_none,
+        sealed=gap,
+        null=null,
+        experiment=experiment,
+        residual_force=force.to_json() if force is not None else None,
+        near_misses=found.near_misses,
+        cautions=cautions(bench.design),
+        history=tuple(story.steps),
+        set_aside=aside,
+        checks=tuple(checks),
+        graded=graded,
+        plain=found.plain,
+        remainder=_remainder(found, verdict, graded),
+        limited=settings.time_limit if found.limited else None,
+    )
+
+
+@dataclass(frozen=True)
+class Decided(Verdict):
+    """The verdict, once."""
+
+    kind: Kind  # type: ignore[assignment]
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What all steps of one search share."""
+
+    world: World
+    base: tuple[Unknown, ...]
+    candidates: tuple[Candidate, ...]
+    settings: GapSettings
+    story: Story
+    clock: Clock
+
+    def search(self, recording: Recording, candidates: tuple[Candidate, ...], most: int) -> Searched:
+        """Search a recording for up to so many effects."""
+        cut = in_parts(recording, self.world)
+        plan = design(coarsened(self.world, cut), cut)
+        wide = replace(self.settings.search, max_effects=min(most, self.settings.search.max_effects))
+        return search_effects(
+            plan, self.world.time.substep, self.base, candidates, wide, self.settings.alarm, self.story, self.clock
+        )
+
+
+def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[OutlyingRun, ...], Searched]:
+    """Search for effects, runs that behave unlike the rest set aside; what they show may be an effect after all."""
+    most = work.settings.search.max_effects
+    aside = _events(work, recording)
+    if aside:
+        work.story.tell(0.05, "outlying runs", {"runs": [o.to_json() for o in aside]})
+    found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates, most)
+    if aside and found.verdict.kind == "nothing_missing" and not found.limited:
+        local = tuple(c for c in work.candidates if c.name in LOCAL)
+        whole = work.search(recording, local, 1) if local else None
+        if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
+            return (), whole
+    if found.verdict.kind == "unexplained" and found.pool and not found.limited:
+        further = _misfits(work, found, len(recording.runs), len(aside))
+        if further:
+            work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in further]})
+            aside = (*aside, *further)
+            found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates, most)
+    return aside, found
+
+
+def _events(work: _Work, recording: Recording) -> tuple[OutlyingRun, ...]:
+    """Runs that hold an event of their own."""
+    if len(recording.runs) * work.settings.outliers.most < 1.0:
+        return ()
+    fits = segment_fits(work.world, recording, work.base, work.clock)
+    return () if fits is None else outlying_runs(fits, work.settings.outliers)
+
+
+def _misfits(work: _Work, found: Searched, runs: int, aside: int) -> tuple[OutlyingRun, ...]:
+    """Runs that a law explains far worse than most: of the law under which most runs are explained best."""
+    room = int(work.settings.outliers.most * runs) - aside
+    if room < 1:
+        return ()
+    kept = len(found.bench.design.runs) - room
+    best = min((t for t in found.pool), key=lambda t: float(np.sort(t.misfits)[:kept].sum()))
+    return misfitting_runs(best, work.settings.outliers)[:room]
+
+
+def _decide(work: _Work, found: Searched) -> tuple[Decided, Graded | None]:
+    """Decide names: of hypotheses that leave only noise, else with model error admitted."""
+    v = found.verdict
+    verdict = Decided(v.kind, v.best, v.credible, v.runner_up, v.forms)
+    if v.kind != "unexplained" or not found.pool:
+        return verdict, None
+    graded = grade(found.ground, found.pool, len(found.bench.design.runs), work.settings.decision, work.settings.seed)
+    if graded.leader is not None:
+        return replace(verdict, kind="identified_with_remainder", best=graded.leader, credible=(graded.leader,)), graded
+    return verdict, graded
+
+
+def _residual_force(
+    work: _Work, found: Searched, verdict: Decided, child: World | None
+) -> tuple[Decided, ResidualForce | None, World | None]:
+    """Seek the law of what no effect explains; a single law may also be simpler than several effects."""
+    best = verdict.best
+    several = (
+        verdict.kind in ("identified", "ambiguous")
+        and best is not None
+        and len(best.hypothesis.parts) > 1
+        and not follows_one_course(found.bench.design)
+    )
+    if found.limited or not work.settings.residual_force or not (verdict.kind == "unexplained" or several):
+        return verdict, None, child
+    unexplained = verdict.kind == "unexplained"
+    terms = MAX_TERMS if unexplained else 1
+    force = described(found.ground, best if unexplained else None, found.near, most_terms=terms, cancelled=work.clock)
+    if not unexplained:
+        assert best is not None
+        if not _simpler(force, found.ground, best):
+            return verdict, None, child
+        verdict = replace(verdict, kind="unexplained", credible=(), forms=())
+    if force.explains and force.world is not None:
+        child = force.world.with_substep(work.world.time.substep)
+    work.story.tell(0.82, "residual force", {"found": force.expression, "explains": force.explains})
+    return verdict, force, child
+
+
+def _simpler(force: ResidualForce, ground: Trial, best: Trial) -> bool:
+    """Whether one law outside the catalogue explains the data better for its unknowns than several effects together.
+
+    Effects of the catalogue added up can mimic a law that is not in it; their sum is then no name for it.
+    """
+    if not force.explains or force.world is None:
+        return False
+    effects = extended_bic(best.chi2, best.hypothesis.extra, best.bench.observations, 0, 1)
+    return law_ebic(force, ground) < effects - SIMPLER
+
+
+def _proof(work: _Work, found: Searched, child: World | None, sealed: Recording | None) -> SealedGap | None:
+    """Hold the decision against the sealed data."""
+    if sealed is None:
+        return None
+    before = _fitted_world(found.ground, work.world)
+    gap = sealed_gap(before, child if child is not None else before, sealed)
+    work.story.tell(0.85, "sealed data", gap.to_dict())
+    return gap
+
+
+def _null_control(work: _Work, found: Searched, best: Trial | None) -> NullControl:
+    """Repeat the search on data simulated from the base world, with its noise: nothing is missing there."""
+    ground, bench = found.ground, found.bench
+    states = best.fit.states if best is not None else ground.fit.states
+    made = simulated_recording(bench.forward(ground.hypothesis), ground.values, states, bench.noise, work.settings.seed)
+    quiet = replace(work, story=Story(None), base=ground.hypothesis.base, world=bench.design.world)
+    again = quiet.search(made, work.candidates, work.settings.search.max_effects)
+    after: float | None = None
+    if best is not None:
+        added = [u.start for u in best.hypothesis.unknowns[len(ground.values) :]]
+        values = np.concatenate([again.ground.values, added])
+        # Places and frequencies stay as found: where the strength is nothing, they could not be determined.
+        after = again.bench.fit(best.hypothesis, values, again.ground.fit.states).chi2
+    control = NullControl(
+        again.verdict.kind, again.ground.chi2, after, int(again.bench.observations), work.settings.seed
+    )
+    work.story.tell(0.95, "null control", control.to_dict())
+    return control
+
+
+def _checks(
+    found: Searched,
+    verdict: Decided,
+    graded: Graded | None,
+    gap: SealedGap | None,
+    null: NullControl | None,
+    sealed: Recording | None,
+) -> list[Check]:
+    """Collect what the program itself holds against a name."""
+    if verdict.kind not in ("identified", "identified_with_remainder"):
+        return []
+    checks = []
+    if gap is not None and gap.gap_after > max(gap.gap_before, gap.noise_floor):
+        checks.append(
+            Check("held_out", f"sealed data get worse: {gap.gap_before:.3g} -> {gap.gap_after:.3g} {gap.unit}")
+        )
+    elif gap is not None and verdict.kind == "identified" and gap.contradicts is not None:
+        checks.append(Check("held_out_remainder", gap.contradicts))
+    if null is not None and null.verdict not in ("nothing_missing",):
+        checks.append(Check("null_control", f"the same search names effects ({null.verdict}) where none is missing"))
+    other = verdict.runner_up
+    if verdict.kind == "identified" and other is not None and verdict.best is not None:
+        further = not set(names_of(verdict.best)) <= set(names_of(other.trial))
+        if further and other.ebic_behind < 2.0:
+            names = " + ".join(names_of(other.trial))
+            checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
+    if graded is None and sealed is None and len(found.bench.design.runs) < 3:
+        runs = len(found.bench.design.runs)
+        checks.append(Check("nothing_held_out", f"{runs} run{'s' if runs > 1 else ''}, and none was held out"))
+    return checks
+
+
+def _experiment(work: _Work, found: Searched, verdict: Decided) -> dict[str, object] | None:
+    """Seek the experiment that would decide between what stands side by side."""
+    # What is a run's own predicts no other run.
+    of_runs = any(u.run is not None for t in verdict.credible for u in t.hypothesis.unknowns)
+    if not work.settings.experiment or found.limited or verdict.kind != "ambiguous" or of_runs:
+        return None
+    if len(verdict.credible) < 2:
+        return None
+    contenders = [
+        Contender(t.hypothesis.names, t.hypothesis.world, t.hypothesis.unknowns, t.values, t.fit.covariance)
+        for t in verdict.credible
+    ]
+    sought = propose_experiment(found.bench.design, found.bench.noise, contenders)
+    work.story.tell(0.98, "experiment", {"found": sought is not None})
+    return sought.to_dict() if sought is not None else None
+
+
+def _remainder(found: Searched, verdict: Decided, graded: Graded | None) -> Remainder | None:
+    """Describe what the answer leaves undone, where it leaves more than noise."""
+    if graded is None:
+        return None
+    trial = verdict.best if verdict.best is not None else found.ground
+    return remainder_of(trial, found.ground)
+
+
+def _fitted_world(trial: Trial | None, world: World) -> World:
+    """The fitted world, stepped as the world that was given, or finer where only that explained the data."""
+    if trial is None:
+        return world
+    steps = min(world.time.substep, trial.hypothesis.world.time.substep)
+    return trial.hypothesis.fitted_world(trial.values).with_substep(steps)

@@ -1,0 +1,180 @@
+"""Find runs, and when within them, that behave unlike the rest before any law is blamed for it.
+
+Every segment of every run is fitted by itself with the base world. A force that the base lacks hardly shows over a
+dozen samples, so a segment that cannot be fitted holds an event: a bounce nobody mentioned, a hand, a wrong track. An
+event between two segments shows as a jump of the state, and one that shows alone in its run, far beyond what is
+ordinary in all runs, makes the run an exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.noise import measured_noise
+from polyworld.discrepancy.trial import Trial
+from polyworld.estimation.continuity import QUANTITIES, Boundary, jumps
+from polyworld.estimation.forward import Forward, Settings
+from polyworld.estimation.guesses import best_guesses, flipped, propagated
+from polyworld.estimation.least_squares import Chains, Point
+from polyworld.estimation.problem import Problem, apart, problem_of
+from polyworld.estimation.shooting import Fit, set_scales
+from polyworld.gap.settings import OutlierSettings
+from polyworld.recording import Recording
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 5  # of the fits of single segments, twice
+
+
+@dataclass(frozen=True)
+class OutlyingRun:
+    """A run that behaves unlike the rest.
+
+    when [s]: from its start, at which it begins to; None for a run as a whole. how: in words. times: by how much what
+    it shows exceeds what is ordinary.
+    """
+
+    run: str
+    when: float | None
+    how: str
+    kind: Literal["event", "jump", "whole"]
+    times: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"run": self.run, "time": self.when, "how": self.how, "kind": self.kind, "times": self.times}
+
+    def summary(self) -> str:
+        """Describe it in a sentence."""
+        where = "as a whole" if self.when is None else f"from {self.when:.3g} s after its start on"
+        return f"run {self.run} behaves unlike the others {where}: {self.how}"
+
+
+@dataclass(frozen=True)
+class SegmentFits:
+    """Segments fitted by themselves: chi2 per measurement (K,) of each, and jumps between them in standard errors."""
+
+    problem: Problem
+    misfit: Array
+    boundaries: tuple[Boundary, ...]
+    jump: tuple[Array, ...]
+    velocity: tuple[Array, ...]
+
+
+def segment_fits(
+    world: World, recording: Recording, base: Sequence[Unknown], cancelled: Callable[[], bool] | None = None
+) -> SegmentFits | None:
+    """Fit every segment by itself; None where runs cannot be cut."""
+    problem = problem_of(world, recording)
+    if len(problem.segments) <= len(problem.chains):
+        return None
+    single = apart(problem)
+    values = np.array([u.start for u in base])  # a segment determines little of what all runs share
+    whole = Chains(Forward(problem, world, tuple(base), cancelled), measured_noise(problem.whole))
+    chains = Chains(Forward(single, world, (), cancelled), measured_noise(single.whole))
+    fit = Fit(chains, Point(np.zeros(0), best_guesses(whole, values)))
+    fit.stage(1.0, ITERATIONS, 1.0)
+    at = propagated(whole, flipped(whole, Point(values, fit.at.states)))
+    fit.at = Point(np.zeros(0), at.states)
+    fit.stage(1.0, ITERATIONS, 1.0)
+    costs, _ = chains.costs([fit.at])
+    counts = np.array([max(int(k.sum()), 1) for k in chains.noise.kept])
+    set_scales(whole, Point(values, fit.at.states))
+    settings = [Settings(s.index, values[None], fit.at.states[s.index][None]) for s in problem.segments]
+    outcomes = whole.forward.outcomes(settings)
+    found = jumps(whole.continuity, outcomes, [s.states for s in settings])
+    scaled = tuple(j[0] / scale for j, scale in zip(found, whole.scale, strict=True))
+    speeds = tuple(
+        np.linalg.norm(outcomes[b.before].end.velocity[0], axis=-1)[b.body] for b in whole.continuity.boundaries
+    )
+    return SegmentFits(problem, costs[0] / counts, whole.continuity.boundaries, scaled, speeds)
+
+
+def outlying_runs(fits: SegmentFits, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:
+    """Return runs with an event that is no ordinary one, those that stand out most first; none where they are many."""
+    problem = fits.problem
+    count = len(problem.chains)
+    run_of = np.array([s.run for s in problem.segments])
+    worst = np.array([fits.misfit[run_of == r].max() for r in range(count)])
+    ordinary = max(float(np.quantile(worst, 1.0 - settings.most)), 1.0)
+    found: dict[str, OutlyingRun] = {}
+    for s in problem.segments:
+        excess = float(fits.misfit[s.index])
+        if excess > max(settings.misfit, settings.apart * ordinary):
+            name = problem.whole.runs[s.run].run.name
+            how = (
+                f"over {float(s.layout.times[-1]):.2g} s no motion of this world fits (chi2 per measurement {excess:.3g}, "
+                f"in the other runs at most {ordinary:.2g}), as after an impact or a push that nobody mentioned, or on a "
+                "wrong track"
+            )
+            _keep(found, OutlyingRun(name, s.offset, how, "event", excess / ordinary))
+    size = np.array([float(np.max(np.abs(j), initial=0.0)) for j in fits.jump])
+    owner = np.array([problem.segments[b.after].run for b in fits.boundaries])
+    largest = np.array([size[owner == r].max(initial=0.0) for r in range(count)])
+    usual = max(float(np.quantile(largest, 1.0 - settings.most)), 1.0)
+    for boundary, jump, value in zip(fits.boundaries, fits.jump, size, strict=True):
+        if value > max(settings.jump, settings.apart * usual):
+            s = problem.segments[boundary.after]
+            name = problem.whole.runs[s.run].run.name
+            component = int(np.argmax(np.abs(jump)))
+            what = "state"
+            if component < len(boundary.kind):
+                what = (("position", "velocity") if problem.world.planar else QUANTITIES)[int(boundary.kind[component])]
+            how = f"its {what} jumps by {value:.3g} standard errors (in the other runs by at most {usual:.2g})"
+            _keep(found, OutlyingRun(name, s.offset, how, "jump", float(value) / usual))
+    ranked = sorted(found.values(), key=lambda o: -o.times)
+    return tuple(ranked) if len(ranked) <= settings.most * count else ()
+
+
+def _keep(found: dict[str, OutlyingRun], outlier: OutlyingRun) -> None:
+    """Keep the earliest event of each run, with the greatest excess."""
+    known = found.get(outlier.run)
+    if known is None:
+        found[outlier.run] = outlier
+        return
+    first = outlier if (outlier.when or 0.0) < (known.when or 0.0) else known
+    found[outlier.run] = replace(first, times=max(outlier.times, known.times))
+
+
+def misfitting_runs(trial: Trial, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:
+    """Return runs that a fitted hypothesis explains far worse than most, none where they are many."""
+    misfits = trial.misfits
+    ordinary = max(float(np.quantile(misfits, 1.0 - settings.most)), 1.0)
+    found = []
+    for run, misfit in zip(trial.bench.design.runs, misfits, strict=True):
+        if misfit > settings.excess * ordinary:
+            white = trial.fit.linear.r[run.index]
+            how = f"its residuals are {np.sqrt(misfit / ordinary):.3g} times those of the others under the law found"
+            found.append(
+                OutlyingRun(
+                    run.run.part_of or run.run.name,
+                    _onset(run.times, run.series, white),
+                    how,
+                    "whole",
+                    float(misfit / ordinary),
+                )
+            )
+    ranked = sorted(found, key=lambda o: -o.times)
+    return tuple(ranked) if len(ranked) <= int(settings.most * len(misfits)) else ()
+
+
+def _onset(times: Array, series: Sequence[Any], white: Array) -> float | None:
+    """When residuals first exceed a quarter of their largest size, if not at once."""
+    size = np.zeros(len(times))
+    for s in series:
+        size[s.rows] = np.maximum(size[s.rows], np.abs(white[s.where]))
+    large = np.flatnonzero(size > 0.25 * size.max(initial=0.0))
+    first = float(times[large[0]]) if len(large) else 0.0
+    return first if first > 0.1 * float(times[-1]) else None
+
+
+def without_runs(recording: Recording, names: Sequence[str]) -> Recording:
+    """Return the recording without some runs."""
+    return Recording(tuple(r for r in recording.runs if r.name not in names))

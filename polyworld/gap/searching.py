@@ -1,0 +1,307 @@
+"""Run the search over effects on one recording: base fit, one to three effects, the candidates' contest of fits.
+
+Steps: fit the base; where it fails, add the effect that the score test promises most, then a second and a third one
+while none explains the data; fit what comes near with all care.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from polyworld.discrepancy import profile
+from polyworld.discrepancy.candidate import Candidate, Unknown
+from polyworld.discrepancy.design import Design, design
+from polyworld.discrepancy.examine import LEFT, fitted_base, refitted
+from polyworld.discrepancy.hypothesis import extended
+from polyworld.discrepancy.noise import Noise, refined_noise
+from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
+from polyworld.discrepancy.parents import nearest
+from polyworld.discrepancy.parts import halved
+from polyworld.discrepancy.promises import identity
+from polyworld.discrepancy.rivals import fit_rivals
+from polyworld.discrepancy.search import Search, SearchSettings
+from polyworld.discrepancy.simpler import put_simpler
+from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
+from polyworld.discrepancy.twins import fit_twins
+from polyworld.discrepancy.unexplained import Near
+from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
+from polyworld.gap.clock import Clock, TimeLimitReached
+
+LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
+CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
+KEPT_CHANGED = 0.002  # the same of the share of outliers
+STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
+PLAINLY = 2  # effects beyond which a further one is sought only where one comes near to the data (`Search.foreseen`)
+AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
+PLAIN = (  # laws that are fitted and reported beside any richer answer
+    "gravity_error",
+    "restitution_error",
+    "friction_error",
+    "rolling_resistance",
+    "linear_drag",
+    "quadratic_drag",
+    "viscous_friction",
+    "joint_damping",
+    "joint_friction",
+)
+CARE = 24  # iterations of their fits
+BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
+
+
+class Story:
+    """The steps so far, each told as it happens."""
+
+    def __init__(self, progress: Callable[[float, str], None] | None) -> None:
+        self.steps: list[dict[str, Any]] = []
+        self.share = 0.0
+        self._progress = progress
+
+    def tell(self, share: float, step: str, figures: dict[str, Any]) -> None:
+        self.share = max(self.share, share)
+        self.steps.append({"step": step, **figures})
+        if self._progress is not None:
+            self._progress(self.share, step)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What a search came to.
+
+    verdict: on hypotheses that leave only noise. bench: fits and noise that it rests on. ground: the base, fitted.
+    near_misses: effects that would lower the misfit of a base that explains the data. pool: hypotheses fitted under
+    one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before.
+    """
+
+    verdict: Verdict
+    bench: Bench
+    ground: Trial
+    near_misses: tuple[dict[str, Any], ...] = ()
+    near: Near | None = None
+    pool: tuple[Trial, ...] = ()
+    plain: tuple[Trial, ...] = ()
+    limited: bool = False
+
+
+def search_effects(
+    plan: Design,
+    substep: float,
+    base: tuple[Unknown, ...],
+    candidates: tuple[Candidate, ...],
+    settings: SearchSettings,
+    alarm: float,
+    story: Story,
+    clock: Clock,
+) -> Searched:
+    """Search on whole runs, or where a few of these cannot be followed, once more with those in parts.
+
+    alarm: by how much an effect must lower the extended BIC to be looked into although the base explains the data.
+    """
+    ground = _finer(fitted_base(plan, base, len(candidates), clock), substep)
+    story.tell(
+        0.1,
+        "base fit",
+        {"chi2": ground.chi2, "measurements": ground.bench.observations, "passes": ground.passes}
+        | {"goodness": ground.goodness.to_json(), "noise": ground.bench.noise.to_json()},
+    )
+
+    def tell(step: str, figures: dict[str, Any]) -> None:
+        story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
+
+    search = Search(ground.bench, candidates, settings, tell, ground, substep)
+    near_misses: tuple[dict[str, Any], ...] = ()
+    limited = False
+    effects, parents = 1, [ground]
+    try:
+        if ground.passes:
+            ground, explained, near_misses = _explained(search, ground, alarm)
+            if explained:
+                return Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
+        effects, parents, lost = _add_effects(search, ground)
+        if lost:
+            parts = halved(plan.recording, lost)
+            if any(run.part_of is not None for run in parts.runs):  # they could be cut, and are only once
+                story.tell(story.share, "runs in parts", {"runs": list(lost)})
+                cut = design(plan.world, parts)
+                return search_effects(cut, substep, base, candidates, settings, alarm, story, clock)
+            effects, parents, _ = _add_effects(search, ground, effects, whole=True)
+        effects = _with_care(search, effects)
+    except TimeLimitReached:
+        limited = True
+        clock.lift()
+        story.tell(story.share, "time limit", {})
+        while effects > 1 and search.best(effects) is None:
+            effects -= 1
+        if search.best(effects) is None:
+            effects = max((len(t.hypothesis.parts) for t in search.trials.values()), default=1)
+    verdict = _decided(search, effects, parents)
+    if not limited and verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
+        beside = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
+        verdict = decide(beside, max(settings.credible, BESIDE))
+    bench = verdict.best.bench if verdict.best is not None else search.bench
+    if bench is not ground.bench:
+        ground = refitted(ground, bench)
+    if verdict.best is not None:
+        if ground.passes:
+            stepped = ground.hypothesis.stepped(verdict.best.hypothesis.world.time.substep)
+            ground = bench.fit(stepped, ground.values, ground.fit.states)
+        again = _from_states_of(verdict.best, ground)
+        if again.chi2 < ground.chi2:
+            ground = again
+        if ground.passes and ground.ebic - verdict.best.ebic <= alarm:
+            return Searched(Verdict("nothing_missing", None), bench, ground, near_misses, limited=limited)
+    plain = () if limited else _plain_laws(search, ground, bench)
+    pool = _pool(search, bench, plain, limited)
+    return Searched(verdict, bench, ground, near_misses, _near(search), pool, plain, limited)
+
+
+def _add_effects(
+    search: Search, ground: Trial, effects: int = 0, whole: bool = False
+) -> tuple[int, list[Trial], tuple[str, ...]]:
+    """Add effects until the best explains the data: their number, the hypotheses they were added to, and runs that no
+    fit follows although their windows are explained, with which nothing further is tried (unless `whole`)."""
+    parents = [ground] if effects == 0 else nearest(search.ranked(effects), search.on_windows, search.settings.parents)
+    while effects < search.settings.max_effects and not (effects and _passed(search, effects)):
+        if effects >= PLAINLY and not search.foreseen(parents):
+            break  # a sum of so many mimics much
+        effects += 1
+        search.add_effect(parents)
+        _renoise(search, effects)
+        search.finely(effects, 1.0)
+        if effects == 1 and not whole and (lost := search.astray(effects)):
+            return effects, parents, lost
+        if not _passed(search, effects) and not search.hopeless(effects):
+            search.restart(effects)
+            _renoise(search, effects)
+            search.finely(effects)
+        if effects > 1 and not _passed(search, effects) and not search.hopeless(effects):
+            search.swap(effects)
+            _renoise(search, effects)
+            search.finely(effects)
+        if _passed(search, effects):
+            break
+        parents = nearest(search.ranked(effects), search.on_windows, search.settings.parents)
+    return effects, parents, ()
+
+
+def _with_care(search: Search, effects: int) -> int:
+    """Drop what is not needed and fit what comes near to the best with all care; the number of effects then."""
+    effects = search.fewest(effects)  # on the way back from two, one may have come to explain all
+    while effects > 1 and search.best(effects) is None:
+        effects -= 1  # nothing promised to better those
+    best = search.best(effects)
+    if best is not None and effects > 1 and best.passes:
+        effects = len(search.backward(best).hypothesis.parts)
+    if _passed(search, effects) or not search.hopeless(effects):
+        fit_rivals(search, effects)
+        search.settle(effects)
+        search.beyond(effects)
+        fit_twins(search, effects)
+        put_simpler(search, effects)
+        search.finely(effects)
+        search.settled(effects)
+    return effects
+
+
+def _plain_laws(search: Search, ground: Trial, bench: Bench) -> tuple[Trial, ...]:
+    """Fit the plain laws with care, each by itself: they are reported beside any richer answer."""
+    found = []
+    plan = bench.design
+    horizons, states = profile.horizons_for(plan), profile.start_states(plan)
+    for candidate in (c for c in search.candidates if c.name in PLAIN):
+        ways = []
+        for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
+            known = search.trials.get(identity(hypothesis))
+            if known is not None:
+                ways.append(bench.fit(known.hypothesis, known.values, known.fit.states, iterations=CARE))
+                continue
+            start = hypothesis.starts(ground.values)[0]
+            ways.append(bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3))
+            ways[-1] = bench.refit(ways[-1], iterations=CARE)
+        ways = [w for w in ways if np.isfinite(w.chi2)]
+        if ways:
+            found.append(min(ways, key=lambda t: t.ebic))
+    return tuple(sorted(found, key=lambda t: t.ebic))
+
+
+def _pool(search: Search, bench: Bench, plain: Sequence[Trial], limited: bool) -> tuple[Trial, ...]:
+    """The hypotheses that came nearest, with each number of effects, and the plain laws, all fitted under one noise."""
+    found: dict[tuple[str, ...], Trial] = {identity(t.hypothesis): t for t in plain}
+    for effects in range(1, search.settings.max_effects + 1):
+        for trial in search.ranked(effects)[:BESIDES]:
+            key = identity(trial.hypothesis)
+            if key not in found or trial.chi2 < found[key].chi2:
+                same = trial.bench is bench and (trial.fit.converged or limited)
+                found[key] = trial if same else bench.refit(trial, iterations=4 if limited else CARE // 2)
+    return tuple(t for t in found.values() if np.isfinite(t.chi2))
+
+
+def _decided(search: Search, effects: int, parents: Sequence[Trial]) -> Verdict:
+    """The verdict on hypotheses of so many effects, held against those of fewer that they were made of."""
+    found = decide(search.ranked(effects), search.settings.credible)
+    if found.best is None or found.kind == "unexplained":
+        return found
+    fewer = [p for p in parents if 0 < len(p.hypothesis.parts) < len(found.best.hypothesis.parts)]
+    return beside_fewer(found, [found.best.bench.refit(p) for p in fewer], search.settings.credible)
+
+
+def _finer(ground: Trial, substep: float) -> Trial:
+    """A base that is near the data, fitted with shorter steps, where that is why it fails."""
+    if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
+        return ground
+    fine = refined(ground, substep, substep / FINEST)
+    return fine if fine.passes else ground
+
+
+def _near(search: Search) -> Near | None:
+    """The base on windows, where the search had to begin there."""
+    if search.on_windows is None:
+        return None
+    trial = search.on_windows.trials.get(())
+    return None if trial is None else Near(search.on_windows.cut, trial.bench.noise, trial.fit)
+
+
+def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool, tuple[dict[str, Any], ...]]:
+    """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
+    promising = search.promising(ground, 0.5 * alarm)
+    near = [t for t in promising if t.ebic < ground.ebic]
+    for trial in near[:AGAIN]:
+        again = _from_states_of(trial, ground)
+        if again.chi2 < ground.chi2 and again.passes:
+            ground = again
+    near = [t for t in near if t.ebic < ground.ebic]
+    told = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ground.ebic - t.ebic} for t in near)
+    return ground, not near or ground.ebic - near[0].ebic <= alarm, told
+
+
+def _from_states_of(trial: Trial, ground: Trial) -> Trial:
+    """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
+    values = trial.values[: len(ground.values)]
+    begun = trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=LEFT)
+    return refitted(begun, trial.bench)
+
+
+def _renoise(search: Search, effects: int) -> None:
+    """Estimate the noise from the best hypothesis' residuals, and judge all under it."""
+    best = search.best(effects)
+    if best is None:
+        return
+    noise = refined_noise(search.bench.design, search.bench.noise, search.bench.raw_residuals(best))
+    if _differs(noise, search.bench.noise):
+        search.under(search.bench.with_noise(noise), effects)
+
+
+def _differs(one: Noise, other: Noise) -> bool:
+    """Whether two estimates of the noise are so far apart that fits would weigh the data otherwise."""
+    levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(one.sigma, other.sigma, strict=True))
+    linked = max(float(np.max(np.abs(a - b))) for a, b in zip(one.rho, other.rho, strict=True))
+    kept = sum(int(np.sum(a != b)) for a, b in zip(one.kept, other.kept, strict=True))
+    return levels > LEVEL_CHANGED or linked > CORRELATION_CHANGED or kept > KEPT_CHANGED * one.count
+
+
+def _passed(search: Search, effects: int) -> bool:
+    best = search.best(effects)
+    return best is not None and best.passes

@@ -1,0 +1,58 @@
+"""The settings of the gap's decision, each with its reason; no other module of this package holds a tuned number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class DecisionSettings:
+    """How a verdict is reached.
+
+    decisive: difference of the extended BIC beyond which a hypothesis is out of reach; 10 is "very strong" on the scale
+    of Kass & Raftery (1995, J. Am. Stat. Assoc. 90, 773). stable: share of bootstrap samples of the runs in which an
+    effect has to be chosen; nine in ten, as the benchmarks ask of a name. resamples: of the bootstrap; 200 give that
+    share to 2%. fewest_runs: distinct courses without which stability over runs cannot be measured: with two, leaving
+    one out leaves nothing to compare. clearly: standard errors by which held-out data must be predicted better.
+    """
+
+    decisive: float = 10.0
+    stable: float = 0.9
+    resamples: int = 200
+    fewest_runs: int = 3
+    clearly: float = 1.0
+
+    def __post_init__(self) -> None:
+        _positive(self)
+        if not self.stable <= 1.0:
+            raise ValueError(f"stable is a share of resamples, at most 1; got {self.stable}")
+
+
+@dataclass(frozen=True)
+class OutlierSettings:
+    """When runs or stretches of them are set aside.
+
+    most: largest share of the runs that may be; with more, what they show is no exception. misfit: chi2 per measurement
+    of a segment fitted by itself, beyond which it holds an event; a smooth force leaves less than 4 over a segment of a
+    dozen samples in the development cases. apart: how many times the upper quartile of all segments that has to be, so
+    that what happens in many runs is never an exception. excess: the same factor for whole runs under the best law.
+    jump: standard errors of a jump between segments that count as an event where `apart` holds, too.
+    """
+
+    most: float = 0.25
+    misfit: float = 6.0
+    apart: float = 6.0
+    excess: float = 4.0
+    jump: float = 12.0
+
+    def __post_init__(self) -> None:
+        _positive(self)
+        if not self.most < 0.5:
+            raise ValueError(f"most is a share of the runs below one half, so that the others decide; got {self.most}")
+
+
+def _positive(settings: object) -> None:
+    for field in fields(settings):  # type: ignore[arg-type]
+        value = getattr(settings, field.name)
+        if not value > 0:
+            raise ValueError(f"{field.name} must be positive, got {value}")
