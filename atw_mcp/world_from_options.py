@@ -64,13 +64,15 @@ def _body(text: str, planar: bool, contact: dict[str, float]) -> RigidObject:
         shape = _round(where, kind, size, planar)
     mass = _positive(where, weight, "mass")
     try:
-        return RigidObject(
-            name=name,
-            representation="rigid_planar" if planar else "rigid_spatial",
-            shape=shape,
-            mass=mass,
-            position=(0.0, 0.0, 0.0),
-            **contact,
+        return RigidObject.model_validate(
+            {
+                "name": name,
+                "representation": "rigid_planar" if planar else "rigid_spatial",
+                "shape": shape,
+                "mass": mass,
+                "position": (0.0, 0.0, 0.0),
+                **contact,
+            }
         )
     except ValidationError as error:
         raise ValueError(f"{where}: {validation_text(error)}") from error

@@ -43,6 +43,9 @@ def merge_rows(run: str, content: dict[str, list[Row]], clock: Clock, problems: 
         taken: dict[int, int] = {}
         for place, row in enumerate(rows):
             at = int(np.searchsorted(times, row.time + SAME_INSTANT, side="right")) - 1
+            if at not in taken:
+                taken[at], values[at, column] = row.line, row.values
+                continue
             here, new = values[at, column], _same_sign(values[at, column], row.values)
             unequal = np.isfinite(here) & np.isfinite(new) & ~np.isclose(here, new, rtol=SAME_VALUE, atol=1e-15)
             if unequal.any():
@@ -53,7 +56,6 @@ def merge_rows(run: str, content: dict[str, list[Row]], clock: Clock, problems: 
                     f"already, with another {MEASURED[int(np.argmax(unequal))]}",
                     _repeat_cure(rows, place, clock),
                 )
-            taken.setdefault(at, row.line)
             values[at, column] = np.where(np.isfinite(here), here, new)
     return times, values
 

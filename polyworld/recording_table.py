@@ -67,7 +67,7 @@ def read_table(text: str) -> Table:
     for number, line in lines:
         if line.lstrip().startswith("#"):
             comment = (number, line.lstrip().lstrip("#").strip())
-        elif line.strip():
+        elif line.strip() and not re.fullmatch(r'"?sep=.?"?', line.strip()):  # a spreadsheet's note to itself
             first = (number, line)
             break
     if first is None:

@@ -116,7 +116,7 @@ def test_blanks_separate_cells_and_numpy_writes_its_header_as_a_comment(tmp_path
 
 def test_spreadsheets_save_utf16_with_empty_columns_and_rows(tmp_path: Path) -> None:
     path = tmp_path / "sheet.txt"
-    path.write_bytes("t\tx\n0\t1\t\t\n\t\t\t\n1\t2\t\t\n".encode("utf-16"))
+    path.write_bytes("sep=\t\nt\tx\n0\t1\t\t\n\t\t\t\n1\t2\t\t\n".encode("utf-16"))
     assert read_recording(path, ("ball",)).runs[0].positions[:, 0, 0].tolist() == [1.0, 2.0]
 
 
