@@ -41,6 +41,7 @@ def merge_rows(run: str, content: dict[str, list[Row]], clock: Clock, problems: 
     values = np.full((len(times), len(content), len(MEASURED)), np.nan)
     for column, (name, rows) in enumerate(content.items()):
         taken: dict[int, int] = {}
+        cure = ""
         for place, row in enumerate(rows):
             at = int(np.searchsorted(times, row.time + SAME_INSTANT, side="right")) - 1
             if at not in taken:
@@ -49,12 +50,13 @@ def merge_rows(run: str, content: dict[str, list[Row]], clock: Clock, problems: 
             here, new = values[at, column], _same_sign(values[at, column], row.values)
             unequal = np.isfinite(here) & np.isfinite(new) & ~np.isclose(here, new, rtol=SAME_VALUE, atol=1e-15)
             if unequal.any():
+                cure = cure or _repeat_cure(rows, place, clock)  # that of the first one, for all of them
                 problems.add(
                     "repeated",
                     row.line,
                     f"run {run!r} has object {name!r} at {clock.header} = {row.stamp:.15g} in line {taken[at]} "
                     f"already, with another {MEASURED[int(np.argmax(unequal))]}",
-                    _repeat_cure(rows, place, clock),
+                    cure,
                 )
             values[at, column] = np.where(np.isfinite(here), here, new)
     return times, values
