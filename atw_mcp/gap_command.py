@@ -10,14 +10,17 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from atw_mcp.gap_options import add_recording_options, add_world_options
 from atw_mcp.results import validation_text
 
 OK, FAILED, USAGE = 0, 1, 2
 
 DESCRIPTION = """\
 Find what a world lacks to explain measured motion. The table is a CSV with columns run, object, t [s], x, y, z [m] and
-optionally qw, qx, qy, qz; cells that were not measured are empty. `atw-mcp schema world` prints the form of WORLD.json.
-The verdict is one of identified, ambiguous, unexplained, nothing_missing.
+optionally qw, qx, qy, qz, spins wx, wy, wz [rad/s], or theta [rad] of a body on a hinge; headers may state other units,
+as in x [mm]; cells that were not measured are empty. The world is WORLD.json (`atw-mcp schema world` prints its form),
+or bodies given by --object. The verdict is one of identified, identified_with_remainder, ambiguous, unexplained,
+nothing_missing.
 """
 
 
@@ -29,7 +32,7 @@ def add_parser(commands: Any) -> None:
         description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    gap.add_argument("--world", type=Path, required=True, metavar="WORLD.json")
+    add_world_options(gap)
     gap.add_argument("--data", type=Path, required=True, metavar="DATA.csv")
     gap.add_argument("--sealed", type=Path, metavar="FILE.csv", help="runs to judge the result by, seen by no step")
     gap.add_argument(
@@ -43,9 +46,13 @@ def add_parser(commands: Any) -> None:
     )
     gap.add_argument("--max-effects", type=int, default=3, choices=(1, 2, 3), help="default: %(default)s")
     gap.add_argument("--seed", type=int, default=0, help="of the null control (default: %(default)s)")
+    gap.add_argument(
+        "--time-limit", type=float, metavar="SECONDS", help="end the search after this time with the best verdict so far"
+    )
     gap.add_argument("--out", type=Path, metavar="FILE", help="write the better world here")
     gap.add_argument("--pictures", type=Path, metavar="FOLDER", help="write pictures here")
     gap.add_argument("--json", action="store_true", help="print the whole result as JSON")
+    add_recording_options(gap)
     gap.set_defaults(command=run)
 
 
@@ -65,18 +72,18 @@ def _run(options: argparse.Namespace) -> int:
     from atw_mcp import gap_work
     from atw_mcp.gap_unknowns import unknowns_at
     from atw_mcp.gap_words import verdict_text
+    from atw_mcp.recording_options import read_with_remarks, recording_form
+    from atw_mcp.world_from_options import world_of
     from polyworld.discrepancy.catalogue import named
     from polyworld.discrepancy.holdback import HeldBack, hold_back
     from polyworld.discrepancy.search import SearchSettings
     from polyworld.gap import GapSettings, find_gap
-    from polyworld.recording_csv import read_recording
-    from polyworld.world import World
 
     wanted = named(options.effects.split(",")) if options.effects else None
-    world = World.model_validate_json(options.world.read_text())
-    recording = read_recording(options.data, world.moving_names)
+    world, form = world_of(options), recording_form(options)
+    recording = read_with_remarks(options.data, form, world)
     if options.sealed is not None:
-        parts = HeldBack(recording, read_recording(options.sealed, world.moving_names), f"sealed {options.sealed}")
+        parts = HeldBack(recording, read_with_remarks(options.sealed, form, world), f"sealed {options.sealed}")
     else:
         chosen = None if options.seal is None else [] if options.seal == "none" else options.seal.split(",")
         parts = hold_back(recording, chosen)
@@ -86,8 +93,12 @@ def _run(options: argparse.Namespace) -> int:
         sealed=parts.sealed,
         base=unknowns_at(world, options.fit),
         candidates=wanted,
-        settings=GapSettings(search=SearchSettings(max_effects=options.max_effects), seed=options.seed),
-        progress=None if options.json else _Steps(),
+        settings=GapSettings(
+            search=SearchSettings(max_effects=options.max_effects),
+            time_limit=options.time_limit,
+            seed=options.seed,
+        ),
+        progress=_Steps(),
     )
     told = report.to_dict()
     told["sealed_data"] = parts.said
@@ -102,7 +113,8 @@ def _run(options: argparse.Namespace) -> int:
         return OK
     print(verdict_text(told))
     print(_sealed(told))
-    print(_null_control(told))
+    if told["null_control"] is not None:
+        print(_null_control(told))
     return OK
 
 

@@ -19,9 +19,11 @@ from evidence_store import Case
 from polyworld.discrepancy.holdback import HeldBack, hold_back
 from polyworld.recording import Recording, Run
 from polyworld.recording_csv import read_recording
+from polyworld.recording_header import RecordingForm
 from polyworld.world import World
 
 KIND = "recording"
+READER = 2  # counts changes of what the reader makes of a file
 
 
 @dataclass(frozen=True)
@@ -42,29 +44,37 @@ class Imported:
     remarks: tuple[str, ...]
 
 
-def keep_recording(app: App, case: Case, path: Path, sealed: Sequence[str] | None) -> Imported:
-    """A CSV of runs becomes the case's latest recording.
+def keep_recording(
+    app: App, case: Case, path: Path, sealed: Sequence[str] | None, seconds_per_frame: float | None = None
+) -> Imported:
+    """Keep a CSV of runs as the case's latest recording.
 
-    sealed: names of the runs that are sealed; default: as `hold_back` chooses. A file without a column `object` shows
-    the only moving object of the case's latest world. Raises ValueError or KeyError for files that cannot be read.
+    sealed: names of the runs that are sealed; default: as `hold_back` chooses. seconds_per_frame [s]: of a file that
+    counts frames. A file without a column `object` shows the only moving object of the case's latest world, and angles
+    are of bodies on that world's hinges. Raises ValueError or KeyError for files that cannot be read.
     """
     drafts = [world for world, _ in app.store.cases.worlds(case.id)]
-    names = app.world(case, drafts[-1]).moving_names if drafts else ()
+    world = app.world(case, drafts[-1]) if drafts else None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        recording = read_recording(path, names)
+        recording = read_recording(path, form=RecordingForm(seconds_per_frame=seconds_per_frame), world=world)
     parts = hold_back(recording, sealed)
     listed = None if sealed is None else list(sealed)
-    inputs = {
+    inputs: dict[str, Any] = {
         "file": path_hash(path),
         "sealed": listed,
         "objects": sorted({name for run in recording.runs for name in run.names}),
+        "reader": READER,
     }
+    if seconds_per_frame is not None:
+        inputs["seconds_per_frame"] = seconds_per_frame
+    if world is not None and world.joints:  # angles are converted by its hinges
+        inputs["world"] = world.id
     document = {"source": {"file": path.name, "sha256": inputs["file"]}, "sealed": listed, **_plain(recording)}
     with app.store.transaction():
         content = app.store.observations.put(KIND, inputs, document)
         app.store.cases.add_observation(case.id, KIND, content.id)
-    return Imported(content.id, recording, parts, tuple(str(item.message) for item in caught))
+    return Imported(content.id, recording, parts, tuple(dict.fromkeys(str(w.message) for w in caught)))
 
 
 def case_recording(app: App, case: Case, world: World) -> CaseRecording:
@@ -105,6 +115,7 @@ def _present(run: Run, world: World) -> Run:
         run,
         positions=np.where(early[..., None], np.nan, run.positions),
         orientations=np.where(early[..., None], np.nan, run.orientations),
+        angular_velocities=np.where(early[..., None], np.nan, run.angular_velocities),
     )
 
 
@@ -112,18 +123,12 @@ def _known_objects(recording: Recording, world: World) -> Recording:
     """The runs with those objects alone that the world has, at the instants at which any of them was seen."""
     runs = []
     for run in recording.runs:
-        columns = [i for i, name in enumerate(run.names) if name.split("#", 1)[0] in world.moving_names]
-        positions, orientations = run.positions[:, columns], run.orientations[:, columns]
-        seen = np.any(np.isfinite(positions), axis=(1, 2)) | np.any(np.isfinite(orientations), axis=(1, 2))
+        known = run.columns([i for i, name in enumerate(run.names) if name.split("#", 1)[0] in world.moving_names])
+        measured = np.concatenate([known.positions, known.orientations, known.angular_velocities], axis=-1)
+        seen = np.any(np.isfinite(measured), axis=(1, 2))
         if not seen.any():
             continue
-        kept = replace(
-            run,
-            names=tuple(run.names[i] for i in columns),
-            positions=positions,
-            orientations=orientations,
-            symmetry=tuple(run.symmetry[i] for i in columns),
-        ).rows(seen)
+        kept = known.rows(seen)
         # The run begins when it did, whoever is seen first.
         runs.append(replace(kept, lead=float(kept.times[0]) - run.origin))
     if not runs:
@@ -144,6 +149,9 @@ def _plain(recording: Recording) -> dict[str, Any]:
                 "sigma": run.sigma,
                 "symmetry": list(run.symmetry),
                 "lead": run.lead,
+                **(
+                    {"angular_velocities": _listed(spins)} if np.isfinite(spins := run.angular_velocities).any() else {}
+                ),
             }
             for run in recording.runs
         ]
@@ -162,6 +170,9 @@ def _recording(document: dict[str, Any]) -> Recording:
                 item["sigma"],
                 tuple(item["symmetry"]),
                 item["lead"],
+                angular_velocities=np.asarray(item.get("angular_velocities", []), dtype=float).reshape(
+                    -1, len(item["names"]), 3
+                ),
             )
             for item in document["runs"]
         )

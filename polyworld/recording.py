@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -11,6 +12,11 @@ from numpy.typing import NDArray
 from polyworld.tracks import ObservedTracks
 
 Array = NDArray[np.float64]
+
+
+def _none_measured() -> Array:
+    """Return the empty array that stands for angular velocities of which none was measured."""
+    return np.empty((0, 0, 3))
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,8 @@ class Run:
     standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in
     `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
     not fitted. part_of: the longer run that it was cut from. window_of: likewise, of a window that a search looks at.
+    angular_velocities (T, n, 3) [rad/s]: measured spins in world axes, NaN for each component that was not measured;
+    default: none measured.
     """
 
     name: str
@@ -37,6 +45,7 @@ class Run:
     lead: float = 0.0
     part_of: str | None = None
     window_of: str | None = None
+    angular_velocities: Array = field(default_factory=_none_measured)
 
     def __post_init__(self) -> None:
         t, n = len(self.times), len(self.names)
@@ -44,6 +53,12 @@ class Run:
             raise ValueError(
                 f"run {self.name!r}: positions {self.positions.shape} and orientations {self.orientations.shape}, "
                 f"expected {(t, n, 3)} and {(t, n, 4)}"
+            )
+        if self.angular_velocities.size == 0:
+            object.__setattr__(self, "angular_velocities", np.full((t, n, 3), np.nan))
+        if self.angular_velocities.shape != (t, n, 3):
+            raise ValueError(
+                f"run {self.name!r}: angular_velocities {self.angular_velocities.shape}, expected {(t, n, 3)}"
             )
         if t and (not np.all(np.isfinite(self.times)) or np.any(np.diff(self.times) <= 0)):
             raise ValueError(f"run {self.name!r}: times must be finite and increase")
@@ -53,9 +68,25 @@ class Run:
             object.__setattr__(self, "symmetry", (1,) * n)
 
     def rows(self, keep: NDArray[np.bool_]) -> Self:
-        """The same run at some of its instants."""
+        """Return the run restricted to some of its instants, keep (T,)."""
         return replace(
-            self, times=self.times[keep], positions=self.positions[keep], orientations=self.orientations[keep]
+            self,
+            times=self.times[keep],
+            positions=self.positions[keep],
+            orientations=self.orientations[keep],
+            angular_velocities=self.angular_velocities[keep],
+        )
+
+    def columns(self, keep: Sequence[int]) -> Self:
+        """Return the run restricted to some of its objects, by their index in `names`."""
+        chosen = list(keep)
+        return replace(
+            self,
+            names=tuple(self.names[i] for i in chosen),
+            positions=self.positions[:, chosen],
+            orientations=self.orientations[:, chosen],
+            symmetry=tuple(self.symmetry[i] for i in chosen),
+            angular_velocities=self.angular_velocities[:, chosen],
         )
 
     @property

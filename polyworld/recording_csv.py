@@ -5,202 +5,227 @@ from __future__ import annotations
 import csv
 import io
 import warnings
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.hinge_angles import HingedBody
 from polyworld.recording import Recording, Run
+from polyworld.recording_columns import LABELS, MEASURED, PIXELS, PLACE, QUANTITIES, SPIN, THETA, TURN, Column
+from polyworld.recording_header import Header, RecordingForm, read_header, without_units_row
+from polyworld.recording_rows import Row, merge_rows
+from polyworld.recording_table import MISSING, Line, Numbers, Problems, read_table
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-PLACE = ("x", "y", "z")
-TURN = ("qw", "qx", "qy", "qz")
-COLUMNS = ("run", "object", "t", *PLACE, *TURN)
 ONE_RUN = "run"  # name of the only run of a file without such a column
-
-_MISSING = frozenset({"", "nan", "na", "null", "none", "-"})
-_SAME_INSTANT = 1e-9  # [s]
-_LONGEST_FIELD = 200
-
-
-@dataclass(frozen=True)
-class _Row:
-    line: int
-    time: float
-    place: tuple[float, ...]
-    turn: tuple[float, ...]
+LATEST = 1e5  # [s]; clocks beyond it count from a date and not from the experiment's start
+FARTHEST = 500.0  # extent of positions [m] beyond which they are hardly metres
+SLOWEST = 5.0  # time between rows [s] beyond which times are hardly seconds
+MOST_TURNS = 4  # turns beyond which an angle is hardly in radians
+_AT = {name: i for i, name in enumerate(MEASURED)}
 
 
-def read_recording(path: Path, objects: Sequence[str] = ()) -> Recording:
-    """The recording in a CSV file; see `parse_recording`. Raises ValueError naming file and line."""
+_PLAIN = RecordingForm()
+
+
+def read_recording(
+    path: Path, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
+) -> Recording:
+    """Return the recording in a CSV file; see `parse_recording`. Raises ValueError that names file and line."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+        text = content.decode("utf-16" if utf16 else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path.name}: not a text file in UTF-8 (byte {error.start})") from error
+        raise ValueError(f"{path.name}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from error
     try:
-        return parse_recording(text, objects)
+        return parse_recording(text, objects, form=form, world=world)
     except ValueError as error:
-        raise ValueError(f"{path.name}: {error}") from error
+        raise ValueError("\n".join(f"{path.name}: {line}" for line in str(error).splitlines())) from error
 
 
-def parse_recording(text: str, objects: Sequence[str] = ()) -> Recording:
-    """The recording that CSV text holds.
+def parse_recording(
+    text: str, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
+) -> Recording:
+    """Return the recording that CSV text holds.
 
-    Columns, in any order: run, object, t [s], any of x, y, z [m], and all of qw, qx, qy, qz or none; other columns are
-    ignored with a warning. Cells are separated by commas; an empty cell, or nan, was not measured; lines that begin
-    with # are comments. Rows may come in any order. Every run has its own times and so may every object in it. Without
-    a column `run` there is one run, without a column `object` the only one of `objects` (names of the world's). Runs
-    and objects keep the order in which they first appear. Quaternions are normalised. What a CSV does not tell (noise,
-    symmetry, lead) is left as `Run` has it. Raises ValueError that names the line and what was expected.
+    Columns, in any order: run, object, t [s] or frame, any of x, y, z [m], all of qw, qx, qy, qz or none, any of wx,
+    wy, wz [rad/s], theta [rad] of a body on a hinge of `world`, or pixels u, v; other names and units as `name_columns`
+    reads them, other separators and signs as `read_table` does. A line of units may follow the header. Rows may come in
+    any order. Every run has its own times and so may every object in it. Without a column `run` there is one run,
+    without a column `object` the only one of `objects` (default: the moving ones of `world`). Runs and objects keep the
+    order in which they first appear. Quaternions are normalised. What a CSV does not hold (noise, symmetry, lead) is
+    left as `Run` has it. Raises ValueError with a sentence a kind of error, naming lines, column and cure.
     """
-    lines = _lines(text)
-    header_line, header = next(lines, (0, []))
-    if not header_line:
-        raise ValueError(f"no rows; expected a header line with some of the columns {', '.join(COLUMNS)}")
-    where = _columns(header_line, header)
-    default = _default_object(where, objects)
-    rows: dict[str, dict[str, list[_Row]]] = {}
-    for line, cells in lines:
-        if len(cells) != len(header):
-            raise ValueError(f"line {line}: {len(cells)} cells, expected {len(header)} as in the header")
-        run = _label(line, cells, where, "run", ONE_RUN)
-        name = _label(line, cells, where, "object", default)
-        rows.setdefault(run, {}).setdefault(name, []).append(_row(line, cells, where))
-    if not rows:
-        raise ValueError(f"line {header_line} is a header, but no rows of data follow it")
-    return Recording(tuple(_run(name, content) for name, content in rows.items()))
+    table = without_units_row(read_table(text.removeprefix("\ufeff")))
+    header = read_header(table.header, form)
+    default = _default_object(header, objects or (() if world is None else world.moving_names))
+    if header.unused:
+        warnings.warn(f"columns not used: {', '.join(header.unused)}; known are {', '.join(QUANTITIES)}", stacklevel=2)
+    problems = Problems()
+    rows = _rows(table.rows, header, default, problems)
+    start = _clock_start(rows)
+    runs = []
+    for name, content in rows.items():
+        times, values = merge_rows(name, content, header.clock, problems)
+        runs.append((name, tuple(content), times - start, values))
+    problems.check()
+    recording = Recording(tuple(_run(*each, form, world) for each in runs))
+    _hint(recording)
+    return recording
 
 
 def recording_to_csv(recording: Recording) -> str:
-    """The recording as CSV text that `parse_recording` reads back exactly.
+    """Return the recording as CSV text that `parse_recording` reads back exactly.
 
     Rows in which nothing was measured are left out, and so are sigma, symmetry and lead, which the format has not.
     """
     turned = any(np.isfinite(run.orientations).any() for run in recording.runs)
+    spun = any(np.isfinite(run.angular_velocities).any() for run in recording.runs)
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS if turned else COLUMNS[:6])
+    writer.writerow([*LABELS, "t", *PLACE, *(TURN if turned else ()), *(SPIN if spun else ())])
     for run in recording.runs:
         for column, name in enumerate(run.names):
             for row, time in enumerate(run.times):
-                place, turn = run.positions[row, column], run.orientations[row, column]
-                whole = bool(np.all(np.isfinite(turn)))
-                if not (np.isfinite(place).any() or whole):
-                    continue
-                cells = [_text(v) for v in place]
-                if turned:
-                    cells += [_text(v) if whole else "" for v in turn]
-                writer.writerow([run.name, name, repr(float(time)), *cells])
+                turn = run.orientations[row, column]
+                turn = turn if np.all(np.isfinite(turn)) else np.full(4, np.nan)
+                parts = [run.positions[row, column]]
+                parts += [turn] if turned else []
+                parts += [run.angular_velocities[row, column]] if spun else []
+                values = np.concatenate(parts)
+                if np.isfinite(values).any():
+                    writer.writerow([run.name, name, repr(float(time)), *(_text(v) for v in values)])
     return out.getvalue()
 
 
-def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of every line that is neither empty nor a comment."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        try:
-            cells = next(csv.reader([line], strict=True))
-        except csv.Error as error:
-            raise ValueError(f"line {number}: {error}") from error
-        yield number, [c.strip() for c in cells]
-
-
-def _columns(line: int, header: list[str]) -> dict[str, int]:
-    names = [h.lower() for h in header]
-    repeated = sorted({n for n in names if n and names.count(n) > 1})
-    if repeated:
-        raise ValueError(f"line {line}: columns repeat: {', '.join(repeated)}")
-    where = {name: i for i, name in enumerate(names) if name in COLUMNS}
-    if not where and len(header) == 1 and any(mark in header[0] for mark in ";\t"):
-        raise ValueError(f"line {line}: cells must be separated by commas")
-    if not where:
-        raise ValueError(f"line {line} has none of the columns {', '.join(COLUMNS)}: {_short(', '.join(header))}")
-    if "t" not in where:
-        raise ValueError(f"line {line}: column t (time in seconds) is missing; columns: {_short(', '.join(header))}")
-    turn = [c for c in TURN if c in where]
-    if turn and len(turn) < 4:
-        raise ValueError(f"line {line}: an orientation needs all of {', '.join(TURN)}; there is only {', '.join(turn)}")
-    if not turn and not any(c in where for c in PLACE):
-        raise ValueError(f"line {line}: nothing measured; expected some of {', '.join(PLACE + TURN)}")
-    ignored = [h for h, n in zip(header, names, strict=True) if n not in COLUMNS]
-    if ignored:
-        warnings.warn(f"columns not used: {', '.join(ignored)}; known are {', '.join(COLUMNS)}", stacklevel=3)
-    return where
-
-
-def _default_object(where: dict[str, int], objects: Sequence[str]) -> str:
-    if "object" in where:
+def _default_object(header: Header, objects: Sequence[str]) -> str:
+    if "object" in header.columns:
         return ""
     if len(objects) != 1:
-        told = f"the world has {len(objects)}: {', '.join(objects)}" if objects else "no world tells which it is"
-        raise ValueError(f"column object is missing, and there is not just one object that it could be: {told}")
+        known = f"the world has {len(objects)}: {', '.join(objects)}" if objects else "no world names it"
+        raise ValueError(f"column object is missing, and there is not just one object that it could be: {known}")
     return objects[0]
 
 
-def _label(line: int, cells: list[str], where: dict[str, int], column: str, default: str) -> str:
-    if column not in where:
-        return default
-    label = cells[where[column]]
+def _rows(lines: Sequence[Line], header: Header, default: str, problems: Problems) -> dict[str, dict[str, list[Row]]]:
+    """Return the rows by run and object, in the order of the file; raises ValueError for those that are no rows."""
+    numbers = Numbers(problems)
+    found: dict[str, dict[str, list[Row]]] = {}
+    for line in lines:
+        run, name = (_label(line, header.columns, column, problems) for column in LABELS)
+        row = _row(line, header, numbers, problems)
+        if row is not None:
+            found.setdefault(run or ONE_RUN, {}).setdefault(name or default, []).append(row)
+    problems.check()
+    numbers.check()
+    return found
+
+
+def _label(line: Line, columns: Mapping[str, Column], column: str, problems: Problems) -> str:
+    if column not in columns:
+        return ""
+    label = line.cells[columns[column].index]
     if not label:
-        raise ValueError(f"line {line}: {column} is empty")
+        problems.add(column, line.number, f"{columns[column].header} is empty", f"every row needs its {column}")
     return label
 
 
-def _row(line: int, cells: list[str], where: dict[str, int]) -> _Row:
-    time = _number(line, "t", cells[where["t"]])
-    if not np.isfinite(time):
-        raise ValueError(f"line {line}: t is empty; every row needs its time in seconds")
-    place = tuple(_number(line, c, cells[where[c]]) if c in where else np.nan for c in PLACE)
-    turn = tuple(_number(line, c, cells[where[c]]) if c in where else np.nan for c in TURN)
+def _row(line: Line, header: Header, numbers: Numbers, problems: Problems) -> Row | None:
+    """Return the row, None for one without a time; errors are noted."""
+    clock = header.clock
+    cell = line.cells[clock.column.index]
+    stamp = numbers.read(line.number, clock.header, cell, "write times as numbers, in seconds or a stated unit")
+    if cell.lower() in MISSING:
+        cure = "every row needs its time" + ("" if clock.frames else " in seconds")
+        problems.add("time", line.number, f"{clock.header} is empty", cure)
+    values = np.full(len(MEASURED), np.nan)
+    for i, quantity in enumerate(MEASURED):
+        column = header.columns.get(quantity)
+        if column is not None:
+            values[i] = column.factor * numbers.read(line.number, column.header, line.cells[column.index])
+    if not np.isfinite(stamp):
+        return None
+    turn = values[_AT[TURN[0]] : _AT[TURN[-1]] + 1]
     known = [c for c, v in zip(TURN, turn, strict=True) if np.isfinite(v)]
+    size = float(np.linalg.norm(turn))
     if known and len(known) < 4:
-        raise ValueError(f"line {line}: an orientation needs all of {', '.join(TURN)}; measured are {', '.join(known)}")
-    if known:
-        size = float(np.linalg.norm(turn))
-        if not 0.9 < size < 1.1:
-            raise ValueError(f"line {line}: the quaternion {turn} has norm {size:.4g}, expected 1")
-        # A norm that is right but for rounding stays, so that what is written is read back exactly.
-        turn = turn if abs(size - 1.0) < 1e-12 else tuple(v / size for v in turn)
-    return _Row(line, time, place, turn)
+        problems.add(
+            "turn", line.number, f"an orientation needs all of {', '.join(TURN)}; measured are {', '.join(known)}"
+        )
+    elif known and not 0.9 < size < 1.1:
+        shown = ", ".join(f"{v:.4g}" for v in turn)
+        cure = "qw is the scalar part; leave the cells empty where the orientation is unknown"
+        problems.add("norm", line.number, f"the quaternion ({shown}) has norm {size:.4g}, expected 1", cure)
+    elif known and abs(size - 1.0) >= 1e-12:  # a norm that is right but for rounding is written back as it was
+        turn /= size
+    return Row(line.number, stamp, stamp * clock.factor, values)
 
 
-def _number(line: int, column: str, text: str) -> float:
-    if text.lower() in _MISSING:
-        return float("nan")
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError(f"line {line}: {column} is not a number: {_short(text)!r}") from None
-    if not np.isfinite(value):
-        raise ValueError(f"line {line}: {column} is not finite: {_short(text)!r}")
-    return value
+def _clock_start(rows: dict[str, dict[str, list[Row]]]) -> float:
+    """Return what is taken off all times: nothing, or the first one where they count from a date."""
+    times = [row.time for content in rows.values() for own in content.values() for row in own]
+    if max(abs(t) for t in times) <= LATEST:
+        return 0.0
+    warnings.warn(f"times are counted from the first one, {min(times):.15g} s", stacklevel=3)
+    return min(times)
 
 
-def _run(name: str, content: dict[str, list[_Row]]) -> Run:
-    times = np.unique([r.time for rows in content.values() for r in rows])
-    times = times[np.concatenate([[True], np.diff(times) > _SAME_INSTANT])]
-    positions = np.full((len(times), len(content), 3), np.nan)
-    orientations = np.full((len(times), len(content), 4), np.nan)
-    for column, (item, rows) in enumerate(content.items()):
-        taken: dict[int, int] = {}
-        for row in rows:
-            at = int(np.searchsorted(times, row.time + _SAME_INSTANT, side="right")) - 1
-            if at in taken:
-                raise ValueError(
-                    f"line {row.line}: run {name!r} has object {item!r} at t = {row.time!r} in line {taken[at]} already"
-                )
-            taken[at] = row.line
-            positions[at, column], orientations[at, column] = row.place, row.turn
-    return Run(name, tuple(content), times, positions, orientations)
+def _run(
+    name: str, names: tuple[str, ...], times: Array, values: Array, form: RecordingForm, world: World | None
+) -> Run:
+    place, turn, spin = (values[..., _AT[c[0]] : _AT[c[-1]] + 1] for c in (PLACE, TURN, SPIN))
+    positions, orientations = place.copy(), turn.copy()
+    if form.pixels is not None:
+        positions = form.pixels.positions(values[..., _AT[PIXELS[0]] : _AT[PIXELS[1]] + 1])
+    for column, item in enumerate(names):
+        angles = values[:, column, _AT[THETA]]
+        if not np.isfinite(angles).any():
+            continue
+        if np.isfinite(positions[:, column]).any() or np.isfinite(orientations[:, column]).any():
+            warnings.warn(
+                f"{THETA} of object {item!r} is not used: it is for a body on a hinge of which nothing else was "
+                "measured; an orientation is qw, qx, qy, qz",
+                stacklevel=3,
+            )
+            continue
+        if world is None:
+            raise ValueError(f"{THETA} of object {item!r} needs a world with its hinge, or give positions x, y, z")
+        body = HingedBody.of(world, item)
+        zero = form.theta_described if form.theta_hanging is None else form.theta_hanging - body.hanging
+        positions[:, column], orientations[:, column] = body.measured(angles - zero)
+        if np.nanmax(np.abs(angles)) > MOST_TURNS * 2.0 * np.pi:
+            warnings.warn(
+                f"{THETA} of object {item!r} reaches {np.nanmax(np.abs(angles)):.4g} rad; if it is in degrees, state "
+                "that in the header, as in theta [deg]",
+                stacklevel=3,
+            )
+    return Run(name, names, times, positions, orientations, angular_velocities=spin.copy())
+
+
+def _hint(recording: Recording) -> None:
+    """Warn of positions and times that are hardly metres and seconds."""
+    for name in dict.fromkeys(name for run in recording.runs for name in run.names):
+        places = np.concatenate([r.positions[:, r.names.index(name)] for r in recording.runs if name in r.names])
+        extent = max((float(np.ptp(v[np.isfinite(v)])) for v in places.T if np.isfinite(v).any()), default=0.0)
+        if extent > FARTHEST:
+            warnings.warn(
+                f"positions of object {name!r} extend over {extent:.4g} m; if they are not metres, state their unit in "
+                "the header, as in x [mm]",
+                stacklevel=3,
+            )
+    steps = np.concatenate([np.diff(run.times) for run in recording.runs])
+    if len(steps) and np.median(steps) > SLOWEST:
+        warnings.warn(
+            f"rows are {np.median(steps):.4g} s apart; if times are not seconds, state their unit in the header, as in "
+            "t [ms]",
+            stacklevel=3,
+        )
 
 
 def _text(value: float) -> str:
     return repr(float(value)) if np.isfinite(value) else ""
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST_FIELD else text[:_LONGEST_FIELD] + "..."

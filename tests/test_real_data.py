@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from polyworld.discrepancy.design import design
-from tests.real_data import CUBE_UNIT, ball_drop, clevrer, cube_toss, needs, pendulum
+from polyworld.recording_csv import read_recording
+from polyworld.recording_header import RecordingForm
+from tests.real_data import CUBE_UNIT, FOLDER, ball_drop, clevrer, cube_toss, needs, pendulum
 
 
 @needs("ball_drop")
@@ -53,6 +57,21 @@ def test_the_pendulum_begins_as_a_mathematical_pendulum_of_its_length_does() -> 
     assert state.kind == "jointed"
 
     assert np.isfinite(state.start).all()  # although y was not measured
+
+
+@needs("pendulum")
+def test_a_table_of_the_encoders_readings_gives_the_same_positions(tmp_path: Path) -> None:
+    world, recording = pendulum(until=3.0)
+    path = tmp_path / "swing.csv"
+    with np.load(FOLDER / "pendulum" / "single_freeswing_100Hz.npz") as file:
+        rows = zip(file["t"].astype(float).tolist(), file["theta"].astype(float).tolist(), strict=True)
+        path.write_text("time [s],theta\n" + "".join(f"{t!r},{theta!r}\n" for t, theta in rows if t <= 3.0))
+    read = read_recording(path, form=RecordingForm(theta_hanging=np.pi), world=world).runs[0]
+    swing = recording.runs[0]
+    assert read.names == ("bob",)
+    assert np.allclose(read.times, swing.times)
+    assert np.allclose(read.positions, swing.positions, atol=1e-9, equal_nan=True)
+    assert np.isnan(read.orientations).all()
 
 
 @needs("cube_toss")

@@ -43,8 +43,9 @@ def import_observation(
         Field(
             description="tracks: positions in the world (CSV with columns frame or t, object, x, y and optionally z, "
             "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). recording: measured motion in one or "
-            "several runs, which the gap tools use (CSV with columns run, object, t, x, y, z and optionally qw..qz; "
-            "cells not measured are empty). points: of deformable objects (CSV with "
+            "several runs, which the gap tools use (CSV with columns run, object, t or frame, x, y, z and optionally "
+            "qw..qz, spins wx..wz, or theta of a body on a hinge; headers may state units, as in x [mm]; cells not "
+            "measured are empty). points: of deformable objects (CSV with "
             "frame or t, object, point, x, y and optionally z, confidence, sigma). series: numbers over time (CSV with "
             "frame or t, object, quantity, value, sigma; quantity: amount with a column container, height, front_x..z, "
             "tension). masks: of the video (folder of PNGs, "
@@ -53,7 +54,7 @@ def import_observation(
     ],
     path: Annotated[str, Field(min_length=1, max_length=4096, description="file or folder on the server's machine")],
     seconds_per_frame: Annotated[
-        float | None, Field(gt=0, le=1e4, description="of tracks that count frames without times [s]")
+        float | None, Field(gt=0, le=1e4, description="of files that count frames without times [s]")
     ] = None,
     position_sigma: Annotated[
         float | None, Field(gt=0, le=1e3, description="accuracy of tracks that state none [m]; default 0.01")
@@ -87,7 +88,7 @@ def import_observation(
         if sealed_runs is not None and kind != "recording":
             raise ValueError(f"sealed_runs are runs of a recording; kind is {kind!r}")
         if kind == "recording":
-            return _recording_answer(found, keep_recording(app, found, place, sealed_runs))
+            return _recording_answer(found, keep_recording(app, found, place, sealed_runs, seconds_per_frame))
         if kind == "tracks":
             record = importing.keep_tracks(app, found, place, seconds_per_frame, position_sigma)
             return _tracks_answer(found, record)
@@ -134,6 +135,7 @@ def _recording_answer(case: Case, imported: Imported) -> Answer:
             "from": run.times[0],
             "to": run.times[-1],
             "orientations": bool(np.isfinite(run.orientations).any()),
+            "spins": bool(np.isfinite(run.angular_velocities).any()),
             "sealed": sealed is not None and run.name in {r.name for r in sealed.runs},
         }
         for run in recording.runs

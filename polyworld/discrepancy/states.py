@@ -127,7 +127,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         first = np.asarray(item.orientation)
         first_rows = rows[:early]
         steps = rotation_vector(turned[first_rows[1:]], turned[first_rows[:-1]]) / np.diff(times[first_rows])[:, None]
-        spin = np.median(steps, axis=0)
+        spin = _measured_spin(run, column, np.median(steps, axis=0))
         turn = rotation_vector(turned[rows[0]][None], first[None])[0]
         for axis, letter in enumerate("xyz"):
             if planar and normal[axis] < 1.0 - 1e-9:
@@ -144,7 +144,8 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     if len(rows) < 2 and planar and _spin_shows(world, item):
         axis = int(np.argmax(normal))
         labels.append(f"angular_velocity.{'xyz'[axis]}")
-        start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest nothing tells which way to go
+        described = item.angular_velocity[axis] or 10.0 * TURN  # at rest nothing tells which way to go
+        start.append(float(_measured_spin(run, column, np.full(3, described))[axis]))
         typical.append(10.0 * TURN)
         spread = np.append(spread, SPIN)
     return StateCoordinates(
@@ -158,6 +159,16 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
         at_rest,
     )
+
+
+def _measured_spin(run: Run, column: int, otherwise: Array) -> Array:
+    """Return the first measured angular velocity (3,) of an object, component by component [rad/s]; `otherwise` where
+    none was measured."""
+    spin = otherwise.copy()
+    for axis, values in enumerate(run.angular_velocities[:, column].T):
+        seen = values[np.isfinite(values)]
+        spin[axis] = seen[0] if len(seen) else otherwise[axis]
+    return spin
 
 
 def _highest_speed(times: Array, values: Array) -> float:

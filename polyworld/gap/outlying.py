@@ -110,9 +110,9 @@ def outlying_runs(fits: SegmentFits, settings: OutlierSettings) -> tuple[Outlyin
         if excess > max(settings.misfit, settings.apart * ordinary):
             name = problem.whole.runs[s.run].run.name
             how = (
-                f"over {float(s.layout.times[-1]):.2g} s no motion of this world fits (chi2 per measurement {excess:.3g}, "
-                f"in the other runs at most {ordinary:.2g}), as after an impact or a push that nobody mentioned, or on a "
-                "wrong track"
+                f"over {float(s.layout.times[-1]):.2g} s no motion of this world fits (chi2 per measurement "
+                f"{excess:.3g}, in the other runs at most {ordinary:.2g}), as after an impact or a push that nobody "
+                "mentioned, or on a wrong track"
             )
             _keep(found, OutlyingRun(name, s.offset, how, "event", excess / ordinary))
     size = np.array([float(np.max(np.abs(j), initial=0.0)) for j in fits.jump])

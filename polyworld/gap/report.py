@@ -25,10 +25,11 @@ class GapReport:
     """The outcome of the search for the gap.
 
     intervals (S, 2): 95%, of the best hypothesis' unknowns. world: child with the effects, fitted; None where nothing
-    is missing. set_aside: runs that behave unlike the rest. checks: what contradicted the verdict and
-    lowered it. graded: the decision with model error admitted, where nothing leaves only noise. plain: fits of the plain
-    laws. remainder: what the answer leaves undone. limited: the time limit [s] that ended the search. history: every step with its figures. near_misses: effects that would have bettered the fit of data
-    that are explained already. cautions: what the recording cannot tell. to_dict gives all of it as JSON-ready values.
+    is missing. near_misses: effects that would lower the misfit of data that are explained already. cautions: what the
+    recording cannot determine. history: every step with its figures. set_aside: runs that behave unlike the rest, which
+    nothing was fitted to. checks: what contradicted the verdict and lowered it. graded: the decision with model error
+    admitted, where no hypothesis leaves only noise. plain: fits of the plain laws. remainder: what the answer leaves
+    undone. limited: the time limit [s] that ended the search. to_dict gives all of it as JSON-ready values.
     """
 
     verdict: Verdict

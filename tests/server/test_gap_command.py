@@ -73,7 +73,7 @@ def test_errors_say_what_is_wrong_with_which_file(folder: Path, capsys: pytest.C
     assert "shape" in failure(capsys, "gap", "--world", str(broken), "--data", str(folder / "ball.csv"))
     broken.write_text("{")
     assert "broken.json" in failure(capsys, "gap", "--world", str(broken), "--data", str(folder / "ball.csv"))
-    timeless = write_table(folder / "timeless.csv", flown(), "run,object,time,x,y,z")
+    timeless = write_table(folder / "timeless.csv", flown(), "run,object,clock,x,y,z")
     assert "column t" in failure(capsys, *arguments(folder, "--data", str(timeless)))
     stranger = folder / "stranger.csv"
     stranger.write_text((folder / "ball.csv").read_text().replace("ball", "bell"))

@@ -74,9 +74,9 @@ def test_runs_to_seal_can_be_chosen(tmp_path: Path) -> None:
 
 def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
     call = Session(tmp_path / "atw.db")
-    table = write_table(tmp_path / "ball.csv", flown(), "run,object,t,x,y,height")
+    table = write_table(tmp_path / "ball.csv", flown(), "run,object,t,x,y,depth")
     call("OpenCase", data=str(table), name="c")
-    assert "height" in call("ImportObservation", case="c", kind="recording", path=str(table))["summary"]
+    assert "depth" in call("ImportObservation", case="c", kind="recording", path=str(table))["summary"]
 
 
 def test_the_gap_is_seen_and_where_the_ball_is_fast(discrepancy: dict[str, Any]) -> None:

@@ -115,3 +115,19 @@ def test_a_ball_on_another_body_may_rest():
     alone = Run("r", ("upper",), TIMES, places[:, :1] + [2.0, 0.0, 0.0], np.full((len(TIMES), 1, 4), np.nan))
     (upper,) = state_coordinates(world, alone)
     assert "velocity.z" in upper.labels
+
+
+def test_a_measured_spin_is_the_first_guess_where_turns_were_seen_or_none_was():
+    turn = np.stack([np.cos(2 * TIMES), 0 * TIMES, 0 * TIMES, np.sin(2 * TIMES)], axis=-1)[:, None]  # 4 rad/s about z
+    spins = np.full((len(TIMES), 1, 3), np.nan)
+    spins[3:, 0, 2] = 30.0  # as read by a faster instrument: seven turns too many to see between samples
+    places = np.stack([TIMES, 0 * TIMES, 0.1 + 0 * TIMES], axis=-1)[:, None]
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 0.1]}
+    for representation, turns in (("rigid_spatial", turn), ("rigid_planar", np.full_like(turn, np.nan))):
+        statics = [{"name": "wall", "shape": {"kind": "wall", "start": [0, 1, 0], "end": [2, 1, 0]}}]
+        world = World.model_validate({"objects": [ball | {"representation": representation}], "statics": statics})
+        run = Run("r", ("ball",), TIMES, places, turns, angular_velocities=spins)
+        (found,) = state_coordinates(world, run)
+        start = dict(zip(found.labels, found.start, strict=True))
+        assert start["angular_velocity.z"] == 30.0
+        assert start.get("angular_velocity.x", 0.0) == pytest.approx(0.0, abs=1e-9)
