@@ -47,7 +47,7 @@ def add_parser(commands: Any) -> None:
     gap.add_argument("--max-effects", type=int, default=3, choices=(1, 2, 3), help="default: %(default)s")
     gap.add_argument("--seed", type=int, default=0, help="of the null control (default: %(default)s)")
     gap.add_argument(
-        "--time-limit", type=float, metavar="SECONDS", help="end the search after this time with the best verdict so far"
+        "--time-limit", type=float, metavar="SECONDS", help="end the search by then with the best verdict so far"
     )
     gap.add_argument("--out", type=Path, metavar="FILE", help="write the better world here")
     gap.add_argument("--pictures", type=Path, metavar="FOLDER", help="write pictures here")

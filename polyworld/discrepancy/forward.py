@@ -92,7 +92,8 @@ class Forward:
         """Residuals, and states at both ends, of each of the settings over whole runs, in their order."""
         found = []
         for residual, begin, end in self._evaluated(settings, 1.0, ends=True):
-            assert begin is not None and end is not None
+            assert begin is not None
+            assert end is not None
             found.append(Outcome(residual, begin, end))
         return found
 

@@ -71,7 +71,7 @@ class Continuity:
         found = []
         for label in labels:
             name, letter = label.split(".")
-            kind, axis = _component(
+            _kind, axis = _component(
                 QUANTITIES.index({"angular_velocity": "spin"}.get(name, name)), AXES.index(letter), True, axes
             )
             found.append(np.sign(axes[2 if axis == 2 else axis, AXES.index(letter)]))

@@ -42,7 +42,7 @@ def best_guesses(chains: Chains, values: Array) -> tuple[Array, ...]:
         ]
         costs = _segment_costs(chains, settings)
         mixed = []
-        for s, t, cost in zip(problem.segments, tried, costs, strict=True):
+        for s, _t, cost in zip(problem.segments, tried, costs, strict=True):
             mixed.append(_mixed(states[s.index], options[s.index], cost))
         settings = [
             Settings(s.index, np.repeat(values[None], 2, axis=0), np.array([m, t[int(np.argmin(c))]]))
@@ -123,7 +123,7 @@ def _options(chains: Chains, segment: Segment) -> list[tuple[slice, Array]]:
         if own.linkage is not None or not isinstance(item := world.item(own.name), RigidObject):
             continue
         column = run.names.index(own.name)
-        for label_at, label in enumerate(own.labels):
+        for label_at, _label in enumerate(own.labels):
             if own.spread[label_at] > 0.0:  # a spin that was not measured: its sign is a discrete question
                 for spin in SPINS:
                     value = own.start.copy()

@@ -191,7 +191,6 @@ def set_scales(chains: Chains, at: Point) -> None:
             *[(-1, 0)] * len(boundary.constant),
         ]
         del planar
-        planar = chains.continuity.planar
         scales.append(np.array([np.median(found[k]) for k in keys]))
     chains.scale = scales
 

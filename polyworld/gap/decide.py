@@ -170,8 +170,8 @@ class Check:
 LOWERED: dict[str, dict[Kind, Kind]] = {
     # A name that held-out data refute is not given.
     "held_out": {"identified": "unexplained", "identified_with_remainder": "unexplained"},
-    # What explains the data fitted and leaves half of the gap in others leaves something over.
-    "held_out_remainder": {"identified": "identified_with_remainder"},
+    # What leaves only noise in the data fitted and half of the gap in others has not named what acts.
+    "held_out_remainder": {"identified": "unexplained"},
     # A procedure that finds effects in data without any proves nothing by finding one.
     "null_control": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
     "runner_up": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},

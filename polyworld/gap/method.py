@@ -34,7 +34,7 @@ from polyworld.discrepancy.unexplained import MAX_TERMS, ResidualForce
 from polyworld.discrepancy.verdict import Verdict
 from polyworld.gap.clock import Clock
 from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
-from polyworld.gap.outlying import OutlyingRun, misfitting_runs, outlying_runs, segment_fits, without_runs
+from polyworld.gap.outlying import OutlyingRun, bearing_run, misfitting_runs, outlying_runs, segment_fits, without_runs
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
 from polyworld.gap.searching import Searched, Story, search_effects
@@ -175,7 +175,7 @@ def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[O
         whole = work.search(recording, local, 1) if local else None
         if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
             return (), whole
-    if found.verdict.kind == "unexplained" and found.pool and not found.limited:
+    if found.verdict.kind != "nothing_missing" and found.pool and not found.limited:
         further = _misfits(work, found, len(recording.runs), len(aside))
         if further:
             work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in further]})
@@ -197,6 +197,12 @@ def _misfits(work: _Work, found: Searched, runs: int, aside: int) -> tuple[Outly
     room = int(work.settings.outliers.most * runs) - aside
     if room < 1:
         return ()
+    named = found.verdict.best
+    if found.verdict.kind != "unexplained":
+        if named is None or set(named.hypothesis.names) & set(LOCAL):
+            return ()
+        alone = bearing_run(found.ground, named, work.settings.outliers, work.settings.decision.decisive)
+        return () if alone is None else (alone,)
     kept = len(found.bench.design.runs) - room
     best = min((t for t in found.pool), key=lambda t: float(np.sort(t.misfits)[:kept].sum()))
     return misfitting_runs(best, work.settings.outliers)[:room]
