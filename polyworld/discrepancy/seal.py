@@ -53,9 +53,11 @@ class SealedGap:
         )
 
 
-def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
+def sealed_gap(before: World, after: World, recording: Recording, known: Noise | None = None) -> SealedGap:
     """The gap on sealed runs before and after: everything that runs share stays as it was fitted, each run's own
-    initial state, or that of each part of a long one, is fitted to it."""
+    initial state, or that of each part of a long one, is fitted to it.
+
+    known: noise of the same measurements in other runs, which is no less in these: few samples hide its correlation."""
     worlds = (before, after)
     cut = in_parts(recording, *worlds)
     plans = [design(world, cut) for world in worlds]
@@ -63,6 +65,9 @@ def sealed_gap(before: World, after: World, recording: Recording) -> SealedGap:
     noise = measured_noise(plan)
     kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     floor = _noise_level(plan, noise, kind)
+    if known is not None:
+        levels = [level.sigma**2 for level in known.levels if level.kind == kind]
+        floor = max(floor, float(np.sqrt(np.mean(levels)))) if levels else floor
     forwards = [Forward(p, world, ()) for p, world in zip(plans, worlds, strict=True)]
     none, horizons = np.zeros(0), profile.horizons_for(plan)
     fits = [profile.fit(f, noise, none, profile.start_states(f.design), horizons=horizons) for f in forwards]

@@ -44,8 +44,8 @@ class Linear:
     """A linearisation: residuals and slopes, whitened, run by run and segment by segment.
 
     r[run] (m,), a[run] (m, S): whitened residuals and their slopes by shared values. rows[segment] (q,), b[segment]
-    (q, N): entries of the run's residuals that the segment's state moves, and their slopes. jump[boundary] (D,), and its
-    slopes by shared values (D, S) and by the states before and after (D, N): in units of the boundary's scale.
+    (q, N): entries of the run's residuals that the segment's state moves, and their slopes. jump[boundary] (D,), and
+    its slopes by shared values (D, S) and by the states before and after (D, N): in units of the boundary's scale.
     """
 
     r: tuple[Array, ...]

@@ -29,8 +29,8 @@ class Segment:
     """One segment of a run.
 
     index: among all segments. run: index of its run. layout: its series and initial-state coordinates. own (m,):
-    entries of the run's residual vector, in the order of the segment's own. first: the run's instant at which it begins,
-    offset [s] after the run's first one.
+    entries of the run's residual vector, in the order of the segment's own. first: the run's instant at which it
+    begins, offset [s] after the run's first one.
     """
 
     index: int

@@ -7,12 +7,12 @@ assimilation (Tremolet 2006, Q. J. R. Meteorol. Soc. 132, 2483).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.continuity import Boundary
 from polyworld.estimation.least_squares import (
     FIRST_STEP,
     FLOOR,
@@ -73,7 +73,8 @@ class Fit:
         data = broken = cost = np.inf
         converged = False
         used = 0
-        for used in range(1, iterations + 1):
+        while used < iterations:
+            used += 1
             linear = chains.linearise(self.at, *steps)
             self.linear = linear
             data = float(sum(r @ r for r in linear.r))
@@ -164,50 +165,23 @@ def set_scales(chains: Chains, at: Point) -> None:
     The median over all boundaries of a component's kind is taken, so that a short or ill-placed segment does not have
     a unit of its own; typical changes bound it.
     """
-    shared = FIRST_STEP * chains.typical
     own = tuple(FIRST_STEP * s.layout.typical for s in chains.problem.segments)
     chains.scale = [np.ones(b.length) for b in chains.continuity.boundaries]
-    linear = chains.linearise(at, shared, own)
-    found: dict[tuple[int, int], list[float]] = {}
-    units: list[Array] = []
+    linear = chains.linearise(at, FIRST_STEP * chains.typical, own)
+    found: dict[tuple[int, bool], list[float]] = {}
     for i, boundary in enumerate(chains.continuity.boundaries):
         b = linear.b[boundary.after]
         typical = chains.problem.segments[boundary.after].layout.typical
-        information = b.T @ b + np.diag((1.0 / typical) ** 2)
+        covariance = np.linalg.inv(b.T @ b + np.diag((1.0 / typical) ** 2))
         jump = linear.jump_after[i]
-        unit = np.sqrt(np.maximum(np.einsum("dn,nm,dm->d", jump, np.linalg.inv(information), jump), 0.0))
-        units.append(unit)
-        keys = [
-            *zip(boundary.kind.tolist(), (boundary.axis == 2).tolist(), strict=True),
-            *[(-1, 0)] * len(boundary.constant),
-        ]
-        for key, u in zip(keys, unit, strict=True):
-            found.setdefault(key, []).append(float(u))
-    planar = chains.continuity.planar
-    scales = []
-    for boundary, unit in zip(chains.continuity.boundaries, units, strict=True):
-        keys = [
-            *zip(boundary.kind.tolist(), (boundary.axis == 2).tolist(), strict=True),
-            *[(-1, 0)] * len(boundary.constant),
-        ]
-        del planar
-        scales.append(np.array([np.median(found[k]) for k in keys]))
-    chains.scale = scales
+        units = np.sqrt(np.maximum(np.einsum("dn,nm,dm->d", jump, covariance, jump), 0.0))
+        for kind, unit in zip(_kinds(boundary), units, strict=True):
+            found.setdefault(kind, []).append(float(unit))
+    middle = {kind: float(np.median(units)) for kind, units in found.items()}
+    chains.scale = [np.array([middle[k] for k in _kinds(b)]) for b in chains.continuity.boundaries]
 
 
-def shoot(
-    chains: Chains,
-    values: Array,
-    states: Sequence[Array],
-    *,
-    tolerances: Sequence[float] = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01),
-    iterations: int = 6,
-    gain: float = 1.0,
-) -> tuple[Fit, list[Stage]]:
-    """Fit from the given start over falling tolerances."""
-    fit = Fit(chains, Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states)))
-    found = []
-    for i, tolerance in enumerate(tolerances):
-        last = i == len(tolerances) - 1
-        found.append(fit.stage(tolerance, 3 * iterations if last else iterations, 0.01 if last else gain))
-    return fit, found
+def _kinds(boundary: Boundary) -> list[tuple[int, bool]]:
+    """Kind of every component, those about or along the third axis apart; constants last."""
+    moving = zip(boundary.kind.tolist(), (boundary.axis == 2).tolist(), strict=True)
+    return [*moving, *[(-1, False)] * len(boundary.constant)]

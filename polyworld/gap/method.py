@@ -153,59 +153,74 @@ class _Work:
     story: Story
     clock: Clock
 
-    def search(self, recording: Recording, candidates: tuple[Candidate, ...], most: int) -> Searched:
-        """Search a recording for up to so many effects."""
+    def search(self, recording: Recording, candidates: tuple[Candidate, ...], most: int, spare: int = 0) -> Searched:
+        """Search a recording for up to so many effects; it ends early where up to `spare` runs are to be set aside."""
         cut = in_parts(recording, self.world)
         plan = design(coarsened(self.world, cut), cut)
         wide = replace(self.settings.search, max_effects=min(most, self.settings.search.max_effects))
+
+        def outliers(trials: Sequence[Trial]) -> tuple[OutlyingRun, ...]:
+            return _misfits(self, trials, spare)
+
         return search_effects(
-            plan, self.world.time.substep, self.base, candidates, wide, self.settings.alarm, self.story, self.clock
+            plan,
+            self.world.time.substep,
+            self.base,
+            candidates,
+            wide,
+            self.settings.alarm,
+            self.story,
+            self.clock,
+            outliers,
         )
 
 
 def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[OutlyingRun, ...], Searched]:
     """Search for effects, runs that behave unlike the rest set aside; what they show may be an effect after all."""
     most = work.settings.search.max_effects
-    aside = _events(work, recording)
-    if aside:
-        work.story.tell(0.05, "outlying runs", {"runs": [o.to_json() for o in aside]})
-    found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates, most)
+    room = int(work.settings.outliers.most * len(recording.runs))
+    aside = _events(work, recording) if room else ()
+    while True:
+        if aside:
+            work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
+        kept = without_runs(recording, [o.run for o in aside])
+        found = work.search(kept, work.candidates, most, room - len(aside))
+        further = found.outlying or (_bearing(work, found) if len(aside) < room else ())
+        if not further:
+            break
+        aside = (*aside, *further)
     if aside and found.verdict.kind == "nothing_missing" and not found.limited:
         local = tuple(c for c in work.candidates if c.name in LOCAL)
         whole = work.search(recording, local, 1) if local else None
         if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
             return (), whole
-    if found.verdict.kind != "nothing_missing" and found.pool and not found.limited:
-        further = _misfits(work, found, len(recording.runs), len(aside))
-        if further:
-            work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in further]})
-            aside = (*aside, *further)
-            found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates, most)
     return aside, found
 
 
 def _events(work: _Work, recording: Recording) -> tuple[OutlyingRun, ...]:
     """Runs that hold an event of their own."""
-    if len(recording.runs) * work.settings.outliers.most < 1.0:
-        return ()
     fits = segment_fits(work.world, recording, work.base, work.clock)
     return () if fits is None else outlying_runs(fits, work.settings.outliers)
 
 
-def _misfits(work: _Work, found: Searched, runs: int, aside: int) -> tuple[OutlyingRun, ...]:
-    """Runs that a law explains far worse than most: of the law under which most runs are explained best."""
-    room = int(work.settings.outliers.most * runs) - aside
-    if room < 1:
+def _misfits(work: _Work, trials: Sequence[Trial], spare: int) -> tuple[OutlyingRun, ...]:
+    """Runs that a law explains far worse than most: of the law under which most runs are explained best (least trimmed
+    squares, Rousseeuw 1984, J. Am. Stat. Assoc. 79, 871, by whole runs)."""
+    if spare < 1:
         return ()
+    best = min(trials, key=lambda t: float(np.sort(t.costs)[: len(t.costs) - spare].sum()))
+    return misfitting_runs(best, work.settings.outliers)[:spare]
+
+
+def _bearing(work: _Work, found: Searched) -> tuple[OutlyingRun, ...]:
+    """The run on which alone the effects that were found rest."""
     named = found.verdict.best
-    if found.verdict.kind != "unexplained":
-        if named is None or set(named.hypothesis.names) & set(LOCAL):
-            return ()
-        alone = bearing_run(found.ground, named, work.settings.outliers, work.settings.decision.decisive)
-        return () if alone is None else (alone,)
-    kept = len(found.bench.design.runs) - room
-    best = min((t for t in found.pool), key=lambda t: float(np.sort(t.misfits)[:kept].sum()))
-    return misfitting_runs(best, work.settings.outliers)[:room]
+    if found.limited or found.verdict.kind not in ("identified", "ambiguous") or named is None:
+        return ()
+    if set(named.hypothesis.names) & set(LOCAL):
+        return ()
+    alone = bearing_run(found.ground, named, work.settings.outliers, work.settings.decision.decisive)
+    return () if alone is None else (alone,)
 
 
 def _decide(work: _Work, found: Searched) -> tuple[Decided, Graded | None]:
@@ -263,7 +278,7 @@ def _proof(work: _Work, found: Searched, child: World | None, sealed: Recording 
     if sealed is None:
         return None
     before = _fitted_world(found.ground, work.world)
-    gap = sealed_gap(before, child if child is not None else before, sealed)
+    gap = sealed_gap(before, child if child is not None else before, sealed, found.bench.noise)
     work.story.tell(0.85, "sealed data", gap.to_dict())
     return gap
 

@@ -115,9 +115,8 @@ def _pooled(energy: Array, left: Array) -> Array:
 class RunEvidence:
     """What each run says of the shared values near a fit, its own initial state profiled out.
 
-    chi2 of run r after a change d of the shared values: level[r] + 2 slope[r] d + d^T curvature[r] d. prior (S,): weight
-    of a typical change, which keeps what the data do not determine. at (S,): values of the fit. free (S,): those not at
-    a bound.
+    chi2 of run r after a change d of the shared values: level[r] + 2 slope[r] d + d^T curvature[r] d. prior (S,):
+    weight of a typical change, which keeps what the data do not determine. free (S,): values not at a bound.
     """
 
     level: Array

@@ -162,7 +162,7 @@ def misfitting_runs(trial: Trial, settings: OutlierSettings) -> tuple[OutlyingRu
                 )
             )
     ranked = sorted(found, key=lambda o: -o.times)
-    return tuple(ranked) if len(ranked) <= int(settings.most * len(misfits)) else ()
+    return tuple(ranked)
 
 
 def bearing_run(base: Trial, best: Trial, settings: OutlierSettings, decisive: float) -> OutlyingRun | None:

@@ -30,6 +30,7 @@ from polyworld.discrepancy.twins import fit_twins
 from polyworld.discrepancy.unexplained import Near
 from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
 from polyworld.gap.clock import Clock, TimeLimitReached
+from polyworld.gap.outlying import OutlyingRun
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
@@ -84,6 +85,10 @@ class Searched:
     pool: tuple[Trial, ...] = ()
     plain: tuple[Trial, ...] = ()
     limited: bool = False
+    outlying: tuple[OutlyingRun, ...] = ()
+
+
+FindOutliers = Callable[[Sequence[Trial]], tuple[OutlyingRun, ...]]
 
 
 def search_effects(
@@ -95,10 +100,13 @@ def search_effects(
     alarm: float,
     story: Story,
     clock: Clock,
+    outliers: FindOutliers,
 ) -> Searched:
     """Search on whole runs, or where a few of these cannot be followed, once more with those in parts.
 
     alarm: by how much an effect must lower the extended BIC to be looked into although the base explains the data.
+    outliers: asked, where plain laws and then single effects were fitted and none explains the data, which runs behave
+    unlike the rest under the best of them; where there are any, the search ends there, and is to be repeated without.
     """
     ground = _finer(fitted_base(plan, base, len(candidates), clock), substep)
     story.tell(
@@ -120,14 +128,21 @@ def search_effects(
             ground, explained, near_misses = _explained(search, ground, alarm)
             if explained:
                 return Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
-        effects, parents, lost = _add_effects(search, ground)
+        if not profile.collide(plan):  # with several bodies each law takes seconds, and comes later
+            for trial in _plain_laws(search, ground, ground.bench):
+                search.take(trial)
+            if found := _outlying(search, ground, outliers):
+                return found
+        effects, parents, lost = _add_effects(search, ground, most=1)
+        if not lost and (found := _outlying(search, ground, outliers)):
+            return found
         if lost:
             parts = halved(plan.recording, lost)
             if any(run.part_of is not None for run in parts.runs):  # they could be cut, and are only once
                 story.tell(story.share, "runs in parts", {"runs": list(lost)})
                 cut = design(plan.world, parts)
-                return search_effects(cut, substep, base, candidates, settings, alarm, story, clock)
-            effects, parents, _ = _add_effects(search, ground, effects, whole=True)
+                return search_effects(cut, substep, base, candidates, settings, alarm, story, clock, outliers)
+        effects, parents, _ = _add_effects(search, ground, effects, whole=True)
         effects = _with_care(search, effects)
     except TimeLimitReached:
         limited = True
@@ -153,18 +168,29 @@ def search_effects(
             ground = again
         if ground.passes and ground.ebic - verdict.best.ebic <= alarm:
             return Searched(Verdict("nothing_missing", None), bench, ground, near_misses, limited=limited)
-    plain = () if limited else _plain_laws(search, ground, bench)
+    plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, bench)
     pool = _pool(search, bench, plain, limited)
     return Searched(verdict, bench, ground, near_misses, _near(search), pool, plain, limited)
 
 
+def _outlying(search: Search, ground: Trial, outliers: FindOutliers) -> Searched | None:
+    """The end of a search in which runs behave unlike the rest; None where none does, or the data are explained."""
+    fitted = [t for t in search.trials.values() if t.bench is search.bench]
+    if _passed(search, 1) or not fitted:
+        return None
+    found = outliers([*fitted, search.bench.refit(ground, iterations=2)])
+    if not found:
+        return None
+    return Searched(Verdict("unexplained", search.best(1)), search.bench, ground, outlying=found)
+
+
 def _add_effects(
-    search: Search, ground: Trial, effects: int = 0, whole: bool = False
+    search: Search, ground: Trial, effects: int = 0, whole: bool = False, most: int = 3
 ) -> tuple[int, list[Trial], tuple[str, ...]]:
     """Add effects until the best explains the data: their number, the hypotheses they were added to, and runs that no
     fit follows although their windows are explained, with which nothing further is tried (unless `whole`)."""
     parents = [ground] if effects == 0 else nearest(search.ranked(effects), search.on_windows, search.settings.parents)
-    while effects < search.settings.max_effects and not (effects and _passed(search, effects)):
+    while effects < min(search.settings.max_effects, most) and not (effects and _passed(search, effects)):
         if effects >= PLAINLY and not search.foreseen(parents):
             break  # a sum of so many mimics much
         effects += 1
@@ -225,6 +251,10 @@ def _plain_laws(search: Search, ground: Trial, bench: Bench) -> tuple[Trial, ...
         if ways:
             found.append(min(ways, key=lambda t: t.ebic))
     return tuple(sorted(found, key=lambda t: t.ebic))
+
+
+def _is_plain(trial: Trial) -> bool:
+    return trial.hypothesis.names[0] in PLAIN
 
 
 def _pool(search: Search, bench: Bench, plain: Sequence[Trial], limited: bool) -> tuple[Trial, ...]:
