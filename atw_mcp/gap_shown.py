@@ -65,7 +65,14 @@ def shown_proposals(data: dict[str, Any]) -> dict[str, Any]:
         "base": {name: value["value"] for name, value in data["base"]["unknowns"].items()},
         "null_control": None if null is None else f"on data made from the world itself: {null['verdict']}",
     }
-    for key in ("other_forms", "near_misses", "experiment", "residual_force"):
+    shown["set_aside"] = [item["summary"] for item in data["set_aside"]]
+    shown["plain_laws"] = [
+        {key: law[key] for key in ("name", "label", "values", "ebic_behind", "passes")}
+        for law in data["plain_laws"][:MOST]
+    ]
+    if data["remainder"] is not None:
+        shown["remainder"] = data["remainder"]["summary"]
+    for key in ("checks", "stability", "time_limit", "other_forms", "near_misses", "experiment", "residual_force"):
         if data[key]:
             shown[key] = data[key]
     shown["whole"] = "ReadEvidence(evidence=this result's evidence id, path='history'), or 'goodness', 'noise', ..."
@@ -90,6 +97,8 @@ def next_step(case: str, data: dict[str, Any]) -> str:
         return f"nothing to add; FindDiscrepancy(case={case!r}, power=true) tells what these data could not have shown"
     if data["verdict"] == "identified":
         return add
+    if data["verdict"] == "identified_with_remainder":
+        return f"{add}, reporting the remainder with it; runs set aside deserve a look: InspectObservedMotion"
     if data["verdict"] == "ambiguous":
         best = (
             "the experiment told, its data imported with the rest, then ProposeEffects again"

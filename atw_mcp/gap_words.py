@@ -4,13 +4,40 @@ from __future__ import annotations
 
 from typing import Any
 
+PLAIN = 3  # plain laws in a sentence
+OF_RUNS = 6  # numbers of single runs from which on their spread is given instead
 SHOWN = 4  # most names of a credible set, or pairs of it, in a sentence
 SAME_MOTION = 1.0  # standard deviations between forecasts below which nothing would be told
 
 
 def verdict_text(told: dict[str, Any]) -> str:
     """A verdict (`GapReport.to_dict`) in a few sentences, with what the recording cannot tell."""
-    return ". CAUTION: ".join((_verdict(told), *told["cautions"]))
+    parts = [_verdict(told)]
+    if told["time_limit"] is not None:
+        parts.append(f"The search ended after {_number(told['time_limit'])} s with the best answer so far")
+    if told["checks"]:
+        parts.append(f"Lowered by: {'; '.join(c['found'] for c in told['checks'])}")
+    if told["set_aside"]:
+        parts.append(f"Set aside, fitted by nothing: {'; '.join(o['summary'] for o in told['set_aside'])}")
+    if told["plain_laws"] and told["verdict"] != "nothing_missing":
+        parts.append(f"Plain laws by themselves: {_plain_laws(told['plain_laws'])}")
+    if told["remainder"] is not None:
+        parts.append(told["remainder"]["summary"].rstrip("."))
+    return ". CAUTION: ".join((". ".join(parts), *told["cautions"]))
+
+
+def _plain_laws(laws: list[dict[str, Any]]) -> str:
+    """The plain laws that come nearest, each fitted alone."""
+    listed = []
+    for law in laws[:PLAIN]:
+        name = f"{law['name']} ({law['label']})" if law["label"] else law["name"]
+        values = ", ".join(f"{k} {_number(v)}" for k, v in law["values"].items())
+        behind = law["ebic_behind"]
+        place = (
+            "the best" if abs(behind) < 0.05 else f"EBIC {_number(abs(behind))} {'behind' if behind > 0 else 'ahead'}"
+        )
+        listed.append(f"{name}: {values}, {place}")
+    return "; ".join(listed)
 
 
 def _verdict(told: dict[str, Any]) -> str:
@@ -31,6 +58,20 @@ def _verdict(told: dict[str, Any]) -> str:
             text += f"; next best {' + '.join(other['effects'])}, EBIC {_number(other['ebic_behind'])} behind"
             text += "" if other["passes"] else ", does not explain the data"
         return text
+    if kind == "identified_with_remainder":
+        stability = told["stability"]
+        text = f"identified_with_remainder: {named}"
+        if stability is not None:
+            own = {e["name"] for e in told["effects"]}
+            least = min((v for k, v in stability["chosen_in"].items() if k in own), default=0.0)
+            text += (
+                f"; chosen in {100 * least:.0f}% of resamples of the runs, "
+                f"EBIC {_number(stability['ebic_ahead'])} ahead "
+                "of no effect with model error admitted; intervals are widened for what remains"
+            )
+        return text
+    if kind == "ambiguous" and len(told["credible_set"]) < 2:
+        return f"ambiguous: {named}, but the program's own checks contradict it"
     if kind == "ambiguous":
         names = [" + ".join(item) for item in told["credible_set"]]
         listed = "; ".join(names[:SHOWN]) + ("" if len(names) <= SHOWN else f"; and {len(names) - SHOWN} more")
@@ -38,6 +79,8 @@ def _verdict(told: dict[str, Any]) -> str:
     text = "unexplained: no effect of the catalogue leaves only noise"
     if named:
         text += f" (nearest: {named})"
+    if told["stability"] is not None and told["stability"]["reasons"]:
+        text += f"; none is named although model error was admitted: {'; '.join(told['stability']['reasons'])}"
     force = told["residual_force"]
     return text + (f". {force['summary']}" if force else "")
 
@@ -45,7 +88,12 @@ def _verdict(told: dict[str, Any]) -> str:
 def effect_text(effect: dict[str, Any]) -> str:
     """An effect with its fitted numbers: "quadratic_drag (drag 0.0301 kg/m, 95% 0.0297 to 0.0305)"."""
     numbers = []
-    for name, value in effect["unknowns"].items():
+    unknowns = effect["unknowns"]
+    of_runs = {name: value for name, value in unknowns.items() if " in " in name}
+    if len(of_runs) > OF_RUNS:
+        unknowns = {name: value for name, value in unknowns.items() if name not in of_runs}
+        numbers.append(_spread(of_runs))
+    for name, value in unknowns.items():
         unit = "" if value["unit"] in ("1", "") else f" {value['unit']}"
         text = f"{name} {_number(value['value'])}{unit}"
         if value["interval95"] is not None:
@@ -55,6 +103,16 @@ def effect_text(effect: dict[str, Any]) -> str:
     head = f"{effect['name']} {effect['label']}".strip()
     same = f"; cannot be told from {', '.join(effect['same_as'])}" if effect["same_as"] else ""
     return f"{head} ({'; '.join(numbers)}{same})"
+
+
+def _spread(of_runs: dict[str, dict[str, Any]]) -> str:
+    """Numbers that every run has of its own: their count, unit and spread in one line."""
+    groups: dict[str, list[float]] = {}
+    for name, value in of_runs.items():
+        groups.setdefault(name.split(" in ")[0], []).append(float(value["value"]))
+    unit = next(iter(of_runs.values()))["unit"]
+    spread = ", ".join(f"{name} {_number(min(v))} to {_number(max(v))}" for name, v in groups.items())
+    return f"one of its own in each of {len(next(iter(groups.values())))} runs: {spread} {unit}"
 
 
 def experiment_text(experiment: dict[str, Any] | None) -> str:

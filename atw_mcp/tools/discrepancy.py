@@ -98,14 +98,21 @@ def propose_effects(
         Field(max_length=64, description=f"effects to consider; default all: {', '.join(catalogue())}"),
     ] = None,
     max_effects: Annotated[int, Field(ge=1, le=3, description="most effects that may be missing at once")] = 3,
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="of the null control")] = 0,
+    time_limit: Annotated[
+        float | None,
+        Field(gt=0.0, le=86400.0, description="end the search after so many seconds with the best verdict so far"),
+    ] = None,
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="of the null control and the resampling of runs")] = 0,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Search the catalogue for what a world lacks: every contender is added, fitted together with initial states and
-    base parameters on simulated trajectories, and judged by whether what is left is noise. The verdict is one of:
-    identified (one effect), ambiguous (several would do; the experiment that would decide is told), unexplained (none
-    will do; the residual force is described by an expression), nothing_missing. A null control repeats the procedure
-    on data made from the world itself. Sealed data are not touched. Next: AddEffect with this result's evidence id."""
+    base parameters on simulated trajectories. The verdict is one of: identified (only noise is left, no other effect
+    comes near), identified_with_remainder (something is left, described, but the same effects are chosen whichever runs
+    are left out and they predict held-out runs better), ambiguous (several would do; with the experiment that would
+    decide), unexplained (none is chosen stably; the residual force as an expression), nothing_missing. Runs that behave
+    unlike the rest are set aside and reported. Plain laws (drag, friction, restitution, gravity) are always reported
+    beside a richer answer. A null control repeats the search on data simulated from the world itself; an alarm there
+    lowers the verdict. Sealed data are not touched. Next: AddEffect with this result's evidence id."""
     found = app.case(case)
     start = app.world(found, world)
     with explained():
@@ -113,7 +120,7 @@ def propose_effects(
         recording = case_recording(app, found, start)
         unknowns = base_unknowns(app, start, base)
 
-    settings = GapSettings(search=SearchSettings(max_effects=max_effects), seed=seed)
+    settings = GapSettings(search=SearchSettings(max_effects=max_effects), time_limit=time_limit, seed=seed)
 
     def answer(outcome: Outcome) -> Answer:
         told = {**_told(recording), "next": next_step(found.id, outcome.data)}
@@ -131,6 +138,7 @@ def propose_effects(
         "base": _plain(unknowns),
         "effects": sorted(set(effects)) if effects else None,
         "max_effects": max_effects,
+        "time_limit": time_limit,
         "seed": seed,
     }
     return _found_or_computed(

@@ -9,7 +9,7 @@ own that contradicts a name lowers the verdict by itself, and is reported with i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,18 @@ from polyworld.gap.stability import Contest, contest, gain_with_error
 Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
 Names = tuple[str, ...]
 
+PLAIN = (  # laws that are fitted and reported beside any richer answer
+    "gravity_error",
+    "restitution_error",
+    "friction_error",
+    "rolling_resistance",
+    "linear_drag",
+    "quadratic_drag",
+    "viscous_friction",
+    "joint_damping",
+    "joint_friction",
+)
+ALIKE = 10.83  # squared difference of whitened motions that noise exceeds once in a thousand (chi2, 1 freedom)
 ROUNDS = 4  # of choosing a leader and estimating the model error from it
 
 
@@ -53,11 +65,21 @@ def names_of(trial: Trial) -> Names:
 
 
 def equivalents(trials: Sequence[Trial]) -> dict[str, frozenset[str]]:
-    """Return every effect's name with those of the effects that these data cannot tell from it."""
+    """Return every effect's name with those of the effects that these data cannot distinguish from it.
+
+    They are known to be alike, or their fits are: single effects whose motions differ by less than noise shows.
+    """
     found: dict[str, set[str]] = {}
     for trial in trials:
         for part in trial.hypothesis.parts:
             found.setdefault(part.candidate.name, {part.candidate.name}).update(part.variant.same_as)
+    single = [t for t in trials if len(t.hypothesis.parts) == 1]
+    for i, one in enumerate(single):
+        for other in single[:i]:
+            apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
+            if apart < ALIKE:
+                found[one.hypothesis.names[0]].update(other.hypothesis.names)
+                found[other.hypothesis.names[0]].update(one.hypothesis.names)
     return {name: frozenset(same) for name, same in found.items()}
 
 
@@ -66,37 +88,45 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
 
     base: the world without them. trials: fitted hypotheses, all under one noise. courses: distinct courses among the
     runs, as which repeated ones count.
+
+    Plain laws and faults of the observer lead by the extended BIC under the model error that they leave themselves. Any
+    other effect has to be decisive, each by itself, even where all that the leader leaves is admitted as model error, so that a sum of
+    far-fetched effects does not win by taking up what a plain law leaves undone.
     """
     pool = [base, *trials]
-    leader = min(pool, key=lambda t: t.ebic)
-    error, found = model_error_of(leader), None
-    for _ in range(ROUNDS):
-        found = contest(pool, error)
-        best = pool[int(np.argmin(found.scores(np.ones(found.runs))))]
-        if best is leader:
-            break
-        leader, error = best, model_error_of(best)
-    assert found is not None
-    scores = found.scores(np.ones(found.runs))
     same = equivalents(trials)
-    support = _support(found, settings, seed, same)
+    leader = _plain_leader([t for t in pool if not _far_fetched(t)])
+    for _ in range(ROUNDS):
+        error = model_error_of(leader)
+        found = contest(pool, error)
+        scores = found.scores(np.ones(found.runs))
+        lead = np.array([settings.decisive * max(_far_fetched(t), 1) for t in pool])
+        ahead_by = scores[pool.index(leader)] - scores - lead
+        best = int(np.argmax(ahead_by))
+        if ahead_by[best] <= 0.0:
+            break
+        leader = pool[best]
+    support = _support(found, pool.index(leader), settings, seed, same)
     stable = {name for name, share in support.items() if share >= settings.stable}
     within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
-    rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) != names_of(leader)))
-    chosen = _with_names(pool, scores, leader, stable, same)
+    rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not _shares(t, leader, same)))
+    chosen = leader if leader.hypothesis.names else None
     reasons = []
     if courses < settings.fewest_runs:
         reasons.append(
-            f"the runs follow {_count(courses, 'course')} that differ{'s' if courses == 1 else ''}: stability over "
-            f"runs needs {settings.fewest_runs}"
+            f"the runs follow {_count(courses, 'distinct course')}: stability over runs needs {settings.fewest_runs}"
         )
-    if not stable:
-        reasons.append("no effect is chosen whichever runs are left out")
-    elif chosen is None:
-        reasons.append("the effects that every resample of the runs chooses were not fitted without others")
     gain, gain_error, ahead = 0.0, float("inf"), 0.0
-    if chosen is not None and chosen is not base:
+    if chosen is None:
+        reasons.append("with model error admitted, no effect is decisive")
+    else:
         index = pool.index(chosen)
+        unstable = [n for n in chosen.hypothesis.names if not any(m in stable for m in same[n])]
+        if unstable:
+            reasons.append(
+                f"{' and '.join(unstable)} {'is' if len(unstable) == 1 else 'are'} not chosen whichever runs are left "
+                f"out (in {100.0 * min(support[n] for n in unstable):.0f}% of resamples)"
+            )
         ahead = float(scores[0] - scores[index])
         held_out = found.held_out()
         gain, gain_error = gain_with_error(held_out[index], held_out[0])
@@ -110,44 +140,49 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
                 f"runs left out are not predicted better: chi2 falls by {gain:.3g} +- {gain_error:.2g} per run"
             )
         for i, other in enumerate(pool[1:], start=1):
-            if _shares(other, chosen, same):
-                continue
             better, by = gain_with_error(held_out[index], held_out[i])
-            if better < -settings.clearly * by:
+            if not _shares(other, chosen, same) and better < -settings.clearly * by and scores[i] < scores[index]:
                 reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
                 break
-    named = chosen if not reasons and chosen is not base else None
+    named = None if reasons else chosen
     return Graded(named, leader, error, support, rivals, gain, gain_error, ahead, tuple(reasons))
 
 
+def _far_fetched(trial: Trial) -> int:
+    """Number of effects of a hypothesis that are neither plain laws nor faults of the observer."""
+    return sum(p.candidate.name not in PLAIN and p.candidate.group != "observer" for p in trial.hypothesis.parts)
+
+
+def _plain_leader(pool: Sequence[Trial]) -> Trial:
+    """The hypothesis with the least extended BIC under the model error that it leaves."""
+    leader = min(pool, key=lambda t: t.ebic)
+    for _ in range(ROUNDS):
+        found = contest(pool, model_error_of(leader))
+        best = pool[int(np.argmin(found.scores(np.ones(found.runs))))]
+        if best is leader:
+            break
+        leader = best
+    return leader
+
+
 def _support(
-    found: Contest, settings: DecisionSettings, seed: int, same: dict[str, frozenset[str]]
+    found: Contest, leader: int, settings: DecisionSettings, seed: int, same: dict[str, frozenset[str]]
 ) -> dict[str, float]:
-    """Share of resamples in which every effect, or one that these data cannot tell from it, is chosen."""
-    chosen = found.chosen(settings.resamples, seed)
+    """Share of resamples of the runs in which each effect, or one indistinguishable from it, is chosen.
+
+    The leader is given up where another hypothesis is decisively ahead.
+    """
     share: dict[str, float] = {}
+    scores = np.array([found.scores(w) for w in found.resampled(settings.resamples, seed)])
+    best = np.argmin(scores, axis=1)
+    ahead = scores[:, leader] - scores[np.arange(len(scores)), best]
+    chosen = np.where(ahead > settings.decisive, best, leader)
     for name in dict.fromkeys(n for t in found.trials for n in t.hypothesis.names):
         has = np.array([bool(set(t.hypothesis.names) & same[name]) for t in found.trials])
-        share[name] = float(has[chosen].mean())
+        gone = scores[:, ~has].min(axis=1) - scores[:, leader] if has[leader] else np.zeros(len(scores))
+        # An effect of the leader has to be missed, too: what does without it must not do as well.
+        share[name] = float(np.mean(has[chosen] & ((gone > 0.0) | ~np.full(len(scores), has[leader]))))
     return share
-
-
-def _with_names(
-    pool: Sequence[Trial], scores: np.ndarray, leader: Trial, stable: set[str], same: dict[str, frozenset[str]]
-) -> Trial | None:
-    """The best hypothesis whose effects are all stable and that has, of every stable one, one equivalent."""
-    classes = {same[name] for name in stable}
-    fitting = [
-        (float(score), i)
-        for i, (t, score) in enumerate(zip(pool, scores, strict=True))
-        if t.hypothesis.names
-        and all(name in stable for name in t.hypothesis.names)
-        and len({same[n] for n in t.hypothesis.names}) == len(t.hypothesis.names)
-        and all(any(n in c for n in t.hypothesis.names) for c in classes)
-    ]
-    if fitting:
-        return pool[min(fitting)[1]]
-    return leader if leader.hypothesis.names and set(leader.hypothesis.names) <= stable else None
 
 
 def _shares(one: Trial, other: Trial, same: dict[str, frozenset[str]]) -> bool:
@@ -205,8 +240,3 @@ def widened(unknowns: Sequence[Unknown], intervals: np.ndarray, graded: Graded, 
     found[:, 0] = np.maximum(np.minimum(intervals[:, 0], values - spread[: len(intervals)]), lower)
     found[:, 1] = np.minimum(np.maximum(intervals[:, 1], values + spread[: len(intervals)]), upper)
     return found
-
-
-def without_reasons(graded: Graded) -> Graded:
-    """Return the grade with its leader named, whatever speaks against it; for reports of what is nearest."""
-    return replace(graded, leader=graded.leader or graded.nearest)

@@ -124,7 +124,7 @@ def find_gap(
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
         near_misses=found.near_misses,
-        cautions=cautions(bench.design),
+        cautions=(*cautions(bench.design), *_unsupported(verdict, gap)),
         history=tuple(story.steps),
         set_aside=aside,
         checks=tuple(checks),
@@ -333,6 +333,12 @@ def _checks(
         runs = len(found.bench.design.runs)
         checks.append(Check("nothing_held_out", f"{runs} run{'s' if runs > 1 else ''}, and none was held out"))
     return checks
+
+
+def _unsupported(verdict: Decided, gap: SealedGap | None) -> tuple[str, ...]:
+    """What sealed data say against a world in which nothing is missing."""
+    found = gap.contradicts if gap is not None and verdict.kind == "nothing_missing" else None
+    return () if found is None else (found,)
 
 
 def _experiment(work: _Work, found: Searched, verdict: Decided) -> dict[str, object] | None:

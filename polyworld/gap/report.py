@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from polyworld.discrepancy.seal import NullControl, SealedGap
 from polyworld.discrepancy.trial import Bench, Trial
 from polyworld.discrepancy.verdict import RunnerUp, Verdict
-from polyworld.gap.decide import Check, Graded
+from polyworld.gap.decide import Check, Graded, equivalents
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.remainder import Remainder
 from polyworld.world import World
@@ -56,6 +56,19 @@ class GapReport:
         """Names of the effects of the best hypothesis, empty where nothing is missing."""
         return self.verdict.best.hypothesis.names if self.verdict.best is not None else ()
 
+    def _effects(self) -> list[dict[str, Any]]:
+        """The effects named, each with those that these data cannot distinguish from it."""
+        best = self.verdict.best
+        if best is None:
+            return []
+        found = effects_of(best, self.intervals)
+        if self.graded is not None:
+            alike = equivalents([*self.plain, best])
+            for effect in found:
+                known = alike.get(effect["name"], frozenset())
+                effect["same_as"] = sorted({*effect["same_as"], *known} - {effect["name"]})
+        return found
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values; numbers that are not finite become None."""
         best = self.verdict.best
@@ -68,7 +81,7 @@ class GapReport:
             "plain_laws": [_plain(t, judged) for t in self.plain],
             "remainder": None if self.remainder is None else self.remainder.to_json(),
             "time_limit": self.limited,
-            "effects": effects_of(best, self.intervals) if best is not None else [],
+            "effects": self._effects(),
             "credible_set": [list(t.hypothesis.names) for t in self.verdict.credible],
             "other_forms": [t.hypothesis.title for t in self.verdict.forms],
             "runner_up": _runner_up(self.verdict.runner_up),

@@ -30,6 +30,7 @@ from polyworld.discrepancy.twins import fit_twins
 from polyworld.discrepancy.unexplained import Near
 from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
 from polyworld.gap.clock import Clock, TimeLimitReached
+from polyworld.gap.decide import PLAIN
 from polyworld.gap.outlying import OutlyingRun
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
@@ -38,18 +39,8 @@ KEPT_CHANGED = 0.002  # the same of the share of outliers
 STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
 PLAINLY = 2  # effects beyond which a further one is sought only where one comes near to the data (`Search.foreseen`)
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
-PLAIN = (  # laws that are fitted and reported beside any richer answer
-    "gravity_error",
-    "restitution_error",
-    "friction_error",
-    "rolling_resistance",
-    "linear_drag",
-    "quadratic_drag",
-    "viscous_friction",
-    "joint_damping",
-    "joint_friction",
-)
 CARE = 24  # iterations of their fits
+PAIRED = 4  # plain laws that are fitted in pairs
 BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
 
 
@@ -169,7 +160,8 @@ def search_effects(
         if ground.passes and ground.ebic - verdict.best.ebic <= alarm:
             return Searched(Verdict("nothing_missing", None), bench, ground, near_misses, limited=limited)
     plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, bench)
-    pool = _pool(search, bench, plain, limited)
+    pairs = () if limited or verdict.kind != "unexplained" else _plain_pairs(plain, bench)
+    pool = _pool(search, bench, (*plain, *pairs), limited)
     return Searched(verdict, bench, ground, near_misses, _near(search), pool, plain, limited)
 
 
@@ -251,6 +243,25 @@ def _plain_laws(search: Search, ground: Trial, bench: Bench) -> tuple[Trial, ...
         if ways:
             found.append(min(ways, key=lambda t: t.ebic))
     return tuple(sorted(found, key=lambda t: t.ebic))
+
+
+def _plain_pairs(plain: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:
+    """Fit pairs of the plain laws that come nearest: real losses are often two of them together."""
+    found = []
+    first = plain[:PAIRED]
+    for i, one in enumerate(first):
+        for other in first[i + 1 :]:
+            part = other.hypothesis.parts[0]
+            for both in extended(one.hypothesis, part.candidate, bench.design.recording):
+                if both.parts[-1].variant.label != part.variant.label:
+                    continue
+                starts = (
+                    both.starts(one.values)[0],
+                    np.concatenate([one.values, other.values[len(other.hypothesis.base) :]]),
+                )
+                ways = [bench.fit(both, start, one.fit.states, iterations=CARE) for start in starts]
+                found.append(min(ways, key=lambda t: t.chi2))
+    return tuple(t for t in found if np.isfinite(t.chi2))
 
 
 def _is_plain(trial: Trial) -> bool:

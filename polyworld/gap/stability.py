@@ -40,12 +40,11 @@ class Contest:
         """Extended BIC (H,) of every hypothesis with runs weighted (R,)."""
         return np.array([e.fitted(weights)[0] for e in self.evidence]) + self.price
 
-    def chosen(self, resamples: int, seed: int) -> NDArray[np.int64]:
-        """Which hypothesis is best in each of some samples of the runs, drawn with replacement."""
+    def resampled(self, resamples: int, seed: int) -> Array:
+        """Weights (B, R) of the runs in samples of them drawn with replacement."""
         rng = np.random.default_rng(seed)
         drawn = rng.integers(0, self.runs, size=(resamples, self.runs))
-        weights = np.array([np.bincount(row, minlength=self.runs) for row in drawn], dtype=float)
-        return np.array([int(np.argmin(self.scores(w))) for w in weights], dtype=np.int64)
+        return np.array([np.bincount(row, minlength=self.runs) for row in drawn], dtype=float)
 
     def held_out(self) -> Array:
         """chi2 (H, R) of every run at shared values that the others give, its own initial state fitted to it."""
