@@ -96,6 +96,7 @@ def _run(options: argparse.Namespace) -> int:
         settings=GapSettings(
             search=SearchSettings(max_effects=options.max_effects),
             time_limit=options.time_limit,
+            refuse=not options.units,
             seed=options.seed,
         ),
         progress=_Steps(),

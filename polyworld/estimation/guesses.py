@@ -132,7 +132,9 @@ def _options(chains: Chains, segment: Segment) -> list[tuple[slice, Array]]:
         for count in FORWARD:
             found += _same(own, _free(world, item, run, column, count), where)
         past = _reversed(whole, float(run.times[0]))
-        for count in BACKWARD if past is not None else ():
+        for count in BACKWARD:
+            if past is None:
+                break
             back = _free(world, item, past, column, count)
             sign = np.array([-1.0 if "velocity" in label else 1.0 for label in back.labels])
             found += _same(own, replace(back, start=back.start * sign), where)

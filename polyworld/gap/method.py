@@ -37,6 +37,7 @@ from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, 
 from polyworld.gap.outlying import OutlyingRun, bearing_run, misfitting_runs, outlying_runs, segment_fits, without_runs
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
+from polyworld.gap.screen import Screening, screen
 from polyworld.gap.searching import Searched, Story, search_effects
 from polyworld.gap.settings import DecisionSettings, OutlierSettings
 from polyworld.recording import Recording
@@ -57,7 +58,8 @@ class GapSettings:
     lower the extended BIC to be looked into although the base explains the data. null_control: whether the procedure is
     repeated on data simulated from the base world. experiment: whether the experiment that would decide is sought where
     the verdict is ambiguous. residual_force: whether a law is sought for what stays unexplained. time_limit [s]: after
-    which the search ends with the best verdict so far. seed: of the null control and the resampling of runs.
+    which the search ends with the best verdict so far. refuse: whether recordings whose units, axes or time base are all
+    but certainly not what they are taken for are refused with ValueError. seed: of the null control and of resampling.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
@@ -68,6 +70,7 @@ class GapSettings:
     experiment: bool = True
     residual_force: bool = True
     time_limit: float | None = None
+    refuse: bool = False
     seed: int = 0
 
 
@@ -94,8 +97,11 @@ def find_gap(
     clock, story = Clock(settings.time_limit, cancelled), Story(progress)
     work = _Work(world, tuple(base), chosen, settings, story, clock)
 
+    screening = screen(world, recording)
+    if settings.refuse and screening.refused:
+        raise ValueError(" ".join(f.message for f in screening.findings if f.severity == "refuse"))
     aside, found = _search_without_outliers(work, recording)
-    verdict, graded = _decide(work, found)
+    verdict, graded = _decide(work, found, _courses(screening, recording, found))
     best = verdict.best
     bench, ground = found.bench, found.ground
     intervals = intervals95(bench, best if best is not None else ground)
@@ -124,7 +130,11 @@ def find_gap(
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
         near_misses=found.near_misses,
-        cautions=(*cautions(bench.design), *_unsupported(verdict, gap)),
+        cautions=(
+            *(f.message for f in screening.findings),
+            *cautions(bench.design),
+            *_unsupported(verdict, gap),
+        ),
         history=tuple(story.steps),
         set_aside=aside,
         checks=tuple(checks),
@@ -175,6 +185,15 @@ class _Work:
         )
 
 
+def _courses(screening: Screening, recording: Recording, found: Searched) -> int:
+    """Number of distinct courses among the runs that are fitted; parts of one long run differ as courses do."""
+    kept = {r.run.part_of or r.run.name for r in found.bench.design.runs}
+    if len(kept) == 1:
+        return len(found.bench.design.runs)
+    of_kept = {c for c, run in zip(screening.course_of, recording.runs, strict=True) if run.name in kept}
+    return len(of_kept)
+
+
 def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[OutlyingRun, ...], Searched]:
     """Search for effects, runs that behave unlike the rest set aside; what they show may be an effect after all."""
     most = work.settings.search.max_effects
@@ -223,13 +242,13 @@ def _bearing(work: _Work, found: Searched) -> tuple[OutlyingRun, ...]:
     return () if alone is None else (alone,)
 
 
-def _decide(work: _Work, found: Searched) -> tuple[Decided, Graded | None]:
+def _decide(work: _Work, found: Searched, courses: int) -> tuple[Decided, Graded | None]:
     """Decide names: of hypotheses that leave only noise, else with model error admitted."""
     v = found.verdict
     verdict = Decided(v.kind, v.best, v.credible, v.runner_up, v.forms)
     if v.kind != "unexplained" or not found.pool:
         return verdict, None
-    graded = grade(found.ground, found.pool, len(found.bench.design.runs), work.settings.decision, work.settings.seed)
+    graded = grade(found.ground, found.pool, courses, work.settings.decision, work.settings.seed)
     if graded.leader is not None:
         return replace(verdict, kind="identified_with_remainder", best=graded.leader, credible=(graded.leader,)), graded
     return verdict, graded

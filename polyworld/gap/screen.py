@@ -1,0 +1,85 @@
+"""Check a recording against its world before anything is fitted: what would make every later result worthless."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from polyworld.gap.screen_courses import course_findings, courses
+from polyworld.gap.screen_finding import Finding
+from polyworld.gap.screen_flight import common_fall, fall_findings
+from polyworld.gap.screen_grid import at_rest, constant_findings, grid_findings, grid_steps
+from polyworld.gap.screen_samples import sample_findings
+from polyworld.gap.screen_settings import DEFAULT, ScreenSettings
+from polyworld.gap.screen_statics import penetration_findings
+from polyworld.gap.screen_times import counts_frames, repeat_findings, time_findings
+from polyworld.gap.screen_tracks import tracks_of, with_noise
+from polyworld.recording import Recording
+from polyworld.world import World
+
+
+@dataclass(frozen=True)
+class Screening:
+    """What the screening of a recording found.
+
+    findings: refusals before cautions. course_of: number of each run's course, in the order of the recording's runs;
+    runs of one course repeat each other. quantum: step [m] of the grid that positions of an object lie on along a world
+    axis (0, 1, 2), where it makes much of the noise; its share of the noise has standard deviation quantum / sqrt(12).
+    """
+
+    findings: tuple[Finding, ...]
+    course_of: tuple[int, ...]
+    quantum: dict[tuple[str, int], float] = field(default_factory=dict)
+
+    @property
+    def distinct_courses(self) -> int:
+        """Number of distinct courses."""
+        return len(set(self.course_of))
+
+    @property
+    def refused(self) -> bool:
+        """Whether going on is all but certainly a waste of time."""
+        return any(f.severity == "refuse" for f in self.findings)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the screening as plain data."""
+        return {
+            "refused": self.refused,
+            "findings": [f.to_json() for f in self.findings],
+            "distinct_courses": self.distinct_courses,
+            "course_of": list(self.course_of),
+            "quantum": [{"object": o, "axis": "xyz"[a], "step": q} for (o, a), q in self.quantum.items()],
+        }
+
+
+def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAULT) -> Screening:
+    """Check units, axes, time base, sampling, distinct courses and statics of a recording, without any fit.
+
+    Kinds of findings: units, axes, frame_numbers, milliseconds, rounded_times, irregular_times, few_samples,
+    single_run, noisy, coarse_sampling, one_course, quantised, repeated_rows, constant, at_rest, penetration. Only
+    positions are checked; markers of deformable objects as far as that needs no shape.
+    """
+    runs = tuple(r.name for r in recording.runs)
+    raw = tracks_of(recording)
+    quantum = grid_steps(raw, settings)
+    if not raw:
+        return Screening((), tuple(range(len(runs))))
+    tracks = with_noise(raw, recording, quantum)
+    fall = common_fall(world, tracks, settings)
+    found = fall_findings(world, tracks, fall, settings) if fall is not None else []
+    scaled = not found and not counts_frames(tracks, settings)
+    if not found:
+        found += time_findings(tracks, settings)
+    found += sample_findings(world, recording, tracks, settings, scaled=scaled)
+    if scaled and world.observer is None:
+        found += penetration_findings(world, tracks, settings)
+    found += [
+        *repeat_findings(tracks, settings),
+        *grid_findings(tracks, settings),
+        *constant_findings(tracks, settings),
+    ]
+    if not found and not any(t.moves(settings.moved) for t in tracks):
+        found.append(at_rest(tracks))
+    course_of = courses(runs, tracks, settings)
+    found += course_findings(runs, course_of, tracks, settings)
+    found.sort(key=lambda f: f.severity != "refuse")
+    return Screening(tuple(found), course_of, quantum)

@@ -1,0 +1,151 @@
+"""Collect what the screening looks at: every object's track in every run, with the noise of each axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.recording import Recording, Run
+
+Array = NDArray[np.float64]
+
+SQUARES = 20.0  # of the weights 1, -3, 3, -1 of a third difference, which higher orders are scaled to
+NORMAL = 0.6745  # median absolute value of a standard normal variable
+LOWEST, HIGHEST = 3, 9  # orders of differences from which noise is read
+FALLING = 0.3  # ratio of variances, order to order, below which the lower one was motion: noise keeps 0.9 to 1
+FEWEST, ENOUGH = 4, 8  # differences that a first estimate needs, and one of higher order
+EXACT = 1e-9  # least noise as a part of the range: rounding of floating-point numbers
+
+
+@dataclass(frozen=True)
+class Track:
+    """One object in one run at the m instants at which anything of its position was measured.
+
+    run: name of the run. times (m,) [s]. places (m, 3) [m] and orientations (m, 4), NaN where not measured. noise (3,):
+    standard deviation of each axis [m], pooled over runs, rounding included; quantum (3,): step of the grid that
+    positions lie on [m], 0 where there is none.
+    """
+
+    run: str
+    object: str
+    times: Array
+    places: Array
+    orientations: Array
+    noise: Array = field(default_factory=lambda: np.zeros(3))
+    quantum: Array = field(default_factory=lambda: np.zeros(3))
+
+    @cached_property
+    def axes(self) -> tuple[int, ...]:
+        """World axes measured in at least half of the instants."""
+        return tuple(int(a) for a in np.flatnonzero(np.isfinite(self.places).mean(axis=0) >= 0.5))
+
+    @cached_property
+    def range(self) -> Array:
+        """Difference of largest and smallest position on each axis (3,) [m], 0 where not measured."""
+        seen = np.isfinite(self.places)
+        high = np.where(seen, self.places, -np.inf).max(axis=0)
+        low = np.where(seen, self.places, np.inf).min(axis=0)
+        return np.where(seen.any(axis=0), high - low, 0.0)
+
+    @cached_property
+    def interval(self) -> float:
+        """Median time between samples [s]."""
+        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+
+    def moves(self, factor: float) -> bool:
+        """Whether the range on some axis exceeds `factor` standard deviations and two steps of its grid."""
+        return bool(np.any(self.range > factor * self.noise + 2.0 * self.quantum))
+
+
+def tracks_of(recording: Recording) -> tuple[Track, ...]:
+    """Return the tracks with at least two instants, in the order of runs and objects, without their noise."""
+    found = []
+    for run in recording.runs:
+        for column, name in enumerate(run.names):
+            places = run.positions[:, column]
+            rows = np.isfinite(places).any(axis=1)
+            if np.count_nonzero(rows) >= 2:
+                found.append(Track(run.name, name, run.times[rows], places[rows], run.orientations[rows, column]))
+    return tuple(found)
+
+
+def with_noise(tracks: Sequence[Track], recording: Recording, quantum: dict[tuple[str, int], float]) -> list[Track]:
+    """Return the tracks with their noise: of each object and axis the median over runs, at least what is stated.
+
+    quantum: steps of grids by object and axis. Rounding by a step q has standard deviation q / sqrt(12).
+    """
+    levels: dict[tuple[str, int], list[float]] = {}
+    stated: dict[str, Run] = {run.name: run for run in recording.runs}
+    ranges: dict[str, float] = {}
+    for track in tracks:
+        own = scatter(track.times, track.places)
+        ranges[track.object] = max(ranges.get(track.object, 0.0), float(track.range.max()))
+        for axis in range(3):
+            if np.isfinite(own[axis]):
+                levels.setdefault((track.object, axis), []).append(float(own[axis]))
+    pooled = {key: float(np.median(values)) for key, values in levels.items()}
+    found = []
+    for track in tracks:
+        step = np.array([quantum.get((track.object, axis), 0.0) for axis in range(3)])
+        given = stated[track.run].sigma or 0.0
+        own = np.array([pooled.get((track.object, axis), 0.0) for axis in range(3)])
+        floor = np.maximum(step / np.sqrt(12.0), EXACT * ranges[track.object])
+        found.append(replace(track, noise=np.maximum(np.maximum(own, given), floor), quantum=step))
+    return found
+
+
+def scatter(times: Array, values: Array) -> Array:
+    """Estimate the standard deviations (c,) of white noise on smooth series (m, c), NaN where m is below 7.
+
+    From the median absolute divided difference of third order, in which a smooth motion nearly vanishes, and of higher
+    orders as long as they fall: then the lower one held motion. Series with missing values are read without them.
+    """
+    count = values.shape[1]
+    noise = np.full(count, np.nan)
+    seen = np.isfinite(values)
+    for column in range(count):
+        if np.isfinite(noise[column]) or not seen[:, column].any():
+            continue
+        alike = np.flatnonzero(np.all(seen == seen[:, column : column + 1], axis=0))
+        rows = seen[:, column]
+        noise[alike] = _scatter(times[rows], values[rows][:, alike])
+    return noise
+
+
+def _scatter(times: Array, values: Array) -> Array:
+    first = _differences(times, values, LOWEST)
+    if len(first) < FEWEST:
+        return np.full(values.shape[1], np.nan)
+    level = np.median(np.abs(first), axis=0)
+    falling = np.ones(values.shape[1], dtype=bool)
+    for order in range(LOWEST + 1, HIGHEST + 1):
+        higher = _differences(times, values, order)
+        if len(higher) < ENOUGH:
+            break
+        new = np.median(np.abs(higher), axis=0)
+        falling &= (new > 0.0) & (new**2 < FALLING * level**2)
+        if not falling.any():
+            break
+        level = np.where(falling, new, level)
+    result: Array = level / NORMAL / np.sqrt(SQUARES)
+    return result
+
+
+def _differences(times: Array, values: Array, order: int) -> Array:
+    """Divided differences (n, c) of an order, scaled to the noise of third ones; none across gaps."""
+    n = len(times) - order
+    if n <= 0:
+        return np.empty((0, values.shape[1]))
+    t = np.lib.stride_tricks.sliding_window_view(times, order + 1)
+    gaps = t[:, :, None] - t[:, None, :]
+    gaps[:, np.arange(order + 1), np.arange(order + 1)] = 1.0
+    weights = 1.0 / (gaps / np.median(np.diff(times))).prod(axis=2)
+    weights *= np.sqrt(SQUARES / (weights**2).sum(axis=1))[:, None]
+    whole = t[:, -1] - t[:, 0] < 1.5 * order * np.median(np.diff(times))
+    windows = np.lib.stride_tricks.sliding_window_view(values, order + 1, axis=0)  # (n, c, order + 1)
+    found: Array = np.einsum("nk,nck->nc", weights, windows)[whole]
+    return found

@@ -1,0 +1,146 @@
+"""Whether there are samples, runs and distinct courses enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from polyworld.gap import Screening, screen
+from polyworld.recording import Recording
+from tests.polyworld import screen_cases as cases
+
+Launch = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+WORLD = cases.ball_world()
+OPEN = cases.ball_world(floor=None)
+TIMES = cases.sampling(120.0, 0.6)
+
+
+def kinds(screening: Screening) -> list[str]:
+    return [f.kind for f in screening.findings]
+
+
+def thrown(launches: Sequence[Launch], times: cases.Array = TIMES, noise: float = 1e-3) -> Recording:
+    return cases.recorded(times, cases.bounces(times, launches, floor=False), noise)
+
+
+def test_as_many_unknown_starts_as_numbers_are_refused() -> None:
+    times = cases.sampling(24.0, 0.1)
+    found = screen(WORLD, cases.recorded(times, cases.bounces(times)))
+    assert found.refused
+    assert found.findings[0].kind == "few_samples"
+    assert found.findings[0].figures["measured"] == found.findings[0].figures["states"] == 48
+
+
+def test_few_samples_of_a_moving_object_are_a_caution_that_names_the_runs() -> None:
+    times = cases.sampling(24.0, 1.0)
+    recording = cases.recorded(times, cases.bounces(times))
+    short = Recording((recording.runs[0].rows(times < 0.25), *recording.runs[1:]))
+    (found,) = screen(WORLD, short).findings
+    assert (found.kind, found.severity, found.runs) == ("few_samples", "caution", ("run_0",))
+    assert found.figures["least"] == 6.0
+
+
+def test_a_single_run_is_a_caution() -> None:
+    assert "single_run" in kinds(screen(OPEN, thrown([((0, 0, 1), (1, 0, 2))])))
+    assert "single_run" not in kinds(screen(OPEN, thrown([((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (2, 0, 2))])))
+
+
+def test_bounces_between_samples_are_a_caution() -> None:
+    for rate, coarse in ((3.0, True), (30.0, False)):
+        times = cases.sampling(rate, 8.0)
+        found = screen(WORLD, cases.recorded(times, cases.bounces(times)))
+        assert ("coarse_sampling" in kinds(found)) is coarse
+
+
+def test_positions_that_jump_from_sample_to_sample_are_a_caution() -> None:
+    """A puck between two walls that crosses the table nearly twice between samples."""
+    rng = np.random.default_rng(0)
+    for rate, coarse in ((1.1, True), (60.0, False)):
+        times = np.arange(60) / rate
+        way = np.array([1.5 + 0.1 * k for k in range(4)])[:, None] * times
+        x = np.abs((way + 0.5) % 2.0 - 1.0)  # walls at 0 and 1
+        paths = np.stack([x, 0.0 * x, 0.0 * x], axis=-1) + 1e-3 * rng.standard_normal((4, 60, 3))
+        assert ("coarse_sampling" in kinds(screen(cases.table_world(), cases.recorded(times, paths)))) is coarse
+
+
+def test_noise_that_hides_even_gravity_is_a_caution() -> None:
+    launches: list[Launch] = [((0, 0, 1), (0.3 * k, 0, 1)) for k in range(4)]
+    times = cases.sampling(60.0, 0.25)
+    large = cases.ball_world(floor=None, radius=0.2)
+    assert "noisy" not in kinds(screen(large, thrown(launches, times, 5e-3)))
+    assert "noisy" in kinds(screen(large, thrown(launches, times, 3e-2)))
+
+
+def test_launches_of_one_kind_are_one_course() -> None:
+    found = screen(WORLD, cases.recorded(TIMES, cases.bounces(TIMES, [cases.LAUNCHES[0]] * 4)))
+    assert found.course_of == (0, 0, 0, 0)
+    assert kinds(found) == ["one_course"]
+    assert "All 4 runs follow one course" in found.findings[0].message
+
+
+def test_a_hand_that_repeats_a_launch_within_two_percent_gives_the_same_course() -> None:
+    found = screen(
+        OPEN,
+        thrown([((0, 0, 1), (1, 0, 2)), ((0.01, 0, 1.01), (1.02, 0, 1.98)), ((0, 0, 1), (1.3, 0, 2))]),
+    )
+    assert found.course_of == (0, 0, 1)
+    assert kinds(found) == []
+
+
+def test_a_clock_that_starts_later_does_not_make_another_course() -> None:
+    times = cases.sampling(120.0, 0.7)
+    whole = thrown([((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (-1, 0, 2))], times)
+    late = whole.runs[1].rows(times >= 0.1)
+    found = screen(OPEN, Recording((whole.runs[0], late, whole.runs[2])))
+    assert found.course_of == (0, 0, 1)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ((0.0, 0.0, 1.0), (-1.0, 0.0, 2.0)),  # another direction
+        ((0.0, 0.0, 1.0), (1.2, 0.0, 2.0)),  # another speed
+        ((0.0, 0.5, 1.0), (1.0, 0.0, 2.0)),  # the same path elsewhere
+        ((0.0, 0.0, 1.0), (0.0, 1.0, 2.0)),
+    ],
+)
+def test_another_direction_speed_or_place_is_another_course(other: Launch) -> None:
+    found = screen(OPEN, thrown([((0.0, 0.0, 1.0), (1.0, 0.0, 2.0)), other]))
+    assert found.distinct_courses == 2
+    assert kinds(found) == []
+
+
+def test_drops_are_one_course_from_one_height_and_several_from_clearly_different_ones() -> None:
+    drops: list[Launch] = [((0, 0, h), (0, 0, 0)) for h in (3.0, 2.95, 2.0, 1.0)]
+    assert screen(OPEN, thrown(drops)).course_of == (0, 0, 1, 2)
+
+
+def test_launches_that_change_little_by_little_are_not_one_course() -> None:
+    found = screen(OPEN, thrown([((0, 0, 1), (1.0 + 0.04 * k, 0, 2)) for k in range(10)]))
+    assert found.distinct_courses >= 3
+
+
+def test_courses_below_the_noise_are_not_told_from_each_other() -> None:
+    launches: list[Launch] = [((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (1.15, 0, 2))]
+    assert screen(OPEN, thrown(launches, noise=1e-3)).distinct_courses == 2
+    assert screen(OPEN, thrown(launches, noise=0.2)).distinct_courses == 1
+
+
+def test_runs_of_different_objects_are_different_courses() -> None:
+    world, recording = cases.colliding_discs(cases.sampling(60.0, 1.0), count=2)
+    same = Recording((recording.runs[0], cases.run("alone", TIMES, np.zeros((len(TIMES), 3)), ("red",))))
+    assert screen(world, same).distinct_courses == 2
+
+
+def test_a_single_course_that_comes_back_at_other_speeds_is_described_as_such() -> None:
+    world, swing = cases.swinging(cases.sampling(60.0, 6.0), noise=1e-3)
+    (course,) = (f for f in screen(world, swing).findings if f.kind == "one_course")
+    assert "comes back to the same places" in course.message
+    world, discs = cases.colliding_discs(cases.sampling(60.0, 1.0), count=1)
+    (course,) = (f for f in screen(world, discs).findings if f.kind == "one_course")
+    assert "speed of each object are one variable" in course.message
+    (course,) = (f for f in screen(OPEN, thrown([((0, 0, 3), (0, 0, 0))])).findings if f.kind == "one_course")
+    assert "place, time and speed are one variable" in course.message
