@@ -90,8 +90,8 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
     runs, as which repeated ones count.
 
     Plain laws and faults of the observer lead by the extended BIC under the model error that they leave themselves. Any
-    other effect has to be decisive, each by itself, even where all that the leader leaves is admitted as model error, so that a sum of
-    far-fetched effects does not win by taking up what a plain law leaves undone.
+    other effect has to be decisive, each by itself, even where all that the leader leaves is admitted as model error:
+    a sum of far-fetched effects does not win then by taking up what a plain law leaves undone.
     """
     pool = [base, *trials]
     same = equivalents(trials)

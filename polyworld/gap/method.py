@@ -40,6 +40,7 @@ from polyworld.gap.report import GapReport
 from polyworld.gap.screen import Screening, screen
 from polyworld.gap.searching import Searched, Story, search_effects
 from polyworld.gap.settings import DecisionSettings, OutlierSettings
+from polyworld.gap.stability import gain_with_error
 from polyworld.recording import Recording
 from polyworld.world import World
 
@@ -58,8 +59,8 @@ class GapSettings:
     lower the extended BIC to be looked into although the base explains the data. null_control: whether the procedure is
     repeated on data simulated from the base world. experiment: whether the experiment that would decide is sought where
     the verdict is ambiguous. residual_force: whether a law is sought for what stays unexplained. time_limit [s]: after
-    which the search ends with the best verdict so far. refuse: whether recordings whose units, axes or time base are all
-    but certainly not what they are taken for are refused with ValueError. seed: of the null control and of resampling.
+    which the search ends with the best verdict so far. refuse: whether recordings whose units, axes or time base are
+    all but certainly not what they are taken for are refused with ValueError. seed: of the null control, of resampling.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
@@ -112,10 +113,11 @@ def find_gap(
     child_or_none = child if best is not None else None
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
 
-    verdict, force, child_or_none = _residual_force(work, found, verdict, child_or_none)
+    remainder = _remainder(found, verdict, graded)
+    verdict, force, child_or_none = _residual_force(work, found, verdict, remainder, child_or_none)
     gap = _proof(work, found, child_or_none, sealed)
     null = _null_control(work, found, best) if settings.null_control and not found.limited else None
-    checks = _checks(found, verdict, graded, gap, null, sealed)
+    checks = _checks(found, verdict, graded, gap, null, sealed, settings.decision)
     verdict = replace(verdict, kind=lowered(verdict.kind, checks))
     experiment = _experiment(work, found, verdict)
     story.tell(1.0, "done", {"rollouts": bench.rollouts})
@@ -140,7 +142,7 @@ def find_gap(
         checks=tuple(checks),
         graded=graded,
         plain=found.plain,
-        remainder=_remainder(found, verdict, graded),
+        remainder=remainder,
         limited=settings.time_limit if found.limited else None,
     )
 
@@ -255,9 +257,10 @@ def _decide(work: _Work, found: Searched, courses: int) -> tuple[Decided, Graded
 
 
 def _residual_force(
-    work: _Work, found: Searched, verdict: Decided, child: World | None
+    work: _Work, found: Searched, verdict: Decided, remainder: Remainder | None, child: World | None
 ) -> tuple[Decided, ResidualForce | None, World | None]:
-    """Seek the law of what no effect explains; a single law may also be simpler than several effects."""
+    """Seek the law of what no effect explains, and of a remainder larger than the noise; a single law may also be
+    simpler than several effects."""
     best = verdict.best
     several = (
         verdict.kind in ("identified", "ambiguous")
@@ -265,9 +268,11 @@ def _residual_force(
         and len(best.hypothesis.parts) > 1
         and not follows_one_course(found.bench.design)
     )
-    if found.limited or not work.settings.residual_force or not (verdict.kind == "unexplained" or several):
+    large = verdict.kind == "identified_with_remainder" and remainder is not None
+    large = large and remainder is not None and remainder.beyond_noise > remainder.noise
+    unexplained = verdict.kind == "unexplained" or large
+    if found.limited or not work.settings.residual_force or not (unexplained or several):
         return verdict, None, child
-    unexplained = verdict.kind == "unexplained"
     terms = MAX_TERMS if unexplained else 1
     force = described(found.ground, best if unexplained else None, found.near, most_terms=terms, cancelled=work.clock)
     if not unexplained:
@@ -329,6 +334,7 @@ def _checks(
     gap: SealedGap | None,
     null: NullControl | None,
     sealed: Recording | None,
+    settings: DecisionSettings,
 ) -> list[Check]:
     """Collect what the program itself holds against a name."""
     if verdict.kind not in ("identified", "identified_with_remainder"):
@@ -348,10 +354,22 @@ def _checks(
         if further and other.ebic_behind < 2.0:
             names = " + ".join(names_of(other.trial))
             checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
-    if graded is None and sealed is None and len(found.bench.design.runs) < 3:
+    if sealed is None and graded is None and not _predicted(found, verdict, settings):
         runs = len(found.bench.design.runs)
-        checks.append(Check("nothing_held_out", f"{runs} run{'s' if runs > 1 else ''}, and none was held out"))
+        parts = "later parts" if runs == 1 else "the other runs"
+        checks.append(
+            Check("nothing_held_out", f"nothing was held out, and {parts} are not predicted decisively better")
+        )
     return checks
+
+
+def _predicted(found: Searched, verdict: Decided, settings: DecisionSettings) -> bool:
+    """Whether the effects named predict each run from the others, or later parts of the only run from earlier ones."""
+    if verdict.best is None:
+        return False
+    gain, error = gain_with_error(verdict.best.held_out, found.ground.held_out)
+    folds = len(verdict.best.held_out)
+    return folds > 1 and gain * folds > settings.decisive and gain > settings.clearly * error
 
 
 def _unsupported(verdict: Decided, gap: SealedGap | None) -> tuple[str, ...]:

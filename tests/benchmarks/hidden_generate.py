@@ -148,6 +148,8 @@ def main() -> None:
             if not chosen.experiment:
                 generate(case, chosen.seed, public, private)
                 continue
+            if case.section in ON_PLANE or not (public / "verdict.json").exists():
+                continue  # experiments are for one ball
             asked = read_json(public / "verdict.json").get("experiment")
             if asked and not (public / "more.csv").exists():
                 run_experiment(case, chosen.seed, public, asked)

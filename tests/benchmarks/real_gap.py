@@ -149,7 +149,10 @@ def judge(case: Case) -> dict[str, Any]:
         settings=GapSettings(null_control=False),
     )
     told = report.to_dict()
-    kept = ("verdict", "checks", "set_aside", "stability", "plain_laws", "remainder", "effects", "credible_set", "runner_up", "noise", "goodness", "sealed", "base", "residual_force")
+    kept = (
+        *("verdict", "checks", "set_aside", "stability", "plain_laws", "remainder", "effects", "credible_set"),
+        *("runner_up", "noise", "goodness", "sealed", "base", "residual_force"),
+    )
     result = {key: told[key] for key in kept}
     return result | {"published": case.published, "seconds": round(time.perf_counter() - began, 1)}
 

@@ -40,7 +40,7 @@ def test_positions_in_other_units_are_refused_and_the_unit_is_named(unit: str, f
 def test_positions_in_pixels_are_a_caution_because_their_scale_is_unknown() -> None:
     found = only(WORLD, cases.scaled(launches(), space=437.0))
     assert (found.kind, found.severity) == ("units", "caution")
-    assert "--scale" in found.message
+    assert "--pixels-per-metre" in found.message
     assert found.figures["ratio"] == pytest.approx(437.0, rel=0.01)
 
 

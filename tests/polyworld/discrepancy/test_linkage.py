@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.discrepancy import profile
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.cautions import cautions
 from polyworld.discrepancy.design import design
@@ -18,7 +19,7 @@ from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.states import state_coordinates
 from polyworld.discrepancy.trial import Bench
 from polyworld.discrepancy.windows import windows
-from polyworld.gap import GapSettings, find_gap, profile
+from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording, Run
 from polyworld.world import TimeBase, World
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.catalogue import catalogue
 from polyworld.discrepancy.design import design
@@ -13,7 +14,7 @@ from polyworld.discrepancy.examine import fitted_base
 from polyworld.discrepancy.hypothesis import extended
 from polyworld.discrepancy.promises import identity
 from polyworld.discrepancy.search import Search
-from polyworld.gap import GapReport, GapSettings, find_gap, profile
+from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.recording import Recording
 from tests.polyworld.discrepancy.scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
