@@ -65,7 +65,7 @@ def _verdict(told: dict[str, Any]) -> str:
             own = {e["name"] for e in told["effects"]}
             least = min((v for k, v in stability["chosen_in"].items() if k in own), default=0.0)
             text += (
-                f"; chosen in {100 * least:.0f}% of resamples of the runs, "
+                f"; chosen in {100 * least:.0f}% of the subsets of runs, "
                 f"EBIC {_number(stability['ebic_ahead'])} ahead "
                 "of no effect with model error admitted; intervals are widened for what remains"
             )

@@ -180,7 +180,9 @@ class _Group:
                 return False  # the instants of that run are its own
             same = len(design.times) == len(self.times)
             return same and bool(np.all(np.abs(design.times - self.times) < ROUNDING))
-        return len(_union(self.times, design.times)) <= FULLER * len(design.times)
+        # Up to one instant a step the steps at most double, which costs less than a batch of its own.
+        steps = (design.times[-1] - design.times[0]) / self.world.time.substep
+        return len(_union(self.times, design.times)) <= max(FULLER * len(design.times), steps)
 
     def add(self, design: RunDesign) -> None:
         """Take a run in, whose instants are sampled from then on."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.trial import Trial
@@ -43,9 +44,10 @@ class Graded:
     """What the data name when model error is admitted.
 
     leader: the hypothesis chosen, None where no names are stable. error: the model error that it leaves. support:
-    effect -> share of resamples of the runs in which it is chosen. rivals: sets of names within reach of the leader.
+    effect -> share of subsets of the runs in which it is chosen. rivals: sets of names within reach of the leader.
     held_out, held_out_error: mean gain per left-out run over the base, and its standard error, in chi2.
     ahead: by how much its extended BIC is below that of the base. reasons: why no name is given, where none is.
+    alternatives: hypotheses chosen in some subsets of the runs each, where the base is in none and no more is wrong.
     """
 
     leader: Trial | None
@@ -57,6 +59,7 @@ class Graded:
     held_out_error: float
     ahead: float
     reasons: tuple[str, ...]
+    alternatives: tuple[Trial, ...] = ()
 
 
 def names_of(trial: Trial) -> Names:
@@ -106,7 +109,8 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
         if ahead_by[best] <= 0.0:
             break
         leader = pool[best]
-    support = _support(found, pool.index(leader), settings, seed, same)
+    chosen_in = _chosen(found, pool.index(leader), settings, seed)
+    support = _support(found, pool.index(leader), chosen_in, settings, seed, same)
     stable = {name for name, share in support.items() if share >= settings.stable}
     within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
     rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not _shares(t, leader, same)))
@@ -117,6 +121,7 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
             f"the runs follow {_count(courses, 'distinct course')}: stability over runs needs {settings.fewest_runs}"
         )
     gain, gain_error, ahead = 0.0, float("inf"), 0.0
+    unstable: list[str] = []
     if chosen is None:
         reasons.append("with model error admitted, no effect is decisive")
     else:
@@ -125,7 +130,7 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
         if unstable:
             reasons.append(
                 f"{' and '.join(unstable)} {'is' if len(unstable) == 1 else 'are'} not chosen whichever runs are left "
-                f"out (in {100.0 * min(support[n] for n in unstable):.0f}% of resamples)"
+                f"out (in {100.0 * min(support[n] for n in unstable):.0f}% of the subsets)"
             )
         ahead = float(scores[0] - scores[index])
         held_out = found.held_out()
@@ -135,17 +140,34 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
                 f"with model error admitted, the base is only {ahead:.1f} behind in the extended BIC "
                 f"(decisive: {settings.decisive:g})"
             )
+        closed = _closed(base, chosen)
+        if _far_fetched(chosen) and closed < settings.closed:
+            reasons.append(f"only {100.0 * closed:.0f}% of the gap is closed (at least {100.0 * settings.closed:.0f}%)")
         if not gain > settings.clearly * gain_error:
             reasons.append(
                 f"runs left out are not predicted better: chi2 falls by {gain:.3g} +- {gain_error:.2g} per run"
             )
         for i, other in enumerate(pool[1:], start=1):
             better, by = gain_with_error(held_out[index], held_out[i])
-            if not _shares(other, chosen, same) and better < -settings.clearly * by and scores[i] < scores[index]:
+            rival = not _far_fetched(other) and not _shares(other, chosen, same)
+            if rival and better < -settings.clearly * by and scores[i] < scores[index]:
                 reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
                 break
     named = None if reasons else chosen
-    return Graded(named, leader, error, support, rivals, gain, gain_error, ahead, tuple(reasons))
+    alternatives: tuple[Trial, ...] = ()
+    if chosen is not None and unstable and len(reasons) == 1:
+        picked = [pool[i] for i in dict.fromkeys([pool.index(leader), *chosen_in.tolist()])]
+        doubtful = [t for t in within if t.hypothesis.names and set(t.hypothesis.names) != set(leader.hypothesis.names)]
+        picked += [t for t in doubtful if not _far_fetched(t) and t not in picked]
+        alternatives = tuple(picked) if base not in picked and len(picked) > 1 else ()
+    return Graded(named, leader, error, support, rivals, gain, gain_error, ahead, tuple(reasons), alternatives)
+
+
+def _closed(base: Trial, trial: Trial) -> float:
+    """Share of the base's root mean square residual beyond the noise that a hypothesis takes away."""
+    count = trial.bench.observations
+    before, after = (float(np.sqrt(max(t.chi2 / count - 1.0, 0.0))) for t in (base, trial))
+    return 1.0 - after / before if before > 0.0 else 0.0
 
 
 def _far_fetched(trial: Trial) -> int:
@@ -165,23 +187,30 @@ def _plain_leader(pool: Sequence[Trial]) -> Trial:
     return leader
 
 
-def _support(
-    found: Contest, leader: int, settings: DecisionSettings, seed: int, same: dict[str, frozenset[str]]
-) -> dict[str, float]:
-    """Share of resamples of the runs in which each effect, or one indistinguishable from it, is chosen.
-
-    The leader is given up where another hypothesis is decisively ahead.
-    """
-    share: dict[str, float] = {}
-    scores = np.array([found.scores(w) for w in found.resampled(settings.resamples, seed)])
+def _chosen(found: Contest, leader: int, settings: DecisionSettings, seed: int) -> NDArray[np.int64]:
+    """Which hypothesis is chosen in each subset of the runs: the leader, unless another one is decisively ahead."""
+    scores = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
     best = np.argmin(scores, axis=1)
     ahead = scores[:, leader] - scores[np.arange(len(scores)), best]
-    chosen = np.where(ahead > settings.decisive, best, leader)
+    return np.where(ahead > settings.decisive, best, leader)
+
+
+def _support(
+    found: Contest,
+    leader: int,
+    chosen: NDArray[np.int64],
+    settings: DecisionSettings,
+    seed: int,
+    same: dict[str, frozenset[str]],
+) -> dict[str, float]:
+    """Share of subsets of the runs in which each effect, or one indistinguishable from it, is chosen and needed."""
+    share: dict[str, float] = {}
+    scores = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
     for name in dict.fromkeys(n for t in found.trials for n in t.hypothesis.names):
         has = np.array([bool(set(t.hypothesis.names) & same[name]) for t in found.trials])
-        gone = scores[:, ~has].min(axis=1) - scores[:, leader] if has[leader] else np.zeros(len(scores))
         # An effect of the leader has to be missed, too: what does without it must not do as well.
-        share[name] = float(np.mean(has[chosen] & ((gone > 0.0) | ~np.full(len(scores), has[leader]))))
+        needed = scores[:, ~has].min(axis=1) > scores[:, leader] if has[leader] else np.ones(len(scores), dtype=bool)
+        share[name] = float(np.mean(has[chosen] & needed))
     return share
 
 

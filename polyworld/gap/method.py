@@ -32,9 +32,17 @@ from polyworld.discrepancy.stepping import coarsened
 from polyworld.discrepancy.trial import Trial
 from polyworld.discrepancy.unexplained import MAX_TERMS, ResidualForce
 from polyworld.discrepancy.verdict import Verdict
-from polyworld.gap.clock import Clock
+from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
-from polyworld.gap.outlying import OutlyingRun, bearing_run, misfitting_runs, outlying_runs, segment_fits, without_runs
+from polyworld.gap.outlying import (
+    OutlyingRun,
+    bearing_run,
+    explained_runs,
+    misfitting_runs,
+    outlying_runs,
+    segment_fits,
+    without_runs,
+)
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
 from polyworld.gap.screen import Screening, screen
@@ -172,7 +180,7 @@ class _Work:
         wide = replace(self.settings.search, max_effects=min(most, self.settings.search.max_effects))
 
         def outliers(trials: Sequence[Trial]) -> tuple[OutlyingRun, ...]:
-            return _misfits(self, trials, spare)
+            return misfitting_runs(trials, spare, self.settings.outliers) if spare > 0 else ()
 
         return search_effects(
             plan,
@@ -200,21 +208,39 @@ def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[O
     """Search for effects, runs that behave unlike the rest set aside; what they show may be an effect after all."""
     most = work.settings.search.max_effects
     room = int(work.settings.outliers.most * len(recording.runs))
-    aside = _events(work, recording) if room else ()
-    while True:
-        if aside:
-            work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
-        kept = without_runs(recording, [o.run for o in aside])
-        found = work.search(kept, work.candidates, most, room - len(aside))
-        further = found.outlying or (_bearing(work, found) if len(aside) < room else ())
-        if not further:
-            break
-        aside = (*aside, *further)
-    if aside and found.verdict.kind == "nothing_missing" and not found.limited:
-        local = tuple(c for c in work.candidates if c.name in LOCAL)
-        whole = work.search(recording, local, 1) if local else None
-        if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
-            return (), whole
+    aside: tuple[OutlyingRun, ...] = ()
+    found: Searched | None = None
+    try:
+        aside = _events(work, recording) if room else ()
+        while True:
+            if aside:
+                work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
+            kept = without_runs(recording, [o.run for o in aside])
+            found = work.search(kept, work.candidates, most, room - len(aside))
+            further = found.outlying or (_bearing(work, found) if len(aside) < room else ())
+            if not further:
+                break
+            aside = (*aside, *further)
+        best = found.verdict.best
+        if aside and best is not None and found.verdict.kind != "unexplained" and not found.limited:
+            explained = explained_runs(best, recording.select(tuple(o.run for o in aside)), work.settings.outliers)
+            if explained:  # what they show is the effect that was found
+                left = tuple(o for o in aside if o.run not in explained)
+                found = work.search(without_runs(recording, [o.run for o in left]), work.candidates, most)
+                aside = left
+        if aside and found.verdict.kind == "nothing_missing" and not found.limited:
+            local = tuple(c for c in work.candidates if c.name in LOCAL)
+            whole = work.search(recording, local, 1) if local else None
+            if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
+                return (), whole
+    except TimeLimitReached:
+        work.clock.lift()
+        if found is None:
+            raise InterruptedError(
+                f"the time limit of {work.settings.time_limit:g} s passed before the world was fitted: allow more"
+            ) from None
+        kept_names = {r.run.part_of or r.run.name for r in found.bench.design.runs}
+        return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
     return aside, found
 
 
@@ -222,15 +248,6 @@ def _events(work: _Work, recording: Recording) -> tuple[OutlyingRun, ...]:
     """Runs that hold an event of their own."""
     fits = segment_fits(work.world, recording, work.base, work.clock)
     return () if fits is None else outlying_runs(fits, work.settings.outliers)
-
-
-def _misfits(work: _Work, trials: Sequence[Trial], spare: int) -> tuple[OutlyingRun, ...]:
-    """Runs that a law explains far worse than most: of the law under which most runs are explained best (least trimmed
-    squares, Rousseeuw 1984, J. Am. Stat. Assoc. 79, 871, by whole runs)."""
-    if spare < 1:
-        return ()
-    best = min(trials, key=lambda t: float(np.sort(t.costs)[: len(t.costs) - spare].sum()))
-    return misfitting_runs(best, work.settings.outliers)[:spare]
 
 
 def _bearing(work: _Work, found: Searched) -> tuple[OutlyingRun, ...]:
@@ -253,6 +270,8 @@ def _decide(work: _Work, found: Searched, courses: int) -> tuple[Decided, Graded
     graded = grade(found.ground, found.pool, courses, work.settings.decision, work.settings.seed)
     if graded.leader is not None:
         return replace(verdict, kind="identified_with_remainder", best=graded.leader, credible=(graded.leader,)), graded
+    if graded.alternatives:
+        return replace(verdict, kind="ambiguous", best=graded.alternatives[0], credible=graded.alternatives), graded
     return verdict, graded
 
 
@@ -354,7 +373,8 @@ def _checks(
         if further and other.ebic_behind < 2.0:
             names = " + ".join(names_of(other.trial))
             checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
-    if sealed is None and graded is None and not _predicted(found, verdict, settings):
+    of_one_run = verdict.best is not None and "dropped_frames" in verdict.best.hypothesis.names
+    if sealed is None and graded is None and not of_one_run and not _predicted(found, verdict, settings):
         runs = len(found.bench.design.runs)
         parts = "later parts" if runs == 1 else "the other runs"
         checks.append(

@@ -15,7 +15,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.discrepancy import forward as whole_runs
+from polyworld.discrepancy import profile
 from polyworld.discrepancy.candidate import Unknown
+from polyworld.discrepancy.design import design
 from polyworld.discrepancy.noise import measured_noise
 from polyworld.discrepancy.trial import Trial
 from polyworld.estimation.continuity import QUANTITIES, Boundary, jumps
@@ -30,6 +33,8 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
+LEADERS = 3  # laws that are refitted without the runs that they explain worst
+LIGHT = 30.0  # times the noise at which a run still has a state of its own and no say in what is shared
 ITERATIONS = 5  # of the fits of single segments, twice
 
 
@@ -115,22 +120,44 @@ def outlying_runs(fits: SegmentFits, settings: OutlierSettings) -> tuple[Outlyin
                 "mentioned, or on a wrong track"
             )
             _keep(found, OutlyingRun(name, s.offset, how, "event", excess / ordinary))
-    size = np.array([float(np.max(np.abs(j), initial=0.0)) for j in fits.jump])
+    moving = [_translation(b, problem.world.planar) for b in fits.boundaries]  # turns may be counted differently
+    size = np.array([float(np.max(np.abs(j[m]), initial=0.0)) for j, m in zip(fits.jump, moving, strict=True)])
     owner = np.array([problem.segments[b.after].run for b in fits.boundaries])
     largest = np.array([size[owner == r].max(initial=0.0) for r in range(count)])
     usual = max(float(np.quantile(largest, 1.0 - settings.most)), 1.0)
-    for boundary, jump, value in zip(fits.boundaries, fits.jump, size, strict=True):
+    for boundary, jump, own, value in zip(fits.boundaries, fits.jump, moving, size, strict=True):
         if value > max(settings.jump, settings.apart * usual):
             s = problem.segments[boundary.after]
             name = problem.whole.runs[s.run].run.name
-            component = int(np.argmax(np.abs(jump)))
-            what = "state"
-            if component < len(boundary.kind):
-                what = (("position", "velocity") if problem.world.planar else QUANTITIES)[int(boundary.kind[component])]
+            component = int(own[np.argmax(np.abs(jump[own]))])
+            what = QUANTITIES[int(boundary.kind[component])]
             how = f"its {what} jumps by {value:.3g} standard errors (in the other runs by at most {usual:.2g})"
             _keep(found, OutlyingRun(name, s.offset, how, "jump", float(value) / usual))
     ranked = sorted(found.values(), key=lambda o: -o.times)
     return tuple(ranked) if len(ranked) <= settings.most * count else ()
+
+
+def _translation(boundary: Boundary, planar: bool) -> NDArray[np.int64]:
+    """Components of a jump that are of places and velocities of bodies' centres."""
+    moving = boundary.kind < 2
+    if planar:
+        moving = moving & (boundary.axis < 2)
+    return np.flatnonzero(moving)
+
+
+def explained_runs(trial: Trial, recording: Recording, settings: OutlierSettings) -> tuple[str, ...]:
+    """Return the runs of a recording that a fitted hypothesis explains as well as those that it was fitted to."""
+    world = trial.hypothesis.fitted_world(trial.values)
+    plan = design(world, recording)
+    noise = measured_noise(plan)
+    forward = whole_runs.Forward(plan, world, ())
+    fit = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan), horizons=profile.horizons_for(plan))
+    ordinary = max(float(np.median(trial.misfits)), 1.0)
+    found = []
+    for run, r in zip(plan.runs, fit.linear.r, strict=True):
+        if float(r @ r) <= settings.excess * ordinary * max(int(noise.kept[run.index].sum()), 1):
+            found.append(run.run.name)
+    return tuple(found)
 
 
 def _keep(found: dict[str, OutlyingRun], outlier: OutlyingRun) -> None:
@@ -143,26 +170,40 @@ def _keep(found: dict[str, OutlyingRun], outlier: OutlyingRun) -> None:
     found[outlier.run] = replace(first, times=max(outlier.times, known.times))
 
 
-def misfitting_runs(trial: Trial, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:
-    """Return runs that a fitted hypothesis explains far worse than most, none where they are many."""
-    misfits = trial.misfits
+def misfitting_runs(trials: Sequence[Trial], spare: int, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:
+    """Return up to `spare` runs that the law which explains the others best explains far worse.
+
+    Least trimmed squares (Rousseeuw 1984, J. Am. Stat. Assoc. 79, 871) by whole runs: the laws under which the other
+    runs fit best are refitted to these (a concentration step), and the best of them judges. No run is returned where
+    that law does not explain most of the others either.
+    """
+    kept = len(trials[0].costs) - spare
+    leaders = sorted(trials, key=lambda t: float(np.sort(t.costs)[:kept].sum()))[:LEADERS]
+    ways = [_concentrated(t, spare) for t in leaders]
+    trial, misfits = min(ways, key=lambda w: float(np.sort(w[1])[:kept].sum()))
     ordinary = max(float(np.quantile(misfits, 1.0 - settings.most)), 1.0)
+    if ordinary > settings.explained:
+        return ()
     found = []
     for run, misfit in zip(trial.bench.design.runs, misfits, strict=True):
         if misfit > settings.excess * ordinary:
             white = trial.fit.linear.r[run.index]
-            how = f"its residuals are {np.sqrt(misfit / ordinary):.3g} times those of the others under the law found"
-            found.append(
-                OutlyingRun(
-                    run.run.part_of or run.run.name,
-                    _onset(run.times, run.series, white),
-                    how,
-                    "whole",
-                    float(misfit / ordinary),
-                )
-            )
-    ranked = sorted(found, key=lambda o: -o.times)
-    return tuple(ranked)
+            names = " + ".join(trial.hypothesis.names) or "the world as it is"
+            how = f"its residuals are {np.sqrt(misfit / ordinary):.3g} times those of the others under {names}"
+            name = run.run.part_of or run.run.name
+            onset = _onset(run.times, run.series, white)
+            found.append(OutlyingRun(name, onset, how, "whole", float(misfit / ordinary)))
+    return tuple(sorted(found, key=lambda o: -o.times))[:spare]
+
+
+def _concentrated(trial: Trial, spare: int) -> tuple[Trial, Array]:
+    """A hypothesis refitted with the runs that it explains worst all but out of it, and chi2 per measurement (R,)."""
+    worst = set(np.argsort(-trial.misfits, kind="stable")[:spare].tolist())
+    noise = trial.bench.noise
+    scale = np.array([LIGHT if r in worst else 1.0 for r in range(len(noise.sigma))])
+    lighter = replace(noise, sigma=tuple(sigma * k for sigma, k in zip(noise.sigma, scale, strict=True)))
+    again = trial.bench.with_noise(lighter).refit(trial)
+    return again, again.misfits * scale**2
 
 
 def bearing_run(base: Trial, best: Trial, settings: OutlierSettings, decisive: float) -> OutlyingRun | None:

@@ -39,6 +39,9 @@ KEPT_CHANGED = 0.002  # the same of the share of outliers
 STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
 PLAINLY = 2  # effects beyond which a further one is sought only where one comes near to the data (`Search.foreseen`)
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
+# Laws that act everywhere alike: under the right one of them, runs that behave unlike the rest stand out.
+EARLY = (*PLAIN, "tilt", "coriolis", "magnus_lift")
+MOST_UNKNOWNS = 8  # of such a law; not one number for each run
 CARE = 24  # iterations of their fits
 PAIRED = 4  # plain laws that are fitted in pairs
 BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
@@ -120,7 +123,7 @@ def search_effects(
             if explained:
                 return Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
         if not profile.collide(plan):  # with several bodies each law takes seconds, and comes later
-            for trial in _plain_laws(search, ground, ground.bench):
+            for trial in _plain_laws(search, ground, ground.bench, EARLY):
                 search.take(trial)
             if found := _outlying(search, ground, outliers):
                 return found
@@ -224,14 +227,16 @@ def _with_care(search: Search, effects: int) -> int:
     return effects
 
 
-def _plain_laws(search: Search, ground: Trial, bench: Bench) -> tuple[Trial, ...]:
+def _plain_laws(search: Search, ground: Trial, bench: Bench, names: Sequence[str] = PLAIN) -> tuple[Trial, ...]:
     """Fit the plain laws with care, each by itself: they are reported beside any richer answer."""
     found = []
     plan = bench.design
     horizons, states = profile.horizons_for(plan), profile.start_states(plan)
-    for candidate in (c for c in search.candidates if c.name in PLAIN):
+    for candidate in (c for c in search.candidates if c.name in names):
         ways = []
         for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
+            if hypothesis.extra > MOST_UNKNOWNS:
+                continue
             known = search.trials.get(identity(hypothesis))
             if known is not None:
                 ways.append(bench.fit(known.hypothesis, known.values, known.fit.states, iterations=CARE))

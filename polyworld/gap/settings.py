@@ -10,22 +10,25 @@ class DecisionSettings:
     """How a verdict is reached.
 
     decisive: difference of the extended BIC beyond which a hypothesis is out of reach; 10 is "very strong" on the scale
-    of Kass & Raftery (1995, J. Am. Stat. Assoc. 90, 773). stable: share of bootstrap samples of the runs in which an
-    effect has to be chosen; nine in ten, as the benchmarks ask of a name. resamples: of the bootstrap; 200 give that
-    share to 2%. fewest_runs: distinct courses without which stability over runs cannot be measured: with two, leaving
-    one out leaves nothing to compare. clearly: standard errors by which held-out data must be predicted better.
+    of Kass & Raftery (1995, J. Am. Stat. Assoc. 90, 773). stable: share of the subsets of the runs, a quarter left
+    out, in which an effect has to be chosen; nine in ten, as the benchmarks ask of a name. subsets: how many; 200 give
+    that share to 2%. fewest_runs: distinct courses without which stability over runs cannot be measured: with
+    two, leaving one out leaves nothing to compare. clearly: standard errors by which held-out data must be predicted
+    better. closed: share of the gap that effects other than plain laws have to close to be named with a remainder: what
+    leaves more than a quarter of it does not explain it.
     """
 
     decisive: float = 10.0
     stable: float = 0.9
-    resamples: int = 200
+    subsets: int = 200
     fewest_runs: int = 3
     clearly: float = 1.0
+    closed: float = 0.75
 
     def __post_init__(self) -> None:
         _positive(self)
         if not self.stable <= 1.0:
-            raise ValueError(f"stable is a share of resamples, at most 1; got {self.stable}")
+            raise ValueError(f"stable is a share of subsets, at most 1; got {self.stable}")
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,9 @@ class OutlierSettings:
     most: largest share of the runs that may be; with more, what they show is no exception. misfit: chi2 per measurement
     of a segment fitted by itself, beyond which it holds an event; a smooth force leaves less than 4 over a segment of a
     dozen samples in the development cases. apart: how many times the upper quartile of all segments that has to be, so
-    that what happens in many runs is never an exception. excess: the same factor for whole runs under the best law.
+    that what happens in many runs is never an exception. excess: the same factor for whole runs under the best law;
+    explained: chi2 per measurement of most runs up to which that law is one to judge a run by: under a wrong law, runs
+    differ by their speeds alone.
     jump: standard errors of a jump between segments that count as an event where `apart` holds, too.
     """
 
@@ -43,6 +48,7 @@ class OutlierSettings:
     misfit: float = 6.0
     apart: float = 6.0
     excess: float = 4.0
+    explained: float = 3.0
     jump: float = 12.0
 
     def __post_init__(self) -> None:

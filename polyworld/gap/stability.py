@@ -1,7 +1,7 @@
 """Ask whether the same effects are chosen whichever runs are there, and whether they predict runs left out.
 
-Runs are drawn with replacement (Efron 1979, Ann. Stat. 7, 1; by whole runs, since what a model lacks is alike within a
-run) and left out in turn (Stone 1974, J. R. Stat. Soc. B 36, 111). Hypotheses move along their linearisations, so that
+Runs are left out a quarter at a time, and in turn (Stone 1974, J. R. Stat. Soc. B 36, 111): whole runs, since what a
+model lacks is alike within a run. Hypotheses move along their linearisations, so that
 neither costs a simulation.
 """
 
@@ -40,11 +40,17 @@ class Contest:
         """Extended BIC (H,) of every hypothesis with runs weighted (R,)."""
         return np.array([e.fitted(weights)[0] for e in self.evidence]) + self.price
 
-    def resampled(self, resamples: int, seed: int) -> Array:
-        """Weights (B, R) of the runs in samples of them drawn with replacement."""
+    def subsets(self, count: int, seed: int) -> Array:
+        """Weights (B, R), 0 or 1, that leave out a quarter of the runs, at least one: all such subsets of fewer than
+        eight runs, else `count` random ones (delete-d jackknife, Shao & Wu 1989, Ann. Stat. 17, 1176)."""
+        left_out = max(1, self.runs // 4)
+        if left_out == 1:
+            return np.ones((self.runs, self.runs)) - np.eye(self.runs)
         rng = np.random.default_rng(seed)
-        drawn = rng.integers(0, self.runs, size=(resamples, self.runs))
-        return np.array([np.bincount(row, minlength=self.runs) for row in drawn], dtype=float)
+        weights = np.ones((count, self.runs))
+        for row in weights:
+            row[rng.choice(self.runs, left_out, replace=False)] = 0.0
+        return weights
 
     def held_out(self) -> Array:
         """chi2 (H, R) of every run at shared values that the others give, its own initial state fitted to it."""
