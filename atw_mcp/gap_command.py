@@ -91,6 +91,7 @@ def _run(options: argparse.Namespace) -> int:
         world,
         parts.fitted,
         sealed=parts.sealed,
+        sealed_world=parts.sealed_world,
         base=unknowns_at(world, options.fit),
         candidates=wanted,
         settings=GapSettings(

@@ -71,17 +71,20 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
 
 def propose(
     world: World,
-    recording: Recording,
+    parts: HeldBack,
     base: tuple[Unknown, ...],
     candidates: Sequence[Candidate] | None,
     settings: GapSettings,
     progress: Progress,
 ) -> Outcome:
-    """Search for what is missing; the sealed data are not given to it."""
+    """Search for what is missing; sealed data are looked at once the verdict stands, which they can only lower."""
+    recording = parts.fitted
     with _interruptible():
         report = find_gap(
             world,
             recording,
+            sealed=parts.sealed,
+            sealed_world=parts.sealed_world,
             base=base,
             candidates=candidates,
             settings=settings,

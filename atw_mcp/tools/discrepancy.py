@@ -112,7 +112,8 @@ def propose_effects(
     decide), unexplained (none is chosen stably; the residual force as an expression), nothing_missing. Runs that behave
     unlike the rest are set aside and reported. Plain laws (drag, friction, restitution, gravity) are always reported
     beside a richer answer. A null control repeats the search on data simulated from the world itself; an alarm there
-    lowers the verdict. Sealed data are not touched. Next: AddEffect with this result's evidence id."""
+    lowers the verdict. Sealed data are looked at once the verdict stands, and can only lower it. Next: AddEffect with
+    this result's evidence id."""
     found = app.case(case)
     start = app.world(found, world)
     with explained():
@@ -144,7 +145,7 @@ def propose_effects(
     return _found_or_computed(
         app,
         _Question("propose", found, start, recording, inputs),
-        lambda progress: gap_work.propose(start, recording.parts.fitted, unknowns, chosen, settings, progress),
+        lambda progress: gap_work.propose(start, recording.parts, unknowns, chosen, settings, progress),
         answer,
         patience_seconds,
     )

@@ -182,7 +182,7 @@ class _Group:
             return same and bool(np.all(np.abs(design.times - self.times) < ROUNDING))
         # Up to one instant a step the steps at most double, which costs less than a batch of its own.
         steps = (design.times[-1] - design.times[0]) / self.world.time.substep
-        return len(_union(self.times, design.times)) <= max(FULLER * len(design.times), steps)
+        return bool(len(_union(self.times, design.times)) <= max(FULLER * len(design.times), steps))
 
     def add(self, design: RunDesign) -> None:
         """Take a run in, whose instants are sampled from then on."""

@@ -88,6 +88,7 @@ def find_gap(
     recording: Recording,
     *,
     sealed: Recording | None = None,
+    sealed_world: Callable[[World], World] | None = None,
     base: Sequence[Unknown] = (),
     candidates: Sequence[Candidate] | None = None,
     settings: GapSettings | None = None,
@@ -97,9 +98,10 @@ def find_gap(
     """Find what a world lacks to explain a recording.
 
     base: unknowns that are fitted in every hypothesis. candidates: effects to choose from, default the whole
-    catalogue. sealed: data that no step sees before the end. progress: called with the share done (0 to 1) and the
-    step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises ValueError where the
-    recording does not fit the world.
+    catalogue. sealed: data that no step sees before the verdict, which they can only lower. sealed_world: gives a world
+    as it is where these begin, if that is later than where the fitted runs do. progress: called with the share done (0
+    to 1) and the step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises
+    ValueError where the recording does not fit the world.
     """
     settings = settings or GapSettings()
     chosen = tuple(catalogue().values()) if candidates is None else tuple(candidates)
@@ -123,7 +125,7 @@ def find_gap(
 
     remainder = _remainder(found, verdict, graded)
     verdict, force, child_or_none = _residual_force(work, found, verdict, remainder, child_or_none)
-    gap = _proof(work, found, child_or_none, sealed)
+    gap = _proof(work, found, child_or_none, sealed, sealed_world or _as_it_is)
     null = _null_control(work, found, best) if settings.null_control and not found.limited else None
     checks = _checks(found, verdict, graded, gap, null, sealed, settings.decision)
     verdict = replace(verdict, kind=lowered(verdict.kind, checks))
@@ -316,12 +318,19 @@ def _simpler(force: ResidualForce, ground: Trial, best: Trial) -> bool:
     return law_ebic(force, ground) < effects - SIMPLER
 
 
-def _proof(work: _Work, found: Searched, child: World | None, sealed: Recording | None) -> SealedGap | None:
+def _as_it_is(world: World) -> World:
+    return world
+
+
+def _proof(
+    work: _Work, found: Searched, child: World | None, sealed: Recording | None, begins: Callable[[World], World]
+) -> SealedGap | None:
     """Hold the decision against the sealed data."""
     if sealed is None:
         return None
     before = _fitted_world(found.ground, work.world)
-    gap = sealed_gap(before, child if child is not None else before, sealed, found.bench.noise)
+    after = child if child is not None else before
+    gap = sealed_gap(begins(before), begins(after), sealed, found.bench.noise)
     work.story.tell(0.85, "sealed data", gap.to_dict())
     return gap
 
