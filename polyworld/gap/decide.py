@@ -238,6 +238,8 @@ LOWERED: dict[str, dict[Kind, Kind]] = {
     "held_out_remainder": {"identified": "unexplained"},
     # A procedure that finds effects in data without any proves nothing by finding one.
     "null_control": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
+    # A rival that was not fitted has not lost.
+    "time_limit": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
     "runner_up": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
     "one_course": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
     "nothing_held_out": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},

@@ -368,7 +368,12 @@ def _checks(
     if verdict.kind not in ("identified", "identified_with_remainder"):
         return []
     checks = []
-    if gap is not None and gap.gap_after > max(gap.gap_before, gap.noise_floor):
+    if not found.rivals_fitted:
+        checks.append(Check("time_limit", "the time ran out before every effect in question was fitted"))
+    of_one_run = verdict.best is not None and "dropped_frames" in verdict.best.hypothesis.names
+    if of_one_run:
+        return checks  # no other run can bear out what happened in one
+    if gap is not None and gap.gap_after**2 > gap.gap_before**2 + gap.noise_floor**2:  # by more than the noise
         checks.append(
             Check("held_out", f"sealed data get worse: {gap.gap_before:.3g} -> {gap.gap_after:.3g} {gap.unit}")
         )
@@ -382,8 +387,7 @@ def _checks(
         if further and other.ebic_behind < 2.0:
             names = " + ".join(names_of(other.trial))
             checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
-    of_one_run = verdict.best is not None and "dropped_frames" in verdict.best.hypothesis.names
-    if sealed is None and graded is None and not of_one_run and not _predicted(found, verdict, settings):
+    if sealed is None and graded is None and not _predicted(found, verdict, settings):
         runs = len(found.bench.design.runs)
         parts = "later parts" if runs == 1 else "the other runs"
         checks.append(

@@ -68,7 +68,8 @@ class Searched:
 
     verdict: on hypotheses that leave only noise. bench: fits and noise that it rests on. ground: the base, fitted.
     near_misses: effects that would lower the misfit of a base that explains the data. pool: hypotheses fitted under
-    one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before.
+    one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before; rivals_fitted: whether
+    every single effect that came into question had been fitted by then. outlying: runs to be set aside.
     """
 
     verdict: Verdict
@@ -79,6 +80,7 @@ class Searched:
     pool: tuple[Trial, ...] = ()
     plain: tuple[Trial, ...] = ()
     limited: bool = False
+    rivals_fitted: bool = True
     outlying: tuple[OutlyingRun, ...] = ()
 
 
@@ -115,7 +117,7 @@ def search_effects(
 
     search = Search(ground.bench, candidates, settings, tell, ground, substep)
     near_misses: tuple[dict[str, Any], ...] = ()
-    limited = False
+    limited, rivals_fitted = False, False
     effects, parents = 1, [ground]
     try:
         if ground.passes:
@@ -128,6 +130,7 @@ def search_effects(
             if found := _outlying(search, ground, outliers):
                 return found
         effects, parents, lost = _add_effects(search, ground, most=1)
+        rivals_fitted = True
         if not lost and (found := _outlying(search, ground, outliers)):
             return found
         if lost:
@@ -165,7 +168,9 @@ def search_effects(
     plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, bench)
     pairs = () if limited or verdict.kind != "unexplained" else _plain_pairs(plain, bench)
     pool = _pool(search, bench, (*plain, *pairs), limited)
-    return Searched(verdict, bench, ground, near_misses, _near(search), pool, plain, limited)
+    return Searched(
+        verdict, bench, ground, near_misses, _near(search), pool, plain, limited, rivals_fitted or not limited
+    )
 
 
 def _outlying(search: Search, ground: Trial, outliers: FindOutliers) -> Searched | None:
