@@ -227,7 +227,15 @@ def _count(number: int, what: str) -> str:
 class Check:
     """One of the program's own checks that contradicts a name: what it is called, and what it found."""
 
-    name: Literal["null_control", "held_out", "held_out_remainder", "runner_up", "one_course", "nothing_held_out"]
+    name: Literal[
+        "null_control",
+        "held_out",
+        "held_out_remainder",
+        "runner_up",
+        "one_course",
+        "nothing_held_out",
+        "time_limit",
+    ]
     found: str
 
 

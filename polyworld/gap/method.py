@@ -370,8 +370,9 @@ def _checks(
     checks = []
     if not found.rivals_fitted:
         checks.append(Check("time_limit", "the time ran out before every effect in question was fitted"))
-    of_one_run = verdict.best is not None and "dropped_frames" in verdict.best.hypothesis.names
-    if of_one_run:
+    if null is not None and null.verdict not in ("nothing_missing",):
+        checks.append(Check("null_control", f"the same search names effects ({null.verdict}) where none is missing"))
+    if verdict.best is not None and "dropped_frames" in verdict.best.hypothesis.names:
         return checks  # no other run can bear out what happened in one
     if gap is not None and gap.gap_after**2 > gap.gap_before**2 + gap.noise_floor**2:  # by more than the noise
         checks.append(
@@ -379,12 +380,10 @@ def _checks(
         )
     elif gap is not None and verdict.kind == "identified" and gap.contradicts is not None:
         checks.append(Check("held_out_remainder", gap.contradicts))
-    if null is not None and null.verdict not in ("nothing_missing",):
-        checks.append(Check("null_control", f"the same search names effects ({null.verdict}) where none is missing"))
     other = verdict.runner_up
     if verdict.kind == "identified" and other is not None and verdict.best is not None:
         further = not set(names_of(verdict.best)) <= set(names_of(other.trial))
-        if further and other.ebic_behind < 2.0:
+        if further and other.ebic_behind < settings.reach:
             names = " + ".join(names_of(other.trial))
             checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
     if sealed is None and graded is None and not _predicted(found, verdict, settings):

@@ -9,16 +9,18 @@ from dataclasses import dataclass, fields
 class DecisionSettings:
     """How a verdict is reached.
 
-    decisive: difference of the extended BIC beyond which a hypothesis is out of reach; 10 is "very strong" on the scale
-    of Kass & Raftery (1995, J. Am. Stat. Assoc. 90, 773). stable: share of the subsets of the runs, a quarter left
-    out, in which an effect has to be chosen; nine in ten, as the benchmarks ask of a name. subsets: how many; 200 give
-    that share to 2%. fewest_runs: distinct courses without which stability over runs cannot be measured: with
-    two, leaving one out leaves nothing to compare. clearly: standard errors by which held-out data must be predicted
-    better. closed: share of the gap that effects other than plain laws have to close to be named with a remainder: what
-    leaves more than a quarter of it does not explain it.
+    decisive: difference of the extended BIC beyond which a hypothesis is out of reach; 10 is "very strong" on the
+    scale of Kass & Raftery (1995, J. Am. Stat. Assoc. 90, 773). reach: the same within which a runner-up that does not
+    explain the data all the same contradicts a name; up to 2 is "not worth more than a bare mention" there. stable:
+    share of the subsets, a quarter left out, in which an effect has to be chosen; nine in ten, as the benchmarks ask
+    of a name. subsets: how many; 200 give that share to 2%. fewest_runs: distinct courses without which stability over
+    runs cannot be measured: with two, leaving one out leaves nothing to compare. clearly: standard errors by which
+    held-out data must be predicted better. closed: share of the gap that effects other than plain laws have to close
+    to be named with a remainder: what leaves more than a quarter of it does not explain it.
     """
 
     decisive: float = 10.0
+    reach: float = 2.0
     stable: float = 0.9
     subsets: int = 200
     fewest_runs: int = 3
