@@ -101,13 +101,6 @@ def with_cuts(whole: Design, cuts: Sequence[Sequence[int]]) -> Problem:
     return Problem(whole.world, whole, tuple(segments), tuple(chains))
 
 
-def halved(problem: Problem, states: Sequence[Array]) -> tuple[Problem, tuple[Array, ...]]:
-    """Remove every second cut of each run; the segments that stay keep their initial states."""
-    kept = [chain[::2] for chain in problem.chains]
-    cuts = [[problem.segments[k].first for k in chain] for chain in kept]
-    return with_cuts(problem.whole, cuts), tuple(states[k] for chain in kept for k in chain)
-
-
 def apart(problem: Problem) -> Problem:
     """Every segment as a run of its own."""
     return with_cuts(problem.parts, [[0]] * len(problem.segments))
@@ -169,8 +162,3 @@ def _entries(whole: RunDesign, part: RunDesign, first: int) -> Ints:
         of_run = by_key[(s.name, s.kind, s.axis)]
         found[s.where] = of_run.where.start + np.searchsorted(of_run.rows, s.rows + first)
     return found
-
-
-def state_labels(segment: Segment) -> Sequence[tuple[str, str]]:
-    """Return (object, label) of every initial-state coordinate (N,) of a segment."""
-    return [(s.name, label) for s in segment.layout.states for label in s.labels]

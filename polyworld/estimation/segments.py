@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.parts import ROUGH, roughness
+from polyworld.discrepancy.parts import roughness, smooth_near
 from polyworld.recording import Run
 
 Array = NDArray[np.float64]
@@ -49,36 +48,6 @@ def cut_instants(run: Run, settings: SegmentSettings) -> list[int]:
         if there:
             cuts.append(smooth_near(rough, wanted, there))
     return cuts
-
-
-HALF = 3  # samples on either side of a cut that have to lie on a parabola
-
-
-def _kinks(run: Run) -> Array:
-    """How ill a parabola fits the samples around each instant (T,), as a multiple of the ordinary misfit of its series;
-    infinite beside missing samples and at the ends."""
-    count = len(run.times)
-    worst = np.full(count, np.inf)
-    width = 2 * HALF + 1
-    if count < 3 * width:
-        return worst
-    powers = np.vander(np.linspace(-1.0, 1.0, width), 3)
-    off = np.eye(width) - powers @ np.linalg.pinv(powers)
-    worst[HALF:-HALF] = 0.0
-    for values in run.positions.reshape(count, -1).T:
-        if np.isfinite(values).sum() < width:
-            continue
-        left = np.linalg.norm(sliding_window_view(values, width) @ off, axis=1)
-        usual = float(np.nanmedian(left))
-        worst[HALF:-HALF] = np.maximum(worst[HALF:-HALF], np.nan_to_num(left / max(usual, 1e-12), nan=np.inf))
-    return worst
-
-
-def smooth_near(rough: Array, wanted: int, candidates: Sequence[int]) -> int:
-    """Return the candidate instant nearest to `wanted` around which paths are smooth, or the smoothest one."""
-    nearest = sorted(candidates, key=lambda i: abs(i - wanted))
-    smooth = [i for i in nearest if rough[i] <= ROUGH]
-    return smooth[0] if smooth else min(nearest, key=lambda i: rough[i])
 
 
 def segment_runs(run: Run, cuts: Sequence[int]) -> list[Run]:

@@ -164,10 +164,20 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
 
 
 def _closed(base: Trial, trial: Trial) -> float:
-    """Share of the base's root mean square residual beyond the noise that a hypothesis takes away."""
-    count = trial.bench.observations
-    before, after = (float(np.sqrt(max(t.chi2 / count - 1.0, 0.0))) for t in (base, trial))
-    return 1.0 - after / before if before > 0.0 else 0.0
+    """Share of the base's root mean square residual beyond the noise that a hypothesis takes away, in positions or in
+    rotations, whichever it is more: a torque turns bodies and pushes none."""
+    shares = [0.0]
+    for kind in {s.kind for s in base.bench.design.series}:
+        before, after = (_beyond_noise(t, kind) for t in (base, trial))
+        if before > 0.0:
+            shares.append(1.0 - after / before)
+    return max(shares)
+
+
+def _beyond_noise(trial: Trial, kind: str) -> float:
+    """Root mean square of the whitened residuals of one kind beyond that of noise."""
+    own = [trial.fit.linear.r[s.run][s.where] for s in trial.bench.design.series if s.kind == kind]
+    return float(np.sqrt(max(float(np.mean(np.concatenate(own) ** 2)) - 1.0, 0.0)))
 
 
 def _far_fetched(trial: Trial) -> int:

@@ -68,8 +68,9 @@ class Searched:
 
     verdict: on hypotheses that leave only noise. bench: fits and noise that it rests on. ground: the base, fitted.
     near_misses: effects that would lower the misfit of a base that explains the data. pool: hypotheses fitted under
-    one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before; rivals_fitted: whether
-    every single effect that came into question had been fitted by then. outlying: runs to be set aside.
+    one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before;
+    rivals_fitted: whether every single effect that came into question had been fitted by then. outlying: runs to be
+    set aside.
     """
 
     verdict: Verdict

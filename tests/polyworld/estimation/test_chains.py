@@ -10,7 +10,7 @@ from polyworld.discrepancy.noise import Correlation, measured_noise, refined_noi
 from polyworld.estimation.continuity import jumps
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.least_squares import FIRST_STEP, Chains, NormalEquations, Point
-from polyworld.estimation.problem import apart, halved, problem_of
+from polyworld.estimation.problem import apart, problem_of
 from polyworld.estimation.segments import SegmentSettings
 from polyworld.estimation.shooting import Fit, set_scales
 from polyworld.recording import Recording
@@ -38,14 +38,6 @@ def test_segments_end_where_the_next_ones_begin(recording: Recording) -> None:
             first, second = problem.segments[one], problem.segments[other]
             assert first.layout.run.times[-1] == second.layout.run.times[0]
             assert np.all(np.isnan(first.layout.run.positions[-1]))
-
-
-def test_halving_removes_every_second_cut(recording: Recording) -> None:
-    problem = problem_of(ball_world(), recording)
-    fewer, states = halved(problem, problem.guess)
-    for before, after in zip(problem.chains, fewer.chains, strict=True):
-        assert [fewer.segments[k].first for k in after] == [problem.segments[k].first for k in before[::2]]
-    assert len(states) == len(fewer.segments)
 
 
 def test_one_trajectory_has_no_jumps(recording: Recording) -> None:
