@@ -73,7 +73,7 @@ class GapReport:
         """JSON-ready values; numbers that are not finite become None."""
         best = self.verdict.best
         judged = best if best is not None else self.base
-        told = {
+        payload = {
             "verdict": self.verdict.kind,
             "checks": [{"check": c.name, "found": c.found} for c in self.checks],
             "set_aside": [o.to_json() | {"summary": o.summary()} for o in self.set_aside],
@@ -101,7 +101,7 @@ class GapReport:
             "world": None if self.world is None else self.world.model_dump(mode="json"),
             "history": list(self.history),
         }
-        result: dict[str, Any] = finite(told)
+        result: dict[str, Any] = finite(payload)
         return result
 
 
@@ -125,16 +125,16 @@ def effects_of(trial: Trial, intervals: Array) -> list[dict[str, Any]]:
 
 
 def _unknowns(trial: Trial, first: int, count: int, intervals: Array) -> dict[str, dict[str, Any]]:
-    told = {}
+    payload = {}
     for i in range(first, first + count):
         u = trial.hypothesis.unknowns[i]
-        told[u.name] = {
+        payload[u.name] = {
             "value": float(trial.values[i]),
             "unit": u.unit,
             "interval95": [float(v) for v in intervals[i]] if i < len(intervals) else None,
             "paths": list(u.paths),
         }
-    return told
+    return payload
 
 
 def _plain(trial: Trial, best: Trial) -> dict[str, Any]:

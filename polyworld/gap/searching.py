@@ -48,7 +48,7 @@ BESIDES = 8  # hypotheses of each number of effects that are refitted to be comp
 
 
 class Story:
-    """The steps so far, each told as it happens."""
+    """Collect the steps of a search and report each as it happens."""
 
     def __init__(self, progress: Callable[[float, str], None] | None) -> None:
         self.steps: list[dict[str, Any]] = []
@@ -325,8 +325,8 @@ def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool
         if again.chi2 < ground.chi2 and again.passes:
             ground = again
     near = [t for t in near if t.ebic < ground.ebic]
-    told = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ground.ebic - t.ebic} for t in near)
-    return ground, not near or ground.ebic - near[0].ebic <= alarm, told
+    misses = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ground.ebic - t.ebic} for t in near)
+    return ground, not near or ground.ebic - near[0].ebic <= alarm, misses
 
 
 def _from_states_of(trial: Trial, ground: Trial) -> Trial:
