@@ -112,6 +112,9 @@ def find_gap(
     if settings.refuse and screening.refused:
         raise ValueError(" ".join(f.message for f in screening.findings if f.severity == "refuse"))
     aside, found = _search_without_outliers(work, recording)
+    if clock.over:
+        found = replace(found, limited=True)
+    clock.lift()  # the judgement of what was fitted is not cut short
     verdict, graded = _decide(work, found, _courses(screening, recording, found))
     best = verdict.best
     bench, ground = found.bench, found.ground
