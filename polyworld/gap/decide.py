@@ -14,12 +14,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from polyworld.discrepancy.candidate import Unknown
 from polyworld.discrepancy.trial import Trial
-from polyworld.gap.model_error import ModelError, model_error_of
+from polyworld.gap.model_error import ModelError, model_error_of, run_evidence
 from polyworld.gap.settings import DecisionSettings
-from polyworld.gap.stability import Contest, contest, gain_with_error
+from polyworld.gap.stability import Contest, clustered_covariance, contest, gain_with_error
 
 Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
 Names = tuple[str, ...]
@@ -109,8 +110,9 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
         if ahead_by[best] <= 0.0:
             break
         leader = pool[best]
-    chosen_in = _chosen(found, pool.index(leader), settings, seed)
-    support = _support(found, pool.index(leader), chosen_in, settings, seed, same)
+    by_subset = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
+    chosen_in = _chosen(by_subset, pool.index(leader), settings)
+    support = _support(found, pool.index(leader), chosen_in, by_subset, same)
     stable = {name for name, share in support.items() if share >= settings.stable}
     within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
     rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not _shares(t, leader, same)))
@@ -197,9 +199,11 @@ def _plain_leader(pool: Sequence[Trial]) -> Trial:
     return leader
 
 
-def _chosen(found: Contest, leader: int, settings: DecisionSettings, seed: int) -> NDArray[np.int64]:
-    """Which hypothesis is chosen in each subset of the runs: the leader, unless another one is decisively ahead."""
-    scores = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
+def _chosen(scores: NDArray[np.float64], leader: int, settings: DecisionSettings) -> NDArray[np.int64]:
+    """Which hypothesis is chosen in each subset of the runs: the leader, unless another one is decisively ahead.
+
+    scores (B, H): extended BIC of every hypothesis in every subset.
+    """
     best = np.argmin(scores, axis=1)
     ahead = scores[:, leader] - scores[np.arange(len(scores)), best]
     return np.where(ahead > settings.decisive, best, leader)
@@ -209,13 +213,11 @@ def _support(
     found: Contest,
     leader: int,
     chosen: NDArray[np.int64],
-    settings: DecisionSettings,
-    seed: int,
+    scores: NDArray[np.float64],
     same: dict[str, frozenset[str]],
 ) -> dict[str, float]:
     """Share of subsets of the runs in which each effect, or one indistinguishable from it, is chosen and needed."""
     share: dict[str, float] = {}
-    scores = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
     for name in dict.fromkeys(n for t in found.trials for n in t.hypothesis.names):
         has = np.array([bool(set(t.hypothesis.names) & same[name]) for t in found.trials])
         # An effect of the leader has to be missed, too: what does without it must not do as well.
@@ -242,7 +244,6 @@ class Check:
         "held_out",
         "held_out_remainder",
         "runner_up",
-        "one_course",
         "nothing_held_out",
         "time_limit",
     ]
@@ -259,7 +260,6 @@ LOWERED: dict[str, dict[Kind, Kind]] = {
     # A rival that was not fitted has not lost.
     "time_limit": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
     "runner_up": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
-    "one_course": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
     "nothing_held_out": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
 }
 
@@ -273,11 +273,6 @@ def lowered(kind: Kind, checks: Sequence[Check]) -> Kind:
 
 def widened(unknowns: Sequence[Unknown], intervals: np.ndarray, graded: Graded, trial: Trial) -> np.ndarray:
     """Return 95% intervals (S, 2) widened by the scatter of the runs (cluster-robust) and the model error."""
-    from scipy.stats import t as student
-
-    from polyworld.gap.model_error import run_evidence
-    from polyworld.gap.stability import clustered_covariance
-
     evidence = run_evidence(trial, graded.error)
     runs = len(evidence.level)
     factor = float(student.ppf(0.975, max(runs - 1, 1)))

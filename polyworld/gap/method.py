@@ -5,7 +5,7 @@ the base is fitted, effects are searched for                       searching
 names are decided: evidence, stability over runs, model error      decide
 the decision is held against data that no step has seen            prove
 the program's own checks lower what they contradict                decide
-what remains is described                                          remainder, symbolic
+what remains is described                                          remainder
 """
 
 from __future__ import annotations

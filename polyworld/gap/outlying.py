@@ -70,7 +70,6 @@ class SegmentFits:
     misfit: Array
     boundaries: tuple[Boundary, ...]
     jump: tuple[Array, ...]
-    velocity: tuple[Array, ...]
 
 
 def segment_fits(
@@ -96,10 +95,7 @@ def segment_fits(
     outcomes = whole.forward.outcomes(settings)
     found = jumps(whole.continuity, outcomes, [s.states for s in settings])
     scaled = tuple(j[0] / scale for j, scale in zip(found, whole.scale, strict=True))
-    speeds = tuple(
-        np.linalg.norm(outcomes[b.before].end.velocity[0], axis=-1)[b.body] for b in whole.continuity.boundaries
-    )
-    return SegmentFits(problem, costs[0] / counts, whole.continuity.boundaries, scaled, speeds)
+    return SegmentFits(problem, costs[0] / counts, whole.continuity.boundaries, scaled)
 
 
 def outlying_runs(fits: SegmentFits, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:

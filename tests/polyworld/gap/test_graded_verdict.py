@@ -60,7 +60,7 @@ def test_no_name_is_given_where_sealed_data_get_worse() -> None:
 
 
 @pytest.mark.parametrize("kind", ["identified", "identified_with_remainder"])
-@pytest.mark.parametrize("check", ["held_out", "null_control", "runner_up", "one_course", "time_limit"])
+@pytest.mark.parametrize("check", ["held_out", "null_control", "runner_up", "nothing_held_out", "time_limit"])
 def test_each_check_lowers_a_name_by_itself(kind: str, check: str) -> None:
     assert lowered(kind, [Check(check, "")]) not in ("identified", "identified_with_remainder")  # type: ignore[arg-type]
 
