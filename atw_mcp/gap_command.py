@@ -74,10 +74,10 @@ def _run(options: argparse.Namespace) -> int:
     from atw_mcp.gap_words import verdict_text
     from atw_mcp.recording_options import read_with_remarks, recording_form
     from atw_mcp.world_from_options import world_of
-    from polyworld.discrepancy.catalogue import named
-    from polyworld.discrepancy.holdback import HeldBack, hold_back
-    from polyworld.discrepancy.search import SearchSettings
     from polyworld.gap import GapSettings, find_gap
+    from polyworld.gap.catalogue import named
+    from polyworld.gap.hold_back import HeldBack, hold_back
+    from polyworld.gap.search import SearchSettings
 
     wanted = named(options.effects.split(",")) if options.effects else None
     world, form = world_of(options), recording_form(options)

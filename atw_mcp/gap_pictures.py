@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.comparison import Compared
+from polyworld.gap.comparison import Compared
 
 Array = NDArray[np.float64]
 

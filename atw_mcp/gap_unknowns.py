@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from atw_mcp.app import App
-from polyworld.discrepancy.candidate import Unknown
+from polyworld.estimation.unknown import Unknown
 from polyworld.parameter_tables import STATE_PARAMETERS
 from polyworld.parameters import read_parameter, specification
 from polyworld.world import World

@@ -12,21 +12,22 @@ import numpy as np
 from atw_mcp.gap_unknowns import unknown_of
 from atw_mcp.gap_words import verdict_text, worth_text
 from atw_mcp.jobs import Cancelled, Progress
-from polyworld.discrepancy.candidate import Candidate, Unknown, Variant
-from polyworld.discrepancy.cautions import cautions
-from polyworld.discrepancy.comparison import Compared, compared
-from polyworld.discrepancy.criteria import extended_bic
-from polyworld.discrepancy.design import design
-from polyworld.discrepancy.examine import fitted_base, with_refined_noise
-from polyworld.discrepancy.holdback import HeldBack
-from polyworld.discrepancy.hypothesis import Hypothesis, Part
-from polyworld.discrepancy.intervals import intervals95
-from polyworld.discrepancy.localise import localise
-from polyworld.discrepancy.parts import in_parts, of_whole_runs
-from polyworld.discrepancy.power import power_check
-from polyworld.discrepancy.seal import sealed_gap
-from polyworld.discrepancy.trial import Trial
+from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.design import design
+from polyworld.estimation.hypothesis import Hypothesis, Part
+from polyworld.estimation.intervals import intervals95
+from polyworld.estimation.parts import in_parts, of_whole_runs
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
+from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.cautions import cautions
+from polyworld.gap.comparison import Compared, compared
+from polyworld.gap.examine import fitted_base, with_refined_noise
+from polyworld.gap.held_out_gap import sealed_gap
+from polyworld.gap.hold_back import HeldBack
+from polyworld.gap.localise import localise
+from polyworld.gap.power import power_check
 from polyworld.gap.report import effects_of, finite
 from polyworld.parameters import parameter_paths, with_parameters
 from polyworld.recording import Recording
@@ -110,7 +111,7 @@ def propose(
     return Outcome(verdict_text(told), finite(told))
 
 
-def _fitted_world(trial: Trial, world: World) -> World:
+def _fitted_world(trial: FittedHypothesis, world: World) -> World:
     """The fitted world, stepped as the one given: a search may have stepped it more coarsely."""
     steps = min(world.time.substep, trial.hypothesis.world.time.substep)
     return trial.hypothesis.fitted_world(trial.values).with_substep(steps)
@@ -183,7 +184,7 @@ def fitted_effect(
     )
 
 
-def _evidence(ground: Trial, trial: Trial) -> dict[str, float]:
+def _evidence(ground: FittedHypothesis, trial: FittedHypothesis) -> dict[str, float]:
     """What effects buy on the data fitted, both judged under the same noise: chi2, and BIC, which counts unknowns."""
     gain = extended_bic(ground.chi2, 0, trial.bench.observations, 0, 1) - extended_bic(
         trial.chi2, trial.hypothesis.extra, trial.bench.observations, 0, 1
@@ -229,13 +230,13 @@ def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
     return Outcome(f"{proposal.title}: {says}; {worth_text(data)}", data, pictures, made)
 
 
-def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) -> list[Trial]:
+def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) -> list[FittedHypothesis]:
     """Each world with its initial states fitted and nothing else."""
     recording = in_parts(recording, *worlds)  # alike for all, to be compared run by run
     return [fitted_base(design(world, recording), (), cancelled=progress.cancelled) for world in worlds]
 
 
-def _starting_as(trial: Trial) -> World:
+def _starting_as(trial: FittedHypothesis) -> World:
     """The world with the initial state of the only run, or of its first part."""
     run, states = trial.bench.design.runs[0], trial.fit.states[0]
     numbers: dict[str, float] = {}
@@ -256,7 +257,7 @@ def _interruptible() -> Iterator[None]:
         raise Cancelled from error
 
 
-def _compared(trial: Trial) -> tuple[Compared, ...]:
+def _compared(trial: FittedHypothesis) -> tuple[Compared, ...]:
     return compared(trial.bench.forward(trial.hypothesis), trial.bench.noise, trial.fit)
 
 

@@ -16,7 +16,7 @@ from atw_mcp.cases import path_hash
 from atw_mcp.gap_unknowns import last_fit
 from atw_mcp.track_records import at_rate, read_record
 from evidence_store import Case
-from polyworld.discrepancy.holdback import HeldBack, hold_back
+from polyworld.gap.hold_back import HeldBack, hold_back
 from polyworld.recording import Recording, Run
 from polyworld.recording_csv import read_recording
 from polyworld.recording_header import RecordingForm

@@ -21,10 +21,10 @@ from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
 from evidence_store import Case, Content, UnknownRecord
-from polyworld.discrepancy.candidate import Unknown
-from polyworld.discrepancy.catalogue import catalogue, named
-from polyworld.discrepancy.search import SearchSettings
+from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings
+from polyworld.gap.catalogue import catalogue, named
+from polyworld.gap.search import SearchSettings
 from polyworld.world import World
 
 GROUP = ToolGroup("gap")

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.estimation.forward import Ends, Outcome
 from polyworld.estimation.problem import Problem, Segment
+from polyworld.estimation.segment_forward import Ends, Outcome
 from polyworld.symmetry import rotation_vector
 
 Array = NDArray[np.float64]

@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.states import StateCoordinates, _free
 from polyworld.estimation.continuity import jumps
-from polyworld.estimation.forward import Settings
 from polyworld.estimation.least_squares import Chains, Point
 from polyworld.estimation.problem import Segment
+from polyworld.estimation.segment_forward import Settings
+from polyworld.estimation.states import StateCoordinates, _free
 from polyworld.recording import Run
 from polyworld.representations.rigid import RigidObject
 

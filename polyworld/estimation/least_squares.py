@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.noise import Noise
 from polyworld.estimation.continuity import Continuity, jumps
-from polyworld.estimation.forward import Forward, Outcome, Settings
+from polyworld.estimation.noise import Noise
 from polyworld.estimation.problem import Problem
+from polyworld.estimation.segment_forward import Forward, Outcome, Settings
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

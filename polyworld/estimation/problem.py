@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.design import Design, RunDesign, design
-from polyworld.discrepancy.parts import starts_anywhere
-from polyworld.discrepancy.states import SPIN
+from polyworld.estimation.design import Design, RunDesign, design
+from polyworld.estimation.parts import starts_anywhere
 from polyworld.estimation.segments import SegmentSettings, cut_instants, segment_runs
+from polyworld.estimation.states import SPIN
 from polyworld.recording import Recording
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Sphere

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.parts import roughness, smooth_near
+from polyworld.estimation.parts import roughness, smooth_near
 from polyworld.recording import Run
 
 Array = NDArray[np.float64]

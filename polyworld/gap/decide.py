@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from polyworld.discrepancy.candidate import Unknown
-from polyworld.discrepancy.trial import Trial
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.unknown import Unknown
 from polyworld.gap.model_error import ModelError, model_error_of, run_evidence
 from polyworld.gap.settings import DecisionSettings
 from polyworld.gap.stability import Contest, clustered_covariance, contest, gain_with_error
@@ -51,8 +51,8 @@ class Graded:
     alternatives: hypotheses chosen in some subsets of the runs each, where the base is in none and no more is wrong.
     """
 
-    leader: Trial | None
-    nearest: Trial
+    leader: FittedHypothesis | None
+    nearest: FittedHypothesis
     error: ModelError
     support: dict[str, float]
     rivals: tuple[Names, ...]
@@ -60,15 +60,15 @@ class Graded:
     held_out_error: float
     ahead: float
     reasons: tuple[str, ...]
-    alternatives: tuple[Trial, ...] = ()
+    alternatives: tuple[FittedHypothesis, ...] = ()
 
 
-def names_of(trial: Trial) -> Names:
+def names_of(trial: FittedHypothesis) -> Names:
     """Return the effects of a hypothesis in alphabetical order."""
     return tuple(sorted(trial.hypothesis.names))
 
 
-def equivalents(trials: Sequence[Trial]) -> dict[str, frozenset[str]]:
+def equivalents(trials: Sequence[FittedHypothesis]) -> dict[str, frozenset[str]]:
     """Return every effect's name with those of the effects that these data cannot distinguish from it.
 
     They are known to be alike, or their fits are: single effects whose motions differ by less than noise shows.
@@ -87,7 +87,9 @@ def equivalents(trials: Sequence[Trial]) -> dict[str, frozenset[str]]:
     return {name: frozenset(same) for name, same in found.items()}
 
 
-def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: DecisionSettings, seed: int = 0) -> Graded:
+def grade(
+    base: FittedHypothesis, trials: Sequence[FittedHypothesis], courses: int, settings: DecisionSettings, seed: int = 0
+) -> Graded:
     """Choose effects with model error admitted.
 
     base: the world without them. trials: fitted hypotheses, all under one noise. courses: distinct courses among the
@@ -156,7 +158,7 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
                 reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
                 break
     named = None if reasons else chosen
-    alternatives: tuple[Trial, ...] = ()
+    alternatives: tuple[FittedHypothesis, ...] = ()
     if chosen is not None and unstable and len(reasons) == 1:
         picked = [pool[i] for i in dict.fromkeys([pool.index(leader), *chosen_in.tolist()])]
         doubtful = [t for t in within if t.hypothesis.names and set(t.hypothesis.names) != set(leader.hypothesis.names)]
@@ -165,7 +167,7 @@ def grade(base: Trial, trials: Sequence[Trial], courses: int, settings: Decision
     return Graded(named, leader, error, support, rivals, gain, gain_error, ahead, tuple(reasons), alternatives)
 
 
-def _closed(base: Trial, trial: Trial) -> float:
+def _closed(base: FittedHypothesis, trial: FittedHypothesis) -> float:
     """Share of the base's root mean square residual beyond the noise that a hypothesis takes away, in positions or in
     rotations, whichever it is more: a torque turns bodies and pushes none."""
     shares = [0.0]
@@ -176,18 +178,18 @@ def _closed(base: Trial, trial: Trial) -> float:
     return max(shares)
 
 
-def _beyond_noise(trial: Trial, kind: str) -> float:
+def _beyond_noise(trial: FittedHypothesis, kind: str) -> float:
     """Root mean square of the whitened residuals of one kind beyond that of noise."""
     own = [trial.fit.linear.r[s.run][s.where] for s in trial.bench.design.series if s.kind == kind]
     return float(np.sqrt(max(float(np.mean(np.concatenate(own) ** 2)) - 1.0, 0.0)))
 
 
-def _far_fetched(trial: Trial) -> int:
+def _far_fetched(trial: FittedHypothesis) -> int:
     """Number of effects of a hypothesis that are neither plain laws nor faults of the observer."""
     return sum(p.candidate.name not in PLAIN and p.candidate.group != "observer" for p in trial.hypothesis.parts)
 
 
-def _plain_leader(pool: Sequence[Trial]) -> Trial:
+def _plain_leader(pool: Sequence[FittedHypothesis]) -> FittedHypothesis:
     """The hypothesis with the least extended BIC under the model error that it leaves."""
     leader = min(pool, key=lambda t: t.ebic)
     for _ in range(ROUNDS):
@@ -226,7 +228,7 @@ def _support(
     return share
 
 
-def _shares(one: Trial, other: Trial, same: dict[str, frozenset[str]]) -> bool:
+def _shares(one: FittedHypothesis, other: FittedHypothesis, same: dict[str, frozenset[str]]) -> bool:
     """Whether a hypothesis has all effects of another, or their equivalents: it does not contradict it then."""
     return all(any(n in same[name] for n in one.hypothesis.names) for name in other.hypothesis.names)
 
@@ -271,7 +273,7 @@ def lowered(kind: Kind, checks: Sequence[Check]) -> Kind:
     return kind
 
 
-def widened(unknowns: Sequence[Unknown], intervals: np.ndarray, graded: Graded, trial: Trial) -> np.ndarray:
+def widened(unknowns: Sequence[Unknown], intervals: np.ndarray, graded: Graded, trial: FittedHypothesis) -> np.ndarray:
     """Return 95% intervals (S, 2) widened by the scatter of the runs (cluster-robust) and the model error."""
     evidence = run_evidence(trial, graded.error)
     runs = len(evidence.level)

@@ -16,24 +16,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.candidate import Candidate, Unknown
-from polyworld.discrepancy.catalogue import catalogue
-from polyworld.discrepancy.cautions import cautions
-from polyworld.discrepancy.criteria import extended_bic
-from polyworld.discrepancy.described import described, law_ebic
-from polyworld.discrepancy.design import design
-from polyworld.discrepancy.experiment import Contender, propose_experiment
-from polyworld.discrepancy.intervals import intervals95
-from polyworld.discrepancy.one_course import follows_one_course
-from polyworld.discrepancy.parts import in_parts, of_whole_runs
-from polyworld.discrepancy.seal import NullControl, SealedGap, sealed_gap, simulated_recording
-from polyworld.discrepancy.search import SearchSettings
-from polyworld.discrepancy.stepping import coarsened
-from polyworld.discrepancy.trial import Trial
-from polyworld.discrepancy.unexplained import MAX_TERMS, ResidualForce
-from polyworld.discrepancy.verdict import Verdict
+from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.design import design
+from polyworld.estimation.intervals import intervals95
+from polyworld.estimation.parts import in_parts, of_whole_runs
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap.candidate import Candidate
+from polyworld.gap.catalogue import catalogue
+from polyworld.gap.cautions import cautions
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
+from polyworld.gap.described import described, law_ebic
+from polyworld.gap.experiment import Contender, propose_experiment
+from polyworld.gap.held_out_gap import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.gap.outlying import (
     OutlyingRun,
     bearing_run,
@@ -46,9 +42,14 @@ from polyworld.gap.outlying import (
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
 from polyworld.gap.screen import Screening, screen
+from polyworld.gap.search import SearchSettings
 from polyworld.gap.searching import Searched, Story, search_effects
 from polyworld.gap.settings import DecisionSettings, OutlierSettings
+from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.gap.stability import gain_with_error
+from polyworld.gap.stepping import coarsened
+from polyworld.gap.unexplained import MAX_TERMS, ResidualForce
+from polyworld.gap.verdict import Verdict
 from polyworld.recording import Recording
 from polyworld.world import World
 
@@ -184,7 +185,7 @@ class _Work:
         plan = design(coarsened(self.world, cut), cut)
         wide = replace(self.settings.search, max_effects=min(most, self.settings.search.max_effects))
 
-        def outliers(trials: Sequence[Trial]) -> tuple[OutlyingRun, ...]:
+        def outliers(trials: Sequence[FittedHypothesis]) -> tuple[OutlyingRun, ...]:
             return misfitting_runs(trials, spare, self.settings.outliers) if spare > 0 else ()
 
         return search_effects(
@@ -310,7 +311,7 @@ def _residual_force(
     return verdict, force, child
 
 
-def _simpler(force: ResidualForce, ground: Trial, best: Trial) -> bool:
+def _simpler(force: ResidualForce, ground: FittedHypothesis, best: FittedHypothesis) -> bool:
     """Whether one law outside the catalogue explains the data better for its unknowns than several effects together.
 
     Effects of the catalogue added up can mimic a law that is not in it; their sum is then no name for it.
@@ -338,7 +339,7 @@ def _proof(
     return gap
 
 
-def _null_control(work: _Work, found: Searched, best: Trial | None) -> NullControl:
+def _null_control(work: _Work, found: Searched, best: FittedHypothesis | None) -> NullControl:
     """Repeat the search on data simulated from the base world, with its noise: nothing is missing there."""
     ground, bench = found.ground, found.bench
     states = best.fit.states if best is not None else ground.fit.states
@@ -438,7 +439,7 @@ def _remainder(found: Searched, verdict: Decided, graded: Graded | None) -> Rema
     return remainder_of(trial, found.ground)
 
 
-def _fitted_world(trial: Trial | None, world: World) -> World:
+def _fitted_world(trial: FittedHypothesis | None, world: World) -> World:
     """The fitted world, stepped as the world that was given, or finer where only that explained the data."""
     if trial is None:
         return world

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.design import Design
-from polyworld.discrepancy.goodness import MODES, cosines, projected
-from polyworld.discrepancy.noise import Kind, Noise
-from polyworld.discrepancy.trial import Trial
+from polyworld.estimation.design import Design
+from polyworld.estimation.goodness import MODES, cosines, projected
+from polyworld.estimation.noise import Kind, Noise
+from polyworld.estimation.trial import FittedHypothesis
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class ModelError:
         return kept + where.start, cosines(times[kept], count)
 
 
-def no_model_error(trial: Trial) -> ModelError:
+def no_model_error(trial: FittedHypothesis) -> ModelError:
     """Return the term as it is where residuals are only noise."""
     kinds = list(trial.bench.noise.correlation)
     return ModelError(
@@ -69,7 +69,7 @@ def no_model_error(trial: Trial) -> ModelError:
     )
 
 
-def model_error_of(trial: Trial) -> ModelError:
+def model_error_of(trial: FittedHypothesis) -> ModelError:
     """Estimate the term from a fit: the mean energy of each low mode over all series, fitted directions taken out.
 
     Pairs of neighbouring modes are pooled, and variances fall with the mode's number, as those of smooth courses do.
@@ -141,7 +141,7 @@ class RunEvidence:
         return costs
 
 
-def run_evidence(trial: Trial, error: ModelError) -> RunEvidence:
+def run_evidence(trial: FittedHypothesis, error: ModelError) -> RunEvidence:
     """Return what each run says of a fitted hypothesis when model error is admitted."""
     linear, unknowns = trial.fit.linear, trial.hypothesis.unknowns
     s = len(unknowns)

@@ -15,18 +15,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy import forward as whole_runs
-from polyworld.discrepancy import profile
-from polyworld.discrepancy.candidate import Unknown
-from polyworld.discrepancy.design import design
-from polyworld.discrepancy.noise import measured_noise
-from polyworld.discrepancy.trial import Trial
+from polyworld.estimation import forward as whole_runs
+from polyworld.estimation import profile
 from polyworld.estimation.continuity import QUANTITIES, Boundary, jumps
-from polyworld.estimation.forward import Forward, Settings
+from polyworld.estimation.design import design
 from polyworld.estimation.guesses import best_guesses, flipped, propagated
 from polyworld.estimation.least_squares import Chains, Point
+from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.problem import Problem, apart, problem_of
+from polyworld.estimation.segment_forward import Forward, Settings
 from polyworld.estimation.shooting import Fit, set_scales
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.unknown import Unknown
 from polyworld.gap.settings import OutlierSettings
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -141,7 +141,7 @@ def _translation(boundary: Boundary, planar: bool) -> NDArray[np.int64]:
     return np.flatnonzero(moving)
 
 
-def explained_runs(trial: Trial, recording: Recording, settings: OutlierSettings) -> tuple[str, ...]:
+def explained_runs(trial: FittedHypothesis, recording: Recording, settings: OutlierSettings) -> tuple[str, ...]:
     """Return the runs of a recording that a fitted hypothesis explains as well as those that it was fitted to."""
     world = trial.hypothesis.fitted_world(trial.values)
     plan = design(world, recording)
@@ -166,7 +166,9 @@ def _keep(found: dict[str, OutlyingRun], outlier: OutlyingRun) -> None:
     found[outlier.run] = replace(first, times=max(outlier.times, known.times))
 
 
-def misfitting_runs(trials: Sequence[Trial], spare: int, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:
+def misfitting_runs(
+    trials: Sequence[FittedHypothesis], spare: int, settings: OutlierSettings
+) -> tuple[OutlyingRun, ...]:
     """Return up to `spare` runs that the law which explains the others best explains far worse.
 
     Least trimmed squares (Rousseeuw 1984, J. Am. Stat. Assoc. 79, 871) by whole runs: the laws under which the other
@@ -192,7 +194,7 @@ def misfitting_runs(trials: Sequence[Trial], spare: int, settings: OutlierSettin
     return tuple(sorted(found, key=lambda o: -o.times))[:spare]
 
 
-def _concentrated(trial: Trial, spare: int) -> tuple[Trial, Array]:
+def _concentrated(trial: FittedHypothesis, spare: int) -> tuple[FittedHypothesis, Array]:
     """A hypothesis refitted with the runs that it explains worst all but out of it, and chi2 per measurement (R,)."""
     worst = set(np.argsort(-trial.misfits, kind="stable")[:spare].tolist())
     noise = trial.bench.noise
@@ -202,7 +204,9 @@ def _concentrated(trial: Trial, spare: int) -> tuple[Trial, Array]:
     return again, again.misfits * scale**2
 
 
-def bearing_run(base: Trial, best: Trial, settings: OutlierSettings, decisive: float) -> OutlyingRun | None:
+def bearing_run(
+    base: FittedHypothesis, best: FittedHypothesis, settings: OutlierSettings, decisive: float
+) -> OutlyingRun | None:
     """Return the run on which alone the case for a hypothesis rests; None where other runs make it, too.
 
     Without that run, what the hypothesis gains over the base would not pay for its unknowns (Cook 1977, Technometrics

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.localise import Localisation, localise
-from polyworld.discrepancy.trial import Trial
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.gap.localise import Localisation, localise
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Remainder:
         }
 
 
-def remainder_of(trial: Trial, base: Trial) -> Remainder:
+def remainder_of(trial: FittedHypothesis, base: FittedHypothesis) -> Remainder:
     """Describe the residuals of a fit, held against those of the base."""
     design, noise = trial.bench.design, trial.bench.noise
     kind = "position" if any(s.kind == "position" for s in design.series) else "rotation"
@@ -75,7 +75,7 @@ def remainder_of(trial: Trial, base: Trial) -> Remainder:
     return Remainder(left, float(np.sqrt(np.mean(sigma**2))), before, unit, where, _correlations(trial, size))
 
 
-def _rms(trial: Trial, kind: str) -> tuple[float, list[Array]]:
+def _rms(trial: FittedHypothesis, kind: str) -> tuple[float, list[Array]]:
     """Root mean square of raw residuals of one kind, and each run's residual size (m,) per series entry."""
     raw = trial.bench.raw_residuals(trial)
     squares, sizes = [], []
@@ -88,7 +88,7 @@ def _rms(trial: Trial, kind: str) -> tuple[float, list[Array]]:
     return float(np.sqrt(np.mean(total))) if np.all(np.isfinite(total)) else float("inf"), sizes
 
 
-def _correlations(trial: Trial, sizes: list[Array]) -> dict[str, float]:
+def _correlations(trial: FittedHypothesis, sizes: list[Array]) -> dict[str, float]:
     """Correlate the residual's size with time, speed, height and the distance travelled, all series together."""
     columns: dict[str, list[Array]] = {"time": [], "speed": [], "height": [], "distance travelled": []}
     size: list[Array] = []

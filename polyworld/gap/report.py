@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.seal import NullControl, SealedGap
-from polyworld.discrepancy.trial import Bench, Trial
-from polyworld.discrepancy.verdict import RunnerUp, Verdict
+from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.decide import Check, Graded, equivalents
+from polyworld.gap.held_out_gap import NullControl, SealedGap
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.remainder import Remainder
+from polyworld.gap.verdict import RunnerUp, Verdict
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -33,8 +33,8 @@ class GapReport:
     """
 
     verdict: Verdict
-    bench: Bench = field(repr=False)
-    base: Trial = field(repr=False)
+    bench: FitContext = field(repr=False)
+    base: FittedHypothesis = field(repr=False)
     intervals: Array
     world: World | None
     sealed: SealedGap | None
@@ -47,7 +47,7 @@ class GapReport:
     set_aside: tuple[OutlyingRun, ...] = ()
     checks: tuple[Check, ...] = ()
     graded: Graded | None = None
-    plain: tuple[Trial, ...] = ()
+    plain: tuple[FittedHypothesis, ...] = ()
     remainder: Remainder | None = None
     limited: float | None = None
 
@@ -105,7 +105,7 @@ class GapReport:
         return result
 
 
-def effects_of(trial: Trial, intervals: Array) -> list[dict[str, Any]]:
+def effects_of(trial: FittedHypothesis, intervals: Array) -> list[dict[str, Any]]:
     """Every effect of a hypothesis with its fitted unknowns and their 95% intervals."""
     found = []
     at = len(trial.hypothesis.base)
@@ -124,7 +124,7 @@ def effects_of(trial: Trial, intervals: Array) -> list[dict[str, Any]]:
     return found
 
 
-def _unknowns(trial: Trial, first: int, count: int, intervals: Array) -> dict[str, dict[str, Any]]:
+def _unknowns(trial: FittedHypothesis, first: int, count: int, intervals: Array) -> dict[str, dict[str, Any]]:
     payload = {}
     for i in range(first, first + count):
         u = trial.hypothesis.unknowns[i]
@@ -137,7 +137,7 @@ def _unknowns(trial: Trial, first: int, count: int, intervals: Array) -> dict[st
     return payload
 
 
-def _plain(trial: Trial, best: Trial) -> dict[str, Any]:
+def _plain(trial: FittedHypothesis, best: FittedHypothesis) -> dict[str, Any]:
     """A plain law, fitted by itself, beside the answer."""
     (part,) = trial.hypothesis.parts
     return {

@@ -12,26 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.discrepancy import profile
-from polyworld.discrepancy.candidate import Candidate, Unknown
-from polyworld.discrepancy.design import Design, design
-from polyworld.discrepancy.examine import LEFT, fitted_base, refitted
-from polyworld.discrepancy.hypothesis import extended
-from polyworld.discrepancy.noise import Noise, refined_noise
-from polyworld.discrepancy.one_course import BESIDE, follows_one_course, rivals
-from polyworld.discrepancy.parents import nearest
-from polyworld.discrepancy.parts import halved
-from polyworld.discrepancy.promises import identity
-from polyworld.discrepancy.rivals import fit_rivals
-from polyworld.discrepancy.search import Search, SearchSettings
-from polyworld.discrepancy.simpler import put_simpler
-from polyworld.discrepancy.trial import FINEST, Bench, Trial, refined
-from polyworld.discrepancy.twins import fit_twins
-from polyworld.discrepancy.unexplained import Near
-from polyworld.discrepancy.verdict import Verdict, beside_fewer, decide
+from polyworld.estimation import profile
+from polyworld.estimation.design import Design, design
+from polyworld.estimation.hypothesis import extended
+from polyworld.estimation.noise import Noise, refined_noise
+from polyworld.estimation.parts import halved
+from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap.candidate import Candidate
 from polyworld.gap.clock import Clock, TimeLimitReached
+from polyworld.gap.competitors import fit_rivals
 from polyworld.gap.decide import PLAIN
+from polyworld.gap.equivalents import fit_twins
+from polyworld.gap.examine import LEFT, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
+from polyworld.gap.parents import nearest
+from polyworld.gap.predicted_gains import identity
+from polyworld.gap.search import Search, SearchSettings
+from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
+from polyworld.gap.submodels import put_simpler
+from polyworld.gap.unexplained import Near
+from polyworld.gap.verdict import Verdict, beside_fewer, decide
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
@@ -74,18 +75,18 @@ class Searched:
     """
 
     verdict: Verdict
-    bench: Bench
-    ground: Trial
+    bench: FitContext
+    ground: FittedHypothesis
     near_misses: tuple[dict[str, Any], ...] = ()
     near: Near | None = None
-    pool: tuple[Trial, ...] = ()
-    plain: tuple[Trial, ...] = ()
+    pool: tuple[FittedHypothesis, ...] = ()
+    plain: tuple[FittedHypothesis, ...] = ()
     limited: bool = False
     rivals_fitted: bool = True
     outlying: tuple[OutlyingRun, ...] = ()
 
 
-FindOutliers = Callable[[Sequence[Trial]], tuple[OutlyingRun, ...]]
+FindOutliers = Callable[[Sequence[FittedHypothesis]], tuple[OutlyingRun, ...]]
 
 
 def search_effects(
@@ -174,7 +175,7 @@ def search_effects(
     )
 
 
-def _outlying(search: Search, ground: Trial, outliers: FindOutliers) -> Searched | None:
+def _outlying(search: Search, ground: FittedHypothesis, outliers: FindOutliers) -> Searched | None:
     """The end of a search in which runs behave unlike the rest; None where none does, or the data are explained."""
     fitted = [t for t in search.trials.values() if t.bench is search.bench]
     if _passed(search, 1) or not fitted:
@@ -186,8 +187,8 @@ def _outlying(search: Search, ground: Trial, outliers: FindOutliers) -> Searched
 
 
 def _add_effects(
-    search: Search, ground: Trial, effects: int = 0, whole: bool = False, most: int = 3
-) -> tuple[int, list[Trial], tuple[str, ...]]:
+    search: Search, ground: FittedHypothesis, effects: int = 0, whole: bool = False, most: int = 3
+) -> tuple[int, list[FittedHypothesis], tuple[str, ...]]:
     """Add effects until the best explains the data: their number, the hypotheses they were added to, and runs that no
     fit follows although their windows are explained, with which nothing further is tried (unless `whole`)."""
     parents = [ground] if effects == 0 else nearest(search.ranked(effects), search.on_windows, search.settings.parents)
@@ -233,7 +234,9 @@ def _with_care(search: Search, effects: int) -> int:
     return effects
 
 
-def _plain_laws(search: Search, ground: Trial, bench: Bench, names: Sequence[str] = PLAIN) -> tuple[Trial, ...]:
+def _plain_laws(
+    search: Search, ground: FittedHypothesis, bench: FitContext, names: Sequence[str] = PLAIN
+) -> tuple[FittedHypothesis, ...]:
     """Fit the plain laws with care, each by itself: they are reported beside any richer answer."""
     found = []
     plan = bench.design
@@ -256,7 +259,7 @@ def _plain_laws(search: Search, ground: Trial, bench: Bench, names: Sequence[str
     return tuple(sorted(found, key=lambda t: t.ebic))
 
 
-def _plain_pairs(plain: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:
+def _plain_pairs(plain: Sequence[FittedHypothesis], bench: FitContext) -> tuple[FittedHypothesis, ...]:
     """Fit pairs of the plain laws that come nearest: real losses are often two of them together."""
     found = []
     first = plain[:PAIRED]
@@ -275,13 +278,15 @@ def _plain_pairs(plain: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:
     return tuple(t for t in found if np.isfinite(t.chi2))
 
 
-def _is_plain(trial: Trial) -> bool:
+def _is_plain(trial: FittedHypothesis) -> bool:
     return trial.hypothesis.names[0] in PLAIN
 
 
-def _pool(search: Search, bench: Bench, plain: Sequence[Trial], limited: bool) -> tuple[Trial, ...]:
+def _pool(
+    search: Search, bench: FitContext, plain: Sequence[FittedHypothesis], limited: bool
+) -> tuple[FittedHypothesis, ...]:
     """The hypotheses that came nearest, with each number of effects, and the plain laws, all fitted under one noise."""
-    found: dict[tuple[str, ...], Trial] = {identity(t.hypothesis): t for t in plain}
+    found: dict[tuple[str, ...], FittedHypothesis] = {identity(t.hypothesis): t for t in plain}
     for effects in range(1, search.settings.max_effects + 1):
         for trial in search.ranked(effects)[:BESIDES]:
             key = identity(trial.hypothesis)
@@ -291,7 +296,7 @@ def _pool(search: Search, bench: Bench, plain: Sequence[Trial], limited: bool) -
     return tuple(t for t in found.values() if np.isfinite(t.chi2))
 
 
-def _decided(search: Search, effects: int, parents: Sequence[Trial]) -> Verdict:
+def _decided(search: Search, effects: int, parents: Sequence[FittedHypothesis]) -> Verdict:
     """The verdict on hypotheses of so many effects, held against those of fewer that they were made of."""
     found = decide(search.ranked(effects), search.settings.credible)
     if found.best is None or found.kind == "unexplained":
@@ -300,7 +305,7 @@ def _decided(search: Search, effects: int, parents: Sequence[Trial]) -> Verdict:
     return beside_fewer(found, [found.best.bench.refit(p) for p in fewer], search.settings.credible)
 
 
-def _finer(ground: Trial, substep: float) -> Trial:
+def _finer(ground: FittedHypothesis, substep: float) -> FittedHypothesis:
     """A base that is near the data, fitted with shorter steps, where that is why it fails."""
     if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
         return ground
@@ -316,7 +321,9 @@ def _near(search: Search) -> Near | None:
     return None if trial is None else Near(search.on_windows.cut, trial.bench.noise, trial.fit)
 
 
-def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool, tuple[dict[str, Any], ...]]:
+def _explained(
+    search: Search, ground: FittedHypothesis, alarm: float
+) -> tuple[FittedHypothesis, bool, tuple[dict[str, Any], ...]]:
     """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
     promising = search.promising(ground, 0.5 * alarm)
     near = [t for t in promising if t.ebic < ground.ebic]
@@ -329,7 +336,7 @@ def _explained(search: Search, ground: Trial, alarm: float) -> tuple[Trial, bool
     return ground, not near or ground.ebic - near[0].ebic <= alarm, misses
 
 
-def _from_states_of(trial: Trial, ground: Trial) -> Trial:
+def _from_states_of(trial: FittedHypothesis, ground: FittedHypothesis) -> FittedHypothesis:
     """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
     values = trial.values[: len(ground.values)]
     begun = trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=LEFT)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.discrepancy.criteria import extended_bic
-from polyworld.discrepancy.trial import Trial
+from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.model_error import ModelError, RunEvidence, run_evidence
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ class Contest:
     evidence[h]: of each; price (H,): what its unknowns and the choice of its effects cost (extended BIC).
     """
 
-    trials: tuple[Trial, ...]
+    trials: tuple[FittedHypothesis, ...]
     evidence: tuple[RunEvidence, ...]
     price: Array
 
@@ -63,7 +63,7 @@ class Contest:
         return found
 
 
-def contest(trials: Sequence[Trial], error: ModelError) -> Contest:
+def contest(trials: Sequence[FittedHypothesis], error: ModelError) -> Contest:
     """Set hypotheses fitted to the same runs against each other, with model error admitted."""
     price = np.array(
         [

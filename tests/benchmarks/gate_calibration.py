@@ -14,9 +14,9 @@ import json
 
 import numpy as np
 
-from polyworld.discrepancy.goodness import Goodness, goodness
-from polyworld.discrepancy.noise import measured_noise, refined_noise
-from tests.polyworld.discrepancy.linear_case import (
+from polyworld.estimation.goodness import Goodness, goodness
+from polyworld.estimation.noise import measured_noise, refined_noise
+from tests.polyworld.linear_case import (
     Array,
     Draw,
     correlated,

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.discrepancy.catalogue import catalogue
 from polyworld.gap import GapSettings, find_gap
+from polyworld.gap.catalogue import catalogue
 from tests.benchmarks.material_fluids import filling_case, sinking_case, swaying_case
 from tests.benchmarks.material_scenes import Case, falling_case, rope_case, soft_case, strip_case, swinging_case
 

@@ -15,8 +15,8 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from polyworld.discrepancy.seal import sealed_gap
 from polyworld.gap import GapSettings, find_gap
+from polyworld.gap.held_out_gap import sealed_gap
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_files import read_json, read_runs, write_json

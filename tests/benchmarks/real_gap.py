@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.discrepancy.candidate import Unknown
+from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings, find_gap
 from polyworld.recording import Recording
 from polyworld.world import World

@@ -5,10 +5,10 @@ import numpy as np
 from atw_mcp.gap_shown import shown_discrepancy
 from atw_mcp.gap_work import examine, fitted_effect, worth
 from atw_mcp.jobs import Progress
-from polyworld.discrepancy.holdback import hold_back
+from polyworld.gap.hold_back import hold_back
 from polyworld.recording import Recording, Run
 from polyworld.world import Effect
-from tests.polyworld.discrepancy.scenes import puck_world
+from tests.polyworld.gap_scenes import puck_world
 
 DRAG = 0.12  # [1/s]
 TABLE = puck_world(friction=0.0)

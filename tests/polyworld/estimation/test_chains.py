@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld.discrepancy.noise import Correlation, measured_noise, refined_noise
 from polyworld.estimation.continuity import jumps
-from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.least_squares import FIRST_STEP, Chains, NormalEquations, Point
+from polyworld.estimation.noise import Correlation, measured_noise, refined_noise
 from polyworld.estimation.problem import apart, problem_of
+from polyworld.estimation.segment_forward import Forward, Settings
 from polyworld.estimation.segments import SegmentSettings
 from polyworld.estimation.shooting import Fit, set_scales
 from polyworld.recording import Recording
-from tests.polyworld.discrepancy.scenes import Bouncing, ball_recording, ball_world, launches
+from tests.polyworld.gap_scenes import Bouncing, ball_recording, ball_world, launches
 
 
 @pytest.fixture(scope="module")

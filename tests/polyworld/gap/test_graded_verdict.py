@@ -5,13 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from polyworld.discrepancy.catalogue import named
 from polyworld.gap import GapReport, GapSettings, find_gap
+from polyworld.gap.catalogue import named
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Check, lowered
 from polyworld.gap.settings import DecisionSettings
 from polyworld.recording import Recording
-from tests.polyworld.discrepancy.scenes import MASS, Bouncing, ball_recording, ball_world, launches
+from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
 QUIET = GapSettings(null_control=False, experiment=False, residual_force=False)
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld.discrepancy.catalogue import named
 from polyworld.gap import GapSettings, find_gap
+from polyworld.gap.catalogue import named
 from polyworld.gap.outlying import outlying_runs, segment_fits, without_runs
 from polyworld.gap.settings import OutlierSettings
 from polyworld.recording import Recording
-from tests.polyworld.discrepancy.scenes import MASS, Bouncing, ball_recording, ball_world, launches
+from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
 K = 0.03
 DRAG = Bouncing(acceleration=lambda _t, _x, v, _w: -K / MASS * np.linalg.norm(v) * v)

@@ -1,0 +1,397 @@
+"""How noisy the measurements are: level, correlation in time, outliers; and residuals freed of all three.
+
+Noise of a component is taken for a first-order autoregressive process (AR(1)) in continuous time: its correlation over
+dt is exp(-dt / tau). tau is shared by all positions, and by all rotations; levels by the axes of an object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation import differences, spectrum
+from polyworld.estimation.design import Design, RunDesign, Series
+from polyworld.estimation.sample_outliers import outliers, repeats
+from polyworld.symmetry import rotation_vector
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Kind = Literal["position", "rotation"]
+
+KINDS: tuple[Kind, ...] = ("position", "rotation")
+UNKNOWN_TURN = 0.01  # [rad] noise of rotations that are too few to tell
+UNKNOWN_PLACE = 1e-3  # [m] the same of positions
+RESOLUTION = 1e-5  # least noise, as a part of the extent of the motion: simulations are no better
+RELATIVE_ERROR = 1.3  # relative standard error of a level from n samples, times sqrt(n)
+BELIEVED = 1.5  # factor by which the data may be noisier than was said before they are believed instead
+LOW = 3  # cosine modes that initial states take up
+FURTHEST = 3.0  # standard errors of a correlation by which the residuals' spectrum may put it right
+EXCESS = 1.3  # innovations of more than this variance hold model error, and tell nothing about correlation
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """phi: correlation over `interval` [s]; error: its standard error; tau [s]: correlation time, 0 for white noise."""
+
+    phi: float
+    error: float
+    interval: float
+
+    @property
+    def tau(self) -> float:
+        """Correlation time [s]."""
+        return -self.interval / float(np.log(self.phi)) if self.phi > 0.0 else 0.0
+
+    def over(self, seconds: Array) -> Array:
+        """Correlation over some time [s]."""
+        result: Array = np.where(self.phi > 0.0, self.phi ** (seconds / self.interval), 0.0)
+        return result
+
+
+WHITE = Correlation(0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class NoiseLevel:
+    """Standard deviation [unit] of one object's positions or rotations, root mean square over runs and axes."""
+
+    name: str
+    kind: Kind
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of every measured component of every run.
+
+    sigma[r] (m_r,): standard deviation [m or rad]. kept[r] (m_r,): False for outliers, which count for nothing.
+    previous[r] (m_r,): the entry before in the same series (itself where there is none), rho[r] (m_r,): the
+    correlation with it. correlation: by kind. repeated: rows that were shown twice. notes: what was not as told.
+    """
+
+    sigma: tuple[Array, ...]
+    kept: tuple[Bools, ...]
+    previous: tuple[Ints, ...]
+    rho: tuple[Array, ...]
+    levels: tuple[NoiseLevel, ...] = ()
+    correlation: dict[Kind, Correlation] = field(default_factory=dict)
+    repeated: int = 0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of measured components that count."""
+        return sum(int(k.sum()) for k in self.kept)
+
+    @property
+    def outlier_share(self) -> float:
+        """Share of the components that were set aside."""
+        return 1.0 - self.count / max(sum(len(k) for k in self.kept), 1)
+
+    def only(self, chosen: Sequence[int]) -> Noise:
+        """The noise of some of the runs, which are counted anew."""
+        return replace(
+            self,
+            sigma=tuple(self.sigma[k] for k in chosen),
+            kept=tuple(self.kept[k] for k in chosen),
+            previous=tuple(self.previous[k] for k in chosen),
+            rho=tuple(self.rho[k] for k in chosen),
+        )
+
+    def whiten(self, run: int, values: Array) -> Array:
+        """Residuals or derivatives (..., m) in units in which the noise is white with unit variance.
+
+        Outliers become 0. The exact filter of AR(1): (r_i - rho r_{i-1}) / sqrt(1 - rho^2), the first of a series as
+        it is; over gaps and outliers the correlation falls with their length.
+        """
+        scaled: Array = values / self.sigma[run]
+        rho, kept = self.rho[run], self.kept[run]
+        if np.any(rho):
+            scaled = (scaled - rho * scaled[..., self.previous[run]]) / np.sqrt(1.0 - rho**2)
+        return scaled if kept.all() else scaled * kept
+
+    def summary(self) -> str:
+        """The noise in words."""
+        parts = [f"{n.name} {n.kind} {n.sigma:.3g} {n.unit}" for n in self.levels]
+        text = "noise: " + ", ".join(parts)
+        for kind, c in self.correlation.items():
+            if c.phi > 2.0 * c.error and c.phi > 0.05:
+                text += f"; {kind}s correlated over {c.tau:.3g} s ({c.phi:.2f} from sample to sample)"
+            else:
+                text += f"; {kind}s uncorrelated in time"
+        if self.outlier_share > 0.0:
+            text += f"; {100.0 * self.outlier_share:.2g}% of the samples set aside as outliers"
+        if self.repeated:
+            text += f", of them {self.repeated} rows shown twice"
+        return "; ".join((text, *self.notes)) + "."
+
+    def to_json(self) -> dict[str, object]:
+        """The noise as plain data."""
+        return {
+            "levels": [{"name": n.name, "kind": n.kind, "sigma": n.sigma, "unit": n.unit} for n in self.levels],
+            "correlation_time": {k: c.tau for k, c in self.correlation.items()},
+            "correlation": {k: c.phi for k, c in self.correlation.items()},
+            "outlier_share": self.outlier_share,
+            "repeated_rows": self.repeated,
+            "summary": self.summary(),
+        }
+
+
+def measured_noise(design: Design) -> Noise:
+    """The noise as the data themselves tell it, before any model: from third differences of every series.
+
+    Only rows that were shown twice are set aside: a motion without a model may leap like an outlier.
+    """
+    kept = tuple(~_repeated(r) for r in design.runs)
+    spreads = _spreads(design, kept, lambda run, s: _raw(design.runs[run], s))
+    return _noise(design, spreads, kept, {})
+
+
+def refined_noise(design: Design, noise: Noise, residuals: Sequence[Array]) -> Noise:
+    """The noise after a fit, from raw residuals (m,) of every run [m, rad] at its best values.
+
+    Outliers are set aside; levels are the smaller of those of data and residuals; the correlation is put right by the
+    residuals' spectrum, as far as third differences leave it open, so that a model that is wrong does not pass for
+    noise. Fit again with the result; may be called again with the residuals of a better model.
+    """
+    kept = tuple(_without_outliers(r, noise, residuals[r.index], ~_repeated(r)) for r in design.runs)
+    raw = _spreads(design, kept, lambda run, s: _raw(design.runs[run], s))
+    left = _spreads(design, kept, lambda run, s: residuals[run][s.where])
+    spreads = [differences.least(a, b) for a, b in zip(raw, left, strict=True)]
+    first = _noise(design, spreads, kept, {})
+    better = {kind: _from_spectrum(design, first, residuals, kind) for kind in first.correlation}
+    return _noise(design, spreads, kept, better)
+
+
+def spectral_modes(design: Design, noise: Noise, whitened: Sequence[Array], kind: Kind) -> list[spectrum.Modes]:
+    """Cosine modes of whitened residuals, series by series, of one kind."""
+    interval = noise.correlation[kind].interval
+    found = []
+    for s in design.series:
+        if s.kind == kind and len(s.rows) >= 2 * differences.FEWEST:
+            seconds = float(np.median(np.diff(design.runs[s.run].times[s.rows]))) / interval
+            used = float(noise.correlation[kind].phi ** seconds)
+            found.append(spectrum.modes(whitened[s.run][s.where], used, seconds))
+    return found
+
+
+def _from_spectrum(design: Design, noise: Noise, residuals: Sequence[Array], kind: Kind) -> Correlation:
+    known = noise.correlation[kind]
+    whitened = [noise.whiten(r.index, residuals[r.index]) for r in design.runs]
+    series = spectral_modes(design, noise, whitened, kind)
+    fitted = spectrum.fitted(series, known.phi, known.error, LOW, FURTHEST * known.error)
+    # What innovations would be, were the shortest differences all noise.
+    supposed = differences.innovation(fitted.correlation) / differences.innovation(known.phi)
+    if fitted.scale > EXCESS * supposed:
+        return known
+    return Correlation(fitted.correlation, fitted.error, known.interval)
+
+
+def _repeated(run: RunDesign) -> Bools:
+    again = np.zeros(run.length, dtype=bool)
+    shown = np.concatenate([run.run.positions, run.run.orientations], axis=-1)
+    for column, name in enumerate(run.run.names):
+        own = [s for s in run.series if s.name == name]
+        if not own:
+            continue
+        rows = np.unique(np.concatenate([s.rows for s in own]))
+        twice = np.zeros(len(run.run.times), dtype=bool)
+        twice[rows] = repeats(np.nan_to_num(shown[rows, column]))
+        for s in own:
+            again[s.where] = twice[s.rows]
+    return again
+
+
+def _without_outliers(run: RunDesign, noise: Noise, residual: Array, kept: Bools) -> Bools:
+    kept = kept.copy()
+    for s in run.series:
+        own = np.flatnonzero(kept[s.where]) + s.where.start
+        rho = noise.correlation[s.kind].over(
+            np.array([np.median(np.diff(run.times[s.rows])) if len(s.rows) > 1 else 1.0])
+        )
+        floor = float(np.median(noise.sigma[run.index][s.where])) * np.sqrt(1.0 - rho[0])
+        rows = s.rows[own - s.where.start]
+        kept[own[outliers(run.times[rows], residual[own], floor)]] = False
+    return kept
+
+
+def _raw(run: RunDesign, s: Series) -> Array:
+    """What was measured of a series, rotations as turns since the first one, unwrapped."""
+    column = run.run.names.index(s.name)
+    if s.kind == "position":
+        places: Array = run.run.positions[s.rows, column, s.axis]
+        return places
+    turns = run.run.orientations[s.rows, column]
+    steps = np.zeros((len(turns), 3))
+    steps[1:] = rotation_vector(turns[1:], turns[:-1])
+    unwrapped: Array = np.cumsum(steps, axis=0)[:, s.axis]
+    return unwrapped
+
+
+def _spreads(design: Design, kept: Sequence[Bools], values: Callable[[int, Series], Array]) -> list[differences.Spread]:
+    found = []
+    for s in design.series:
+        own = kept[s.run][s.where]
+        found.append(differences.spread(design.runs[s.run].times[s.rows[own]], values(s.run, s)[own]))
+    return found
+
+
+def _noise(
+    design: Design,
+    spreads: Sequence[differences.Spread],
+    kept: tuple[Bools, ...],
+    correlations: dict[Kind, Correlation],
+) -> Noise:
+    correlation: dict[Kind, Correlation] = dict(correlations)
+    series = design.series
+    sigma = [np.empty(r.length) for r in design.runs]
+    notes: list[str] = []
+    for kind in KINDS:
+        members = [i for i, s in enumerate(series) if s.kind == kind]
+        if not members:
+            continue
+        if kind not in correlation:
+            useful = [spreads[i] for i in members]
+            phi, error = differences.correlation(useful)
+            correlation[kind] = Correlation(phi, error, useful[0].interval)
+        levels = _levels(design, [series[i] for i in members], [spreads[i] for i in members], correlation[kind], notes)
+        for i, value in zip(members, levels, strict=True):
+            sigma[series[i].run][series[i].where] = value
+    previous, rho = [], []
+    for r in design.runs:
+        p, q = _links(r, kept[r.index], correlation)
+        previous.append(p)
+        rho.append(q)
+    return Noise(
+        tuple(sigma),
+        kept,
+        tuple(previous),
+        tuple(rho),
+        _told(design, sigma),
+        correlation,
+        sum(_repeated_rows(r) for r in design.runs),
+        tuple(dict.fromkeys(notes)),
+    )
+
+
+def _repeated_rows(run: RunDesign) -> int:
+    again = _repeated(run)
+    rows = {(s.name, int(row)) for s in run.series for row in s.rows[again[s.where]]}
+    return len(rows)
+
+
+def _links(run: RunDesign, kept: Bools, correlation: dict[Kind, Correlation]) -> tuple[Ints, Array]:
+    previous = np.arange(run.length)
+    rho = np.zeros(run.length)
+    for s in run.series:
+        own = np.flatnonzero(kept[s.where]) + s.where.start
+        if len(own) < 2:
+            continue
+        times = run.times[s.rows[own - s.where.start]]
+        previous[own[1:]] = own[:-1]
+        rho[own[1:]] = correlation[s.kind].over(np.diff(times))
+    return previous, rho
+
+
+def _levels(
+    design: Design,
+    series: Sequence[Series],
+    spreads: Sequence[differences.Spread],
+    correlation: Correlation,
+    notes: list[str],
+) -> Array:
+    """Standard deviations of series of one kind: each drawn to those of its object and axis, those to all."""
+    measured = np.array(
+        [
+            differences.level(d, float(correlation.over(np.array(d.interval)))) if d.count >= 2 else np.nan
+            for d in spreads
+        ]
+    )
+    floors = np.array([resolution(design, s) for s in series])
+    known = np.isfinite(measured)
+    if not known.any():
+        measured = np.full(len(series), UNKNOWN_PLACE if series[0].kind == "position" else UNKNOWN_TURN)
+        notes.append(f"too few samples to tell the noise of {series[0].kind}s: supposed")
+    logs = np.log(np.maximum(np.where(known, measured, 1.0), floors))
+    variance = np.where(known, RELATIVE_ERROR**2 / np.maximum([d.count for d in spreads], 1), np.inf)
+    if known.any():
+        keys = [(s.name, s.axis) for s in series]
+        groups = [[i for i, k in enumerate(keys) if k == key] for key in dict.fromkeys(keys)]
+        middle = np.array([_pool(logs[g], variance[g])[:2] for g in groups])
+        towards, _, between = _pool(middle[:, 0], middle[:, 1])
+        for g, (mean, error) in zip(groups, middle, strict=True):
+            weight = between / (between + error) if np.isfinite(error) else 0.0
+            centre = weight * mean + (1.0 - weight) * towards
+            spread_ = _pool(logs[g], variance[g])[2]
+            share = np.where(np.isfinite(variance[g]), spread_ / (spread_ + variance[g]), 0.0)
+            logs[g] = share * logs[g] + (1.0 - share) * centre
+    else:
+        logs = np.log(np.maximum(measured, floors))
+    result = np.maximum(np.exp(logs), floors)
+    return _as_said(design, series, result, notes)
+
+
+def _as_said(design: Design, series: Sequence[Series], levels: Array, notes: list[str]) -> Array:
+    """Levels with those that the recording tells, unless the data are clearly noisier."""
+    levels = levels.copy()
+    for i, s in enumerate(series):
+        said = design.runs[s.run].run.sigma
+        if s.kind != "position" or said is None or not said > 0.0:
+            continue
+        if levels[i] > BELIEVED * said:
+            notes.append("the positions are noisier than the recording says: measured levels are used")
+        else:
+            levels[i] = said
+    return levels
+
+
+def _pool(logs: Array, variance: Array) -> tuple[float, float, float]:
+    """Mean of levels, its variance, and the variance between them (DerSimonian and Laird 1986)."""
+    seen = np.isfinite(variance)
+    if not seen.any():
+        return 0.0, float("inf"), 0.0
+    w = 1.0 / variance[seen]
+    x = logs[seen]
+    mean = float(w @ x / w.sum())
+    between = 0.0
+    if len(x) > 1:
+        scatter = float(w @ (x - mean) ** 2)
+        between = max((scatter - (len(x) - 1)) / float(w.sum() - (w**2).sum() / w.sum()), 0.0)
+        w = 1.0 / (variance[seen] + between)
+        mean = float(w @ x / w.sum())
+    return mean, float(1.0 / w.sum()), between
+
+
+def resolution(design: Design, s: Series) -> float:
+    """Least standard deviation: what the engine resolves, and the rounding of coarse data (step / sqrt(12))."""
+    values = _raw(design.runs[s.run], s)
+    if s.kind == "rotation":
+        return RESOLUTION * np.pi
+    places = design.runs[s.run].run.positions[:, design.runs[s.run].run.names.index(s.name)]
+    spans = [np.ptp(v[np.isfinite(v)]) for v in places.T if np.isfinite(v).any()]
+    extent = float(max(spans, default=0.0))
+    return max(RESOLUTION * extent, _rounding(values) / float(np.sqrt(12.0)), 1e-9)
+
+
+def _rounding(values: Array) -> float:
+    """The step of values that were rounded, 0 where they were not: rounded values come again, noisy ones do not."""
+    different = np.unique(values)
+    if len(values) < 8 or len(different) > 0.9 * len(values) or len(different) < 2:
+        return 0.0
+    return float(np.diff(different).min())
+
+
+def _told(design: Design, sigma: Sequence[Array]) -> tuple[NoiseLevel, ...]:
+    squares: dict[tuple[str, Kind], list[float]] = {}
+    for s in design.series:
+        squares.setdefault((s.name, s.kind), []).append(float((sigma[s.run][s.where] ** 2).mean()))
+    return tuple(
+        NoiseLevel(name, kind, float(np.sqrt(np.mean(v))), "m" if kind == "position" else "rad")
+        for (name, kind), v in squares.items()
+    )

@@ -1,0 +1,168 @@
+"""Shared values moved with every run's initial state found anew at each, where bodies collide.
+
+Behind collisions a small change makes another motion, so that a fit of everything together stops where one run that
+is touchy lies in a narrow valley of its own, however plainly the others ask for other values. Here shared values take
+the step that all runs ask for once initial states are projected out (variable projection: Golub & Pereyra 1973, SIAM
+J. Numer. Anal. 10, 413), or that all but one ask for; every run follows by itself, and one that is lost on the way is
+fitted along several ways.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation import profile
+from polyworld.estimation.apart import descend_apart
+from polyworld.estimation.descent import Point, standard_steps, trial_costs, within_reach
+from polyworld.estimation.design import Design
+from polyworld.estimation.hypothesis import Hypothesis
+from polyworld.estimation.score_test import bounded_step
+from polyworld.estimation.several_ways import Way, best_way
+from polyworld.estimation.trial import FitContext, FittedHypothesis
+
+Array = NDArray[np.float64]
+
+HOPELESS = 10.0  # chi2 per measurement of the better half of the runs beyond which no step is tried
+ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
+STEPS = 4  # of shared values, at most
+ALIKE = 0.5  # standard errors within which two steps are one
+LITTLE = 0.1  # standard errors below which a step is none
+ASKED = 5  # runs that are left out in turn, at most: those without which the step would be another
+FOLLOWED = 2  # of the steps asked for, those for which lost runs are looked for
+SEARCHES = 4  # for lost runs, in all
+LOST = 10.0  # chi2 by which a run is worse than before that has been lost on the way
+GAIN = 2.0  # fall of chi2 for which it goes on
+ITERATIONS, TOGETHER = 5, 4  # of a run by itself, and of all together after a step
+ROUGH = 0.5  # fall of chi2 below which a run is at rest
+
+
+@dataclass
+class _Followed:
+    """Shared values (S,), states[run] (N,) that have followed them, and chi2 (R,) of the runs there."""
+
+    values: Array
+    states: list[Array]
+    costs: Array
+
+    def lost(self, before: Array) -> list[int]:
+        """Runs that fit much worse than before."""
+        return [int(k) for k in np.flatnonzero(self.costs > before + LOST)]
+
+    def hoped(self, before: Array, lost: float = 0.0) -> float:
+        """chi2 if runs that are lost come back to what they were, or to so much more."""
+        return float(np.minimum(self.costs, before + lost).sum())
+
+
+def touchy(design: Design) -> bool:
+    """Whether bodies may collide, and nothing is coupled to them that would take long."""
+    return profile.collide(design) and not design.world.coupled
+
+
+def profiled(trial: FittedHypothesis) -> FittedHypothesis:
+    """The trial, or a better one by steps of the shared values that initial states follow run by run.
+
+    As it is where bodies do not collide, nothing is shared, or the better half of the runs is far from explained: then
+    it is not a run that holds up the others.
+    """
+    if not len(trial.values) or not touchy(trial.bench.design) or middle(trial.misfits) > HOPELESS:
+        return trial
+    searches = SEARCHES
+    for _ in range(STEPS):
+        before = trial.costs
+        if not np.all(np.isfinite(before)):
+            return trial
+        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, LOST))
+        further: FittedHypothesis | None = None
+        for one in followed[:FOLLOWED]:
+            lost = one.lost(before)
+            if lost and middle(one.costs / trial.bench.counts) > ILL:
+                continue  # it is the law that fails
+            if one.hoped(before) < trial.chi2 - GAIN and len(lost) <= searches:
+                searches -= len(lost)
+                _look_for(trial, one, lost, before)
+                further = _together(trial, one)
+            if further is not None:
+                break
+        if further is None:
+            return trial
+        trial = further
+    return trial
+
+
+def middle(misfits: Array) -> float:
+    """Of chi2 per measurement (R,) of the runs that of the worst of the better half; of two runs the better one's."""
+    return float(np.sort(misfits)[(len(misfits) - 1) // 2])
+
+
+def way_of(bench: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
+    """The way found to fit a run best at shared values (S,); `below` as in `best_way`."""
+    world = hypothesis.fitted_world(values, bench.design.runs[run].run)
+    found = best_way(world, bench.design, bench.noise, run, below, bench.cancelled)
+    bench.forward(hypothesis).rollouts += found.rollouts
+    return found
+
+
+def asked_for(trial: FittedHypothesis) -> list[Array]:
+    """Shared values (S,) that all runs ask for, and that all but one do, where that is something else."""
+    slopes, residuals = trial.ground.slopes, trial.fit.linear.r
+    own = [a.T @ a for a in slopes]
+    pull = [a.T @ r for a, r in zip(slopes, residuals, strict=True)]
+    errors = np.maximum(np.sqrt(np.maximum(np.diag(trial.fit.covariance), 0.0)), 1e-300)
+
+    def towards(left_out: int | None) -> Array:
+        taking_part = [k for k in range(len(own)) if k != left_out]
+        information = sum((own[k] for k in taking_part), np.zeros_like(own[0]))
+        gradient = sum((pull[k] for k in taking_part), np.zeros_like(pull[0]))
+        return trial.values + bounded_step(information, gradient, trial.hypothesis.unknowns, trial.values)
+
+    first = towards(None)
+    others = [towards(k) for k in range(len(own))] if len(own) > 1 else []
+    others.sort(key=lambda v: -float(np.max(np.abs(v - first) / errors)))
+    chosen: list[Array] = []
+    for v in (first, *others[:ASKED]):
+        moved = np.abs(v - trial.values) > LITTLE * errors
+        if moved.any() and all(np.any(np.abs(v - c) > ALIKE * errors) for c in chosen):
+            chosen.append(v)
+    return chosen
+
+
+def _followed(trial: FittedHypothesis, values: Array) -> _Followed:
+    """Every run fitted by itself at other shared values, from where the slopes have it and from where it was."""
+    bench, linear = trial.bench, trial.fit.linear
+    forward = bench.forward(trial.hypothesis)
+    shift = values - trial.values
+    foretold = tuple(
+        state + within_reach(answer @ (r + a @ shift), own.typical)
+        for own, state, answer, r, a in zip(
+            bench.design.runs, trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True
+        )
+    )
+    steps = standard_steps(forward, linear)
+    best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))
+    for states in (foretold, trial.fit.states):
+        at = Point(values, states)
+        at, *_ = descend_apart(forward, bench.noise, at, 1.0, steps, ITERATIONS, ROUGH)
+        costs = trial_costs(forward, bench.noise, [at], 1.0)[0]
+        for k in np.flatnonzero(costs < best.costs):
+            best.states[k], best.costs[k] = at.states[k], costs[k]
+    return best
+
+
+def _look_for(trial: FittedHypothesis, one: _Followed, lost: list[int], before: Array) -> None:
+    """Fit lost runs along several ways, in place."""
+    for k in lost:
+        if trial.bench.design.runs[k].count:
+            found = way_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + GAIN)
+            if found.chi2 < one.costs[k]:
+                one.states[k], one.costs[k] = found.state, found.chi2
+
+
+def _together(trial: FittedHypothesis, one: _Followed) -> FittedHypothesis | None:
+    """All runs fitted together from what was found; None where that is no better."""
+    if one.costs.sum() > trial.chi2 - GAIN:
+        return None
+    found = trial.bench.fit(trial.hypothesis, one.values, one.states, iterations=TOGETHER)
+    return found if found.chi2 < trial.chi2 - GAIN else None

@@ -1,0 +1,230 @@
+"""Coordinates of the initial states of a run, and how they become parameters of the world.
+
+A free body has its position and velocity, and its turn and spin where its orientation was measured. Bodies that joints
+hold to the world and to each other have one coordinate and one rate a joint: places and velocities follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.estimation.initial_support import is_aloft, is_borne, keeps_height, may_be_borne, rest_place
+from polyworld.estimation.linkage import Linkage, is_held, linkages
+from polyworld.recording import Run
+from polyworld.representations.fluid import Fluid
+from polyworld.representations.rigid import RigidObject
+from polyworld.symmetry import rotation_vector
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+EARLY = 8  # samples from which a first velocity is taken
+HASTY = (2, 4)  # the same where an impact may follow soon
+USUAL = 0.95  # share of the speeds over a few samples that are held for true
+LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
+SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
+TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
+
+
+@dataclass(frozen=True)
+class StateCoordinates:
+    """The coordinates (N,) of one object's initial state in one run.
+
+    kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first.
+    labels (N,). start (N,): first guess. typical (N,): ordinary changes.
+    spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
+    reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
+    samples, in case a body hits something right after the start. at_rest: components of the position that are known,
+    of a ball that lies on something.
+    """
+
+    name: str
+    kind: Literal["free", "jointed"]
+    labels: tuple[str, ...]
+    start: Array
+    typical: Array
+    spread: Array
+    reach: Array
+    hasty: Array
+    at_rest: Mapping[str, float] = field(default_factory=dict)
+    linkage: Linkage | None = None
+
+    def overrides(self, values: Array, given: Mapping[str, Array]) -> dict[str, Array]:
+        """Parameter path -> values (k,) for coordinates (k, N); `given`: parameters (k,) that differ from it."""
+        if self.linkage is not None:
+            return self.linkage.overrides(values, given)
+        known = {label: np.full(len(values), v) for label, v in self.at_rest.items()}
+        found = {label: values[:, i] for i, label in enumerate(self.labels)}
+        return {_path(self.name, label): v for label, v in (known | found).items()}
+
+
+def _path(name: str, label: str) -> str:
+    return label if label.startswith("effects.") else f"objects.{name}.{label}"
+
+
+def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
+    """The coordinates of all objects that a run shows, with guesses from its first samples.
+
+    Components that were not measured keep the values of the world's description.
+    """
+    jointed = linkages(world)
+    found = [_jointed(k, run) for k in jointed if any(link.item.name in run.names for link in k.links)]
+    owners = dict.fromkeys(name.split("#", 1)[0] for name in run.names)
+    for name in owners:
+        item = world.item(name)
+        if not isinstance(item, RigidObject):
+            found.append(_deformable(name, world, run))
+            continue
+        column = run.names.index(name)
+        if not is_held(world, name):
+            hasty = np.array([_free(world, item, run, column, count).start for count in HASTY])
+            found.append(replace(_free(world, item, run, column, EARLY), hasty=hasty))
+    return tuple(found)
+
+
+def _free(world: World, item: RigidObject, run: Run, column: int, early: int) -> StateCoordinates:
+    labels: list[str] = []
+    start: list[float] = []
+    typical: list[float] = []
+    reach: dict[str, float] = {}
+    at_rest: dict[str, float] = {}
+    planar = item.representation == "rigid_planar"
+    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
+    gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
+    begin = item.start_time
+    times = run.times - run.times[0] + run.lead
+    for axis, letter in enumerate("xyz"):
+        values = run.positions[:, column, axis]
+        rows = np.flatnonzero(np.isfinite(values) & (times >= begin - 1e-9))
+        if len(rows) < 2 or normal[axis] > 1.0 - 1e-9:
+            continue
+        fall = float(gravity[axis])
+        level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
+        borne = level and may_be_borne(world, item, run)
+        known = rest_place(world, item, run, axis) if borne else None
+        if known is not None and not is_aloft(values[rows], known):
+            at_rest[f"position.{letter}"] = known
+            continue
+        if borne and known is None:
+            labels.append(f"position.{letter}")
+            start.append(float(np.mean(values[rows][:EARLY])))
+            typical.append(LENGTH)
+            continue
+        place, speed = _line(times[rows] - begin, values[rows], fall, early)
+        reach[f"velocity.{letter}"] = _highest_speed(times[rows], values[rows])
+        labels += [f"position.{letter}", f"velocity.{letter}"]
+        start += [place, speed]
+        typical += [LENGTH, 10.0 * LENGTH]
+    turned = run.orientations[:, column]
+    rows = np.flatnonzero(np.all(np.isfinite(turned), axis=-1) & (times >= begin - 1e-9))
+    if len(rows) >= 2:
+        first = np.asarray(item.orientation)
+        first_rows = rows[:early]
+        steps = rotation_vector(turned[first_rows[1:]], turned[first_rows[:-1]]) / np.diff(times[first_rows])[:, None]
+        spin = _measured_spin(run, column, np.median(steps, axis=0))
+        turn = rotation_vector(turned[rows[0]][None], first[None])[0]
+        for axis, letter in enumerate("xyz"):
+            if planar and normal[axis] < 1.0 - 1e-9:
+                continue
+            labels += [f"rotation.{letter}", f"angular_velocity.{letter}"]
+            start += [float(turn[axis]), float(spin[axis])]
+            typical += [TURN, 10.0 * TURN]
+    for effect in world.effects:
+        if effect.kind == "unseen_spin_lift" and effect.enabled and item.name in (effect.objects or (item.name,)):
+            labels += [f"effects.{effect.name}.rate_{letter}" for letter in "xyz"]
+            start += [effect.parameters.get(f"rate_{letter}", 0.0) for letter in "xyz"]
+            typical += [10.0 * TURN] * 3
+    spread = np.zeros(len(labels))
+    if len(rows) < 2 and planar and _spin_shows(world, item):
+        axis = int(np.argmax(normal))
+        labels.append(f"angular_velocity.{'xyz'[axis]}")
+        described = item.angular_velocity[axis] or 10.0 * TURN  # at rest nothing tells which way to go
+        start.append(float(_measured_spin(run, column, np.full(3, described))[axis]))
+        typical.append(10.0 * TURN)
+        spread = np.append(spread, SPIN)
+    return StateCoordinates(
+        item.name,
+        "free",
+        tuple(labels),
+        np.array(start),
+        np.array(typical),
+        spread,
+        np.array([reach.get(label, 0.0) for label in labels]),
+        np.repeat(np.array(start)[None], len(HASTY), axis=0),
+        at_rest,
+    )
+
+
+def _measured_spin(run: Run, column: int, otherwise: Array) -> Array:
+    """Return the first measured angular velocity (3,) of an object, component by component [rad/s]; `otherwise` where
+    none was measured."""
+    spin = otherwise.copy()
+    for axis, values in enumerate(run.angular_velocities[:, column].T):
+        seen = values[np.isfinite(values)]
+        spin[axis] = seen[0] if len(seen) else otherwise[axis]
+    return spin
+
+
+def _highest_speed(times: Array, values: Array) -> float:
+    """The highest speed that a coordinate (m,) has over a few samples, but for the wildest of them."""
+    apart = min(EARLY, len(times) - 1)
+    speeds = np.abs(values[apart:] - values[:-apart]) / (times[apart:] - times[:-apart])
+    return float(np.quantile(speeds, USUAL))
+
+
+def _spin_shows(world: World, item: RigidObject) -> bool:
+    """Whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of its
+    contacts, or through a patch that both slides and spins."""
+    plane = world.environment.motion_plane
+    meets = item.friction > 0.0 and len(world.objects) + len(world.statics) > 1
+    rubs = plane.supports and item.friction > 0.0 and plane.friction != 0.0
+    return meets or (rubs and item.torsional_radius != 0.0)
+
+
+def _jointed(whole: Linkage, run: Run) -> StateCoordinates:
+    linkage = whole.of_run(run)
+    start = linkage.first_guess(run)
+    n = len(start)
+    typical = np.tile([TURN, 10.0 * TURN], n // 2)
+    none = np.zeros(n)
+    hasty = np.repeat(start[None], len(HASTY), axis=0)
+    name = linkage.links[0].item.name
+    return StateCoordinates(name, "jointed", linkage.labels, start, typical, none, none, hasty, linkage=linkage)
+
+
+def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
+    """Where a deformable object begins and how fast, as a whole: its shape at the start is the world's.
+
+    What is held somewhere, and fluids, start as the world says: they cannot be shifted off what holds them.
+    """
+    fixed = any(a.object == name for a in world.attachments) or any(p.rope == name for p in world.pulleys)
+    fixed = fixed or isinstance(world.item(name), Fluid)
+    labels = [] if fixed else [f"{field}.{axis}" for axis in "xyz" for field in ("shift", "velocity")]
+    if world.planar:
+        normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
+        labels = [label for label in labels if normal["xyz".index(label[-1])] < 1.0 - 1e-9]
+    columns = [k for k, n in enumerate(run.names) if n.split("#", 1)[0] == name]
+    seen = np.isfinite(run.positions[:, columns]).sum(axis=(0, 1)) >= 2
+    labels = [label for label in labels if seen["xyz".index(label[-1])]]
+    velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
+    start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
+    typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
+    none = np.zeros(len(labels))
+    hasty = np.repeat(start[None], len(HASTY), axis=0)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, none, none, hasty)
+
+
+def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:
+    """Value and slope at time 0 of so many first samples (m,): with the curvature of a free fall, or with none where
+    they say that the body is borne."""
+    if acceleration and is_borne(times, values, acceleration):
+        acceleration = 0.0
+    times, values = times[:early], values[:early] - 0.5 * acceleration * times[:early] ** 2
+    slope, place = np.polyfit(times, values, 1)
+    return float(place), float(slope)

@@ -1,0 +1,69 @@
+"""What an effect that may be missing is, and how it is put into a world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from polyworld.estimation.unknown import Unknown
+from polyworld.recording import Recording
+from polyworld.world import World
+
+if TYPE_CHECKING:
+    from polyworld.estimation.hypothesis import Hypothesis
+    from polyworld.estimation.score_test import ScoreTestStart
+    from polyworld.estimation.trial import FitContext, FittedHypothesis
+
+Group = Literal["force", "contact", "structure", "joint", "material", "base", "observer"]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to put an effect into a world: the child world and what has to be fitted in it.
+
+    world: the child, with the effect where it does nothing (at the unknowns' starts it moves as its parent does, or
+    nearly so). unknowns: fitted together with the base parameters. starts: where fits begin, as values by name of
+    unknown; several for an effect with a place or a frequency, and at least one. label: whom it acts on and by what
+    rule, for readers; empty where there is but one way. strength: name of the unknown that switches the effect off
+    when it is at its start; None where there is none. same_as: other effects that this design cannot tell
+    from it by construction (a uniform force on one body and a tilt), told with every verdict. idle: unknowns that do
+    nothing while the effect is off (its place, its rhythm), where it is off at all of its starts: the score test leaves
+    them out, and takes the motion at all starts to be the parent's. everywhere: of an effect that acts within a radius
+    of a place, values of these at which it acts on all that was seen; None for all others.
+    """
+
+    world: World
+    unknowns: tuple[Unknown, ...]
+    starts: tuple[Mapping[str, float], ...]
+    label: str = ""
+    strength: str | None = None
+    same_as: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
+    everywhere: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that may be missing: its law and how it shows.
+
+    name: standard name, as verdicts tell it. law: formula. representations: those it applies to. signature: what its
+    absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
+    written down. variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of
+    its own, for an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this
+    candidate, how many to keep) -> where to begin fits, best first. further: starts beside those of a variant, read off
+    the residuals of a trial: (bench, fitted trial, variant) -> values of unknowns that are not at their first start's.
+    torque: whether it turns bodies and pushes none.
+    """
+
+    name: str
+    group: Group
+    law: str
+    representations: frozenset[str]
+    signature: str
+    reference: str
+    variants: Callable[[World, Recording], tuple[Variant, ...]]
+    confused_with: Mapping[str, str] = field(default_factory=dict)
+    leads: Callable[[FitContext, FittedHypothesis, Sequence[Hypothesis], int], list[ScoreTestStart]] | None = None
+    further: Callable[[FitContext, FittedHypothesis, Variant], tuple[Mapping[str, float], ...]] | None = None
+    torque: bool = False

@@ -1,0 +1,121 @@
+"""What each object was doing at each measured instant: flying, touching, sliding, rolling, resting, just hit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.design import Design, RunDesign, owner
+from polyworld.estimation.unknown import Unknown
+from polyworld.events import REST_SPEED, REST_SPIN
+from polyworld.parameters import parameter_paths
+from polyworld.rollout import simulator
+from polyworld.shapes import Sphere
+from polyworld.trajectory import Event
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+Texts = NDArray[np.str_]
+
+AFTER = 0.1  # [s] that count as just after a collision
+LASTING = 0.05  # [s] from which on a contact is more than a collision
+GRIP = 0.05  # slip over speed, below which a ball rolls
+FREE, TOUCHING, SLIDING, ROLLING, REST, HIT = (
+    "free",
+    "touching",
+    "sliding",
+    "rolling",
+    "at rest",
+    "just after a collision",
+)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One recorded name in one run: positions (T, 3), speeds (T,) and phases (T,), as the fitted world has them."""
+
+    positions: Array
+    speeds: Array
+    phases: Texts
+
+
+def motions(
+    design: Design, run: RunDesign, values: Array, states: Array, unknowns: Sequence[Unknown] = ()
+) -> dict[str, Motion]:
+    """How the world moves in one run, by recorded name. values: of the unknowns, where there are any; states (N,)."""
+    world = run.world(design.world)
+    known = {p for p in parameter_paths(world) if not p.startswith("observer.")}
+    overrides = {
+        path: np.array([v])
+        for u, v in zip(unknowns, values, strict=False)
+        for path in u.paths
+        if path in known and u.is_of(run.run)
+    }
+    at, states_of = 0, dict[str, Array]()
+    for coordinates in run.states:
+        n = len(coordinates.labels)
+        states_of |= coordinates.overrides(states[None, at : at + n], overrides)
+        at += n
+    batch = simulator(world, run.times, n_worlds=1, record_events=True, threads=1).run(overrides | states_of or None)
+    trajectory = batch.world(0)
+    count, length = len(trajectory.times), len(run.times)
+    rows = np.minimum(np.arange(length), count - 1)  # beyond a divergence the last state stays
+    found = {}
+    for name in run.run.names:
+        i = trajectory.index(owner(name))
+        velocity, spin = trajectory.velocities[rows, i], trajectory.angular_velocities[rows, i]
+        phases = _phases(world, owner(name), run.times, velocity, spin, batch.events[0])
+        found[name] = Motion(trajectory.positions[rows, i], np.linalg.norm(velocity, axis=1), phases)
+    return found
+
+
+def _phases(world: World, name: str, times: Array, velocity: Array, spin: Array, events: Sequence[Event]) -> Texts:
+    phases = np.full(len(times), FREE, dtype="U24")
+    speed = np.linalg.norm(velocity, axis=1)
+    slow = (speed < REST_SPEED) & (np.linalg.norm(spin, axis=1) < REST_SPIN)
+    if world.planar:
+        phases[:] = SLIDING  # over the plane of motion
+    touching = np.zeros(len(times), dtype=bool)
+    for begin, end in _contacts(name, events, float(times[-1])):
+        if end - begin >= LASTING:
+            touching |= (times >= begin) & (times <= end)
+    phases[touching & ~_planar(world, len(times))] = TOUCHING
+    if not world.planar and touching.any():
+        phases[touching] = _sliding_or_rolling(world, name, velocity, spin, speed)[touching]
+    for begin, _ in _contacts(name, events, float(times[-1])):
+        phases[(times > begin) & (times <= begin + AFTER) & ~touching] = HIT
+    phases[slow & (touching | _planar(world, len(times)))] = REST
+    return phases
+
+
+def _planar(world: World, length: int) -> NDArray[np.bool_]:
+    return np.full(length, world.planar)
+
+
+def _sliding_or_rolling(world: World, name: str, velocity: Array, spin: Array, speed: Array) -> Texts:
+    shape = getattr(world.item(name), "shape", None)
+    if not isinstance(shape, Sphere):
+        return np.full(len(speed), TOUCHING, dtype="U24")
+    up = -np.asarray(world.environment.gravity)
+    up = up / max(float(np.linalg.norm(up)), 1e-12)
+    slip = velocity - np.cross(spin, shape.radius * up)
+    slip = slip - (slip @ up)[:, None] * up
+    rolls = np.linalg.norm(slip, axis=1) < GRIP * np.maximum(speed, REST_SPEED)
+    return np.where(rolls, ROLLING, SLIDING).astype("U24")
+
+
+def _contacts(name: str, events: Sequence[Event], last: float) -> list[tuple[float, float]]:
+    """Begin and end [s] of every contact of an object."""
+    found: list[tuple[float, float]] = []
+    begun: dict[tuple[str, ...], float] = {}
+    for e in events:
+        if name not in e.participants:
+            continue
+        if e.kind == "contact_begin":
+            begun[e.participants] = e.time
+        elif e.kind == "contact_end" and e.participants in begun:
+            found.append((begun.pop(e.participants), e.time))
+    return found + [(begin, last) for begin in begun.values()]

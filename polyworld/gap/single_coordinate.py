@@ -1,0 +1,46 @@
+"""One coordinate of one run: along it, time, place and speed are functions of each other.
+
+A law of one of them can then be written as a law of another, and a law with a place or a rhythm of its own fits what
+several plain ones leave together. How much better the data like one form than another says little there; so more of
+those that explain the data stand side by side, pairs of plain effects among them.
+"""
+
+from __future__ import annotations
+
+from polyworld.estimation import profile
+from polyworld.estimation.design import Design
+from polyworld.estimation.hypothesis import extended
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.gap.search import Search
+
+BESIDE = 40.0  # difference of EBIC within which laws of one course stand side by side
+PLAIN = 1  # unknowns of an effect that is tried as one of two
+FIRSTS = 6  # plain effects that a second one is added to
+ITERATIONS = 8
+
+
+def follows_one_course(plan: Design) -> bool:
+    """Whether nothing but one coordinate of one run was measured, be it in parts."""
+    return len({(plan.runs[s.run].run.part_of or s.run, s.name, s.kind, s.axis) for s in plan.series}) == 1
+
+
+def rivals(search: Search, ground: FittedHypothesis, best: FittedHypothesis) -> list[FittedHypothesis]:
+    """Pairs of plain effects with no more unknowns than a single effect has, fitted under its noise."""
+    recording = best.bench.design.recording
+    if len(best.hypothesis.parts) != 1 or best.hypothesis.extra < 2 * PLAIN:
+        return []
+    horizons = profile.horizons_for(best.bench.design)
+    states = profile.start_states(best.bench.design)
+
+    def plain(onto: FittedHypothesis) -> list[FittedHypothesis]:
+        return [
+            best.bench.fit(way, way.starts(onto.values)[0], states, horizons=horizons, iterations=ITERATIONS)
+            for candidate in search.candidates
+            for way in extended(onto.hypothesis, candidate, recording)
+            if way.extra == onto.hypothesis.extra + PLAIN
+        ]
+
+    firsts = sorted(plain(ground), key=lambda t: (t.ebic, t.hypothesis.title))[:FIRSTS]
+    for pair in (p for first in firsts for p in plain(first)):
+        search.take(best.bench.refit(pair))
+    return [t for t in search.ranked(2) if t.hypothesis.extra <= best.hypothesis.extra]

@@ -1,0 +1,255 @@
+"""Initial states of jointed bodies: double pendulums and carts, against their own geometry and SciPy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from polyworld.estimation import profile
+from polyworld.estimation.design import design
+from polyworld.estimation.forward import Forward
+from polyworld.estimation.linkage import linkages
+from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.states import state_coordinates
+from polyworld.estimation.trial import FitContext
+from polyworld.gap import GapSettings, find_gap
+from polyworld.gap.catalogue import catalogue
+from polyworld.gap.cautions import cautions
+from polyworld.gap.windows import windows
+from polyworld.recording import Recording, Run
+from polyworld.world import TimeBase, World
+
+Array = NDArray[np.float64]
+UPPER, LOWER, MASS, RADIUS, G = 0.3, 0.25, 0.1, 0.02, 9.81
+SIGMA = 0.001
+TIMES = np.arange(90) / 60.0
+
+
+def ball(name: str, position: tuple[float, float, float], **more: Any) -> dict[str, Any]:
+    return {"name": name, "shape": {"kind": "sphere", "radius": RADIUS}, "mass": MASS, "position": position, **more}
+
+
+def hinge(name: str, anchor: tuple[float, float, float], **more: Any) -> dict[str, Any]:
+    return {"kind": "hinge", "name": name, "anchor": anchor, "axis": (0, 1, 0), **more}
+
+
+def double(**second: Any) -> World:
+    """Two balls that hang: one from the origin, the other from the first. The second joint names them the other way."""
+    place = (0.0, 0.0, -UPPER)
+    return World.model_validate(
+        {
+            "objects": [ball("b", (0, 0, -UPPER - LOWER)), ball("a", place)],
+            "joints": [hinge("h2", place, object="a", other="b", **second), hinge("h1", (0, 0, 0), object="a")],
+            "time": {"substep": 0.002},
+        }
+    )
+
+
+def cart(**slider: Any) -> World:
+    """A ball on a rail along x, and one that hangs from it."""
+    rail = {"kind": "slider", "name": "rail", "object": "a", "anchor": (0, 0, 0), "axis": (1, 0, 0)} | slider
+    return World.model_validate(
+        {
+            "objects": [ball("a", (0, 0, 0)), ball("b", (0, 0, -LOWER))],
+            "joints": [rail, hinge("h", (0, 0, 0), object="b", other="a")],
+        }
+    )
+
+
+def hung(long: float, angle: Array) -> Array:
+    """Where a rod of a length ends that is turned by an angle (T,) about y from hanging."""
+    return long * np.stack([-np.sin(angle), 0.0 * angle, -np.cos(angle)], axis=-1)
+
+
+def run(places: dict[str, Array], seed: int = 0, name: str = "r") -> Run:
+    """A run of noisy places (T, 3) by name, y not measured."""
+    told = np.stack(list(places.values()), axis=1)
+    told = told + np.random.default_rng(seed).normal(0.0, SIGMA, told.shape)
+    told[:, :, 1] = np.nan
+    return Run(name, tuple(places), TIMES, told, np.full((len(TIMES), len(places), 4), np.nan))
+
+
+def swung(start: tuple[float, float, float, float], damping: float = 0.0) -> dict[str, Array]:
+    """A double pendulum by Lagrange's equations, with the balls' own inertia: angles from hanging, and their rates.
+
+    damping [N m s/rad]: of the upper hinge.
+    """
+    own = 0.4 * MASS * RADIUS**2
+
+    def rate(_t: float, y: Array) -> Array:
+        a, b, da, db = y
+        couple = MASS * UPPER * LOWER
+        matrix = [
+            [2 * MASS * UPPER**2 + own, couple * np.cos(a - b)],
+            [couple * np.cos(a - b), MASS * LOWER**2 + own],
+        ]
+        force = [
+            -couple * np.sin(a - b) * db**2 - 2 * MASS * G * UPPER * np.sin(a) - damping * da,
+            couple * np.sin(a - b) * da**2 - MASS * G * LOWER * np.sin(b),
+        ]
+        return np.array([da, db, *np.linalg.solve(matrix, force)])
+
+    found = solve_ivp(rate, (0.0, TIMES[-1]), start, t_eval=TIMES, rtol=1e-10, atol=1e-12).y
+    upper = hung(UPPER, found[0])
+    return {"a": upper, "b": upper + hung(LOWER, found[1])}
+
+
+def test_places_and_velocities_follow_from_the_joints_coordinates() -> None:
+    (tree,) = linkages(double())
+    assert tree.labels == ("angle", "rate", "b.angle", "b.rate")
+    angle, turn = np.array([0.4]), np.array([-0.7])
+    values = np.array([[0.4, 1.1, -0.7, 2.0]])
+    found = tree.overrides(values, {})
+    for name, place in (("a", hung(UPPER, angle)), ("b", hung(UPPER, angle) + hung(LOWER, angle + turn))):
+        told = [found[f"objects.{name}.position.{axis}"][0] for axis in "xyz"]
+        assert told == pytest.approx(place[0], abs=1e-12)
+    step = 1e-6
+    after = tree.overrides(values + step * np.array([[1.1, 0.0, 2.0, 0.0]]), {})
+    for name in "ab":
+        for axis in "xyz":
+            moved = (after[f"objects.{name}.position.{axis}"] - found[f"objects.{name}.position.{axis}"]) / step
+            assert found[f"objects.{name}.velocity.{axis}"] == pytest.approx(moved, abs=1e-5)
+        assert found[f"objects.{name}.angular_velocity.y"] == pytest.approx(1.1 if name == "a" else 3.1)
+    assert [found[f"joints.h2.anchor.{axis}"][0] for axis in "xz"] == pytest.approx(hung(UPPER, angle)[0, ::2])
+
+
+def test_lengths_are_those_that_are_being_fitted() -> None:
+    (tree,) = linkages(double())
+    given = {"objects.a.position.z": np.array([-0.5]), "joints.h2.anchor.z": np.array([-0.5])}
+    found = tree.overrides(np.array([[np.pi / 2, 0.0, -np.pi / 2, 0.0]]), given)
+    assert found["objects.a.position.x"] == pytest.approx(-0.5)
+    assert found["joints.h2.anchor.x"] == pytest.approx(-0.5)
+    assert found["objects.b.position.x"] == pytest.approx(-0.5)
+    assert found["objects.b.position.z"] == pytest.approx(0.5 - UPPER - LOWER)
+
+
+def test_stops_stay_where_they_are_whatever_angle_a_run_begins_at() -> None:
+    """h2 is told of a against b, so that b turned by -0.7 is a turned by 0.7."""
+    (tree,) = linkages(double(lower=-1.0, upper=2.0))
+    found = tree.overrides(np.array([[0.4, 0.0, -0.7, 0.0]]), {})
+    assert found["joints.h2.lower"] == pytest.approx(-1.7)
+    assert found["joints.h2.upper"] == pytest.approx(1.3)
+
+
+def test_a_double_pendulum_starts_where_its_first_samples_say() -> None:
+    (found,) = state_coordinates(double(), run(swung((1.2, 0.4, 0.5, -1.0))))
+    assert found.start == pytest.approx([1.2, 0.5, -0.8, -1.5], abs=0.3)
+
+
+def test_a_cart_that_carries_a_pendulum_starts_where_its_first_samples_say() -> None:
+    place = np.stack([0.1 + 0.4 * TIMES, 0 * TIMES, 0 * TIMES], axis=-1)
+    measured = run({"a": place, "b": place + hung(LOWER, 0.3 - 0.5 * TIMES)})
+    (found,) = state_coordinates(cart(), measured)
+    assert found.labels == ("displacement", "rate", "b.angle", "b.rate")
+    assert found.start == pytest.approx([0.1, 0.4, 0.3, -0.5], abs=0.05)
+
+
+def test_runs_of_a_double_pendulum_that_start_each_its_own_way_are_fitted_to_the_noise() -> None:
+    runs = [run(swung(s), k, f"r{k}") for k, s in enumerate([(1.2, 0.4, 0.0, 0.0), (-0.6, 0.5, 0.0, 1.0)])]
+    plan = design(double(), Recording(tuple(runs)))
+    noise = measured_noise(plan)
+    forward = Forward(plan, plan.world, ())
+    fit = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
+    count = sum(len(r) for r in fit.linear.r)
+    assert fit.chi2 < count + 4.0 * np.sqrt(2.0 * count)
+    assert fit.states[0] == pytest.approx([1.2, 0.0, -0.8, 0.0], abs=0.02)
+    cut = windows(FitContext(plan, noise, 1), 2)
+    assert cut is not None
+    assert len(cut.bench.design.runs) == 4
+
+
+def test_damping_in_one_hinge_of_two_is_named_with_the_hinge() -> None:
+    starts = [(1.2, 0.4, 0.0, 0.0), (-0.6, 0.5, 0.0, 1.0)]
+    runs = tuple(run(swung(s, 0.002), k, f"r{k}").rows(TIMES < 1.0) for k, s in enumerate(starts))
+    offered = [catalogue()[n] for n in ("joint_damping", "joint_friction")]
+    settings = GapSettings(null_control=False, experiment=False)
+    world = double().model_copy(update={"time": TimeBase(substep=0.005)})
+    report = find_gap(world, Recording(runs), candidates=offered, settings=settings).to_dict()
+    assert report["verdict"] == "identified"
+    (effect,) = report["effects"]
+    assert (effect["name"], effect["label"]) == ("joint_damping", "of h1")
+    low, high = effect["unknowns"]["damping"]["interval95"]
+    assert low - 2e-5 < 0.002 < high + 2e-5
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        hinge("h1", (0, 0, 0), object="a") | {"axis": (1, 0, 0)},  # it would tilt the other's axis
+        {"kind": "ball", "name": "h1", "object": "a", "anchor": (0, 0, 0)},
+    ],
+)
+def test_what_is_held_otherwise_starts_as_the_world_says_and_that_is_told(joint: dict[str, Any]) -> None:
+    world = World.model_validate(double().model_dump() | {"joints": [double().joints[0].model_dump(), joint]})
+    assert linkages(world) == ()
+    measured = run(swung((0.0, 0.0, 0.0, 0.1)))
+    assert state_coordinates(world, measured) == ()
+    told = cautions(design(world, Recording((measured,))))
+    assert any("a and b are held by joints" in text for text in told)
+
+
+def test_a_sample_that_was_dropped_of_one_body_costs_no_other_its_start() -> None:
+    measured = run(swung((1.2, 0.4, 0.5, -1.0)))
+    (whole,) = state_coordinates(double(), measured)
+    measured.positions[50, measured.names.index("a")] = np.nan
+    (found,) = state_coordinates(double(), measured)
+    assert found.start == pytest.approx(whole.start, abs=1e-12)
+    assert abs(found.start[2]) > 0.5
+
+
+def test_a_body_that_was_not_seen_starts_as_the_world_says_on_what_was() -> None:
+    world = cart().model_dump()
+    world["objects"][1]["angular_velocity"] = (0.0, 2.0, 0.0)
+    place = np.stack([0.1 + 0.4 * TIMES, 0 * TIMES, 0 * TIMES], axis=-1)
+    measured, made = run({"a": place}), World.model_validate(world)
+    (found,) = state_coordinates(made, measured)
+    assert found.labels == ("displacement", "rate")
+    told = found.overrides(np.array([[0.1, 0.4]]), {})
+    assert told["objects.b.position.x"] == pytest.approx(0.1)
+    assert told["objects.b.angular_velocity.y"] == pytest.approx(2.0)
+    assert told["objects.b.velocity.x"] == pytest.approx(0.4 - 2.0 * LOWER)
+    assert any(text.startswith("b hang together") for text in cautions(design(made, Recording((measured,)))))
+
+
+def test_a_door_on_two_hinges_has_one_angle() -> None:
+    door = {"name": "a", "shape": {"kind": "box", "half_extents": [0.4, 0.02, 1.0]}, "position": (0.4, 0, 0)}
+    hinges = [
+        {"kind": "hinge", "name": f"h{z}", "object": "a", "anchor": (0, 0, z - 1), "axis": (0, 0, 1)} for z in (0, 2)
+    ]
+    (tree,) = linkages(World.model_validate({"objects": [door], "joints": hinges}))
+    assert tree.labels == ("angle", "rate")
+    bent = hinges[0] | {"name": "bent", "anchor": (0.1, 0, 0.2)}
+    assert linkages(World.model_validate({"objects": [door], "joints": [*hinges, bent]})) == ()
+
+
+def test_an_angle_beyond_half_a_turn_is_the_one_that_stops_allow() -> None:
+    bob = ball("a", (0, 0, -UPPER))
+    world = World.model_validate({"objects": [bob], "joints": [hinge("h", (0, 0, 0), object="a", lower=0, upper=4.7)]})
+    (found,) = state_coordinates(world, run({"a": hung(UPPER, 4.0 + 0.3 * TIMES)}))
+    assert found.start == pytest.approx([4.0, 0.3], abs=0.05)
+    assert found.overrides(found.start[None], {})["joints.h.lower"] == pytest.approx(-4.0, abs=0.05)
+
+
+def test_what_a_rope_is_tied_to_starts_as_the_world_says() -> None:
+    rope = {"name": "line", "representation": "rope", "points": [(0, 0, 0), (0, 0, -0.5)], "linear_density": 0.1}
+    knot = {"name": "knot", "object": "line", "end": "start", "to": "a"}
+    parts = cart().model_dump() | {"deformables": [rope], "attachments": [knot]}
+    assert linkages(World.model_validate(parts)) == ()
+
+
+def test_a_closed_chain_has_no_coordinates_of_its_own() -> None:
+    world = double()
+    closed = [*(j.model_dump() for j in world.joints), hinge("h3", (0, 0, -UPPER - LOWER), object="b")]
+    assert linkages(World.model_validate(world.model_dump() | {"joints": closed})) == ()
+
+
+def test_a_body_on_a_spring_starts_anywhere() -> None:
+    spring = {"kind": "spring", "name": "s", "object": "a", "anchor": (0, 0, 0), "other_anchor": (0, 0, 1)}
+    world = World.model_validate({"objects": [ball("a", (0, 0, 0))], "joints": [spring | {"stiffness": 5.0}]})
+    (found,) = state_coordinates(world, run({"a": np.stack([0.2 + TIMES, TIMES * 0, TIMES * 0], axis=-1)}))
+    assert found.kind == "free"
+    assert dict(zip(found.labels, found.start, strict=True))["position.x"] == pytest.approx(0.2, abs=0.01)

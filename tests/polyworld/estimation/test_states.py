@@ -1,0 +1,133 @@
+"""First guesses of initial states, held against bodies that fall, and bodies that are borne."""
+
+import numpy as np
+import pytest
+
+from polyworld.estimation.states import state_coordinates
+from polyworld.recording import Run
+from polyworld.world import World
+
+TIMES = np.arange(60) / 120.0
+
+
+FLOOR = {"name": "floor", "shape": {"kind": "plane"}}
+
+
+def guessed(height, sigma, statics=(FLOOR,), **changes):
+    """First guesses by label of a ball seen at heights (T,) as it moves along x at 2 m/s, and where it is known."""
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 0.1], **changes}
+    world = World.model_validate({"objects": [ball], "statics": list(statics)})
+    places = np.stack([2.0 * TIMES, np.zeros_like(TIMES), height], axis=-1)[:, None]
+    places = places + np.random.default_rng(3).normal(0.0, sigma, places.shape)
+    run = Run("r", ("ball",), TIMES, places, np.full((len(TIMES), 1, 4), np.nan))
+    (found,) = state_coordinates(world, run)
+    assert not set(found.at_rest) & set(found.labels)
+    return dict(zip(found.labels, found.start, strict=True)) | {f"known {k}": v for k, v in found.at_rest.items()}
+
+
+@pytest.mark.parametrize("sigma", [0.0005, 0.005, 0.02])
+def test_a_ball_on_the_floor_has_no_velocity_upwards_to_be_fitted(sigma):
+    found = guessed(np.full_like(TIMES, 0.1), sigma)
+    assert "velocity.z" not in found
+    assert "position.z" not in found
+    assert found["known position.z"] == pytest.approx(0.1, abs=1e-9)
+
+
+def test_a_ball_on_a_step_beside_a_wall_lies_on_the_step():
+    step = {"name": "step", "shape": {"kind": "box", "half_extents": [5, 5, 0.25]}, "position": [0, 0, 0.25]}
+    wall = {"name": "wall", "shape": {"kind": "box", "half_extents": [5, 0.1, 5]}, "position": [0, -0.2, 0]}
+    for statics in ([step, FLOOR], [wall, FLOOR, step]):
+        found = guessed(np.full_like(TIMES, 0.6), 0.002, statics)
+        assert found["known position.z"] == pytest.approx(0.6, abs=1e-9)
+
+
+def test_a_body_that_is_no_ball_keeps_the_height_that_was_seen():
+    found = guessed(np.full_like(TIMES, 0.1), 0.002, shape={"kind": "box", "half_extents": [0.1, 0.1, 0.1]})
+    assert "velocity.z" not in found
+    assert found["position.z"] == pytest.approx(0.1, abs=0.006)
+
+
+@pytest.mark.parametrize("sigma", [0.0005, 0.005])
+def test_a_falling_ball_starts_with_the_velocity_it_was_thrown_with(sigma):
+    found = guessed(1.0 + 1.0 * TIMES - 0.5 * 9.81 * TIMES**2, sigma)
+    assert found["velocity.z"] == pytest.approx(1.0, abs=60 * sigma)
+
+
+def test_a_ball_that_is_lifted_evenly_starts_with_the_velocity_of_the_lift():
+    found = guessed(0.5 + 0.3 * TIMES, 0.0005)
+    assert found["velocity.z"] == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_ball_that_hops_is_not_at_rest():
+    """Up 6 cm and down again, three times: level on average."""
+    phase = TIMES % 0.22
+    hops = 0.1 + 0.5 * 9.81 * phase * (0.22 - phase)
+    assert "velocity.z" in guessed(hops, 0.005)
+
+
+def test_a_ball_that_hops_under_much_noise_is_mostly_not_at_rest():
+    """Nearly 10 cm up and down, seen from the middle of a hop, with noise of 4 cm: its mean height tells. A ball that
+    lies there is at rest under the same noise."""
+    phase = (TIMES + 0.25) % 0.28
+    hops = 0.1 + 0.5 * 9.81 * phase * (0.28 - phase)
+    found = {"hops": 0, "lies": 0}
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(0.0, 0.036, len(TIMES))
+        found["hops"] += "velocity.z" in guessed(hops + noise, 1e-4)
+        found["lies"] += "velocity.z" in guessed(0.1 + noise, 1e-4)
+    assert found["hops"] > 20
+    assert found["lies"] == 0
+
+
+def test_a_ball_thrown_up_is_not_at_rest_though_its_noise_drifts():
+    missed = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        drift = np.zeros_like(TIMES)
+        for i in range(len(TIMES)):
+            drift[i] = (0.9 * drift[i - 1] if i else 0.0) + 0.03 * np.sqrt(1.0 - 0.81) * rng.normal()
+        missed += "velocity.z" not in guessed(2.0 + 1.2 * TIMES - 0.5 * 9.81 * TIMES**2 + drift, 1e-4)
+    assert missed == 0
+
+
+def test_a_ball_that_bounces_right_after_the_start_is_not_at_rest():
+    """Falls from 0.3 m and is thrown back: under 3 cm of noise nearly level, but nothing bears it there."""
+    hit = 0.1
+    speed = 9.81 * hit + 1.5
+    down = 0.1 + 1.5 * hit + 0.5 * 9.81 * hit**2 - 1.5 * TIMES - 0.5 * 9.81 * TIMES**2
+    up = 0.1 + 0.75 * speed * (TIMES - hit) - 0.5 * 9.81 * (TIMES - hit) ** 2
+    assert "velocity.z" in guessed(np.where(hit > TIMES, down, up), 0.03)
+    # Levelled by hand, the course is that of rest; that no floor is near is what tells.
+    assert "velocity.z" in guessed(np.full_like(TIMES, 0.25), 0.005)
+
+
+def test_a_ball_on_another_body_may_rest():
+    balls = [
+        {"name": n, "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, z]}
+        for n, z in (("upper", 0.3), ("lower", 0.1))
+    ]
+    world = World.model_validate({"objects": balls, "statics": [{"name": "floor", "shape": {"kind": "plane"}}]})
+    places = np.zeros((len(TIMES), 2, 3))
+    places[:, :, 2] = [0.3, 0.1]
+    places += np.random.default_rng(3).normal(0.0, 0.001, places.shape)
+    found = state_coordinates(world, Run("r", ("upper", "lower"), TIMES, places, np.full((len(TIMES), 2, 4), np.nan)))
+    assert all("velocity.z" not in s.labels for s in found)
+    alone = Run("r", ("upper",), TIMES, places[:, :1] + [2.0, 0.0, 0.0], np.full((len(TIMES), 1, 4), np.nan))
+    (upper,) = state_coordinates(world, alone)
+    assert "velocity.z" in upper.labels
+
+
+def test_a_measured_spin_is_the_first_guess_where_turns_were_seen_or_none_was():
+    turn = np.stack([np.cos(2 * TIMES), 0 * TIMES, 0 * TIMES, np.sin(2 * TIMES)], axis=-1)[:, None]  # 4 rad/s about z
+    spins = np.full((len(TIMES), 1, 3), np.nan)
+    spins[3:, 0, 2] = 30.0  # as read by a faster instrument: seven turns too many to see between samples
+    places = np.stack([TIMES, 0 * TIMES, 0.1 + 0 * TIMES], axis=-1)[:, None]
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 0.1]}
+    for representation, turns in (("rigid_spatial", turn), ("rigid_planar", np.full_like(turn, np.nan))):
+        statics = [{"name": "wall", "shape": {"kind": "wall", "start": [0, 1, 0], "end": [2, 1, 0]}}]
+        world = World.model_validate({"objects": [ball | {"representation": representation}], "statics": statics})
+        run = Run("r", ("ball",), TIMES, places, turns, angular_velocities=spins)
+        (found,) = state_coordinates(world, run)
+        start = dict(zip(found.labels, found.start, strict=True))
+        assert start["angular_velocity.z"] == 30.0
+        assert start.get("angular_velocity.x", 0.0) == pytest.approx(0.0, abs=1e-9)

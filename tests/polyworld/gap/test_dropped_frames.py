@@ -1,0 +1,49 @@
+"""Frames that a camera dropped: their onset and length from one fit that knows nothing of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polyworld.estimation.design import design
+from polyworld.estimation.hypothesis import extended
+from polyworld.gap.catalogue import catalogue
+from polyworld.gap.catalogue.observer import dropped_frame_leads
+from polyworld.gap.examine import fitted_base
+from polyworld.recording import Recording, Run
+from tests.polyworld.gap_scenes import ball_world
+
+RATE, ONSET, LOST = 100.0, 0.7, 3  # frames a second, seconds, frames
+
+
+def turning(velocity: float, spin: float, sigma: float = 0.001) -> Recording:
+    """Two flights of a turning ball without a bounce; the first loses frames."""
+    rng = np.random.default_rng(4)
+    stamps = np.arange(100) / RATE
+    runs = []
+    for k in range(2):
+        times = stamps + (stamps > ONSET) * (LOST / RATE if k == 0 else 0.0)
+        places = np.stack([velocity * times, 0.0 * times, 8.0 - 0.5 * 9.81 * times**2], axis=-1)
+        half = 0.5 * (spin * times + rng.normal(0.0, sigma, len(times)))
+        turned = np.stack([np.cos(half), 0.0 * half, np.sin(half), 0.0 * half], axis=-1)
+        places += rng.normal(0.0, sigma, places.shape)
+        runs.append(Run(f"run{k}", ("ball",), stamps, places[:, None], turned[:, None]))
+    return Recording(tuple(runs))
+
+
+@pytest.mark.parametrize("told_by", ["places and turns", "turns alone"])
+def test_onset_and_length_of_a_gap_in_the_frames(told_by: str) -> None:
+    recording = turning(4.0, 15.0)
+    if told_by == "turns alone":
+        still = turning(0.0, 15.0).runs
+        recording = Recording(
+            tuple(replace(r, positions=np.where([True, False, False], r.positions, np.nan)) for r in still)
+        )
+    base = fitted_base(design(ball_world(), recording), ())
+    ways = [h for h in extended(base.hypothesis, catalogue()["dropped_frames"], recording)]
+    best = dropped_frame_leads(base.bench, base, ways, 3)[0]
+    told = dict(zip((u.name for u in best.hypothesis.unknowns), best.values, strict=True))
+    assert best.hypothesis.world.observer is not None
+    assert best.hypothesis.world.observer.shift_run == "run0"
+    assert told["shift_time"] == pytest.approx(ONSET, abs=1.5 / RATE)
+    assert told["shift"] == pytest.approx(LOST / RATE, rel=0.1)

@@ -1,0 +1,202 @@
+"""An unexplained force described, held against motion that SciPy integrated under laws outside the catalogue."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from polyworld.estimation.design import design
+from polyworld.expressions import Expression, compile_expression
+from polyworld.gap.examine import fitted_base
+from polyworld.gap.residual_law import Law
+from polyworld.gap.residual_scales import scales_of
+from polyworld.gap.residual_terms import Scales, library
+from polyworld.gap.unexplained import MAX_TERMS, ResidualForce, describe_unexplained
+from polyworld.recording import Recording, Run
+from polyworld.rollout import simulator
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+SIGMA = 0.001
+TIMES = np.arange(60) / 40.0
+
+
+def puck_world() -> World:
+    """A puck on a table without friction."""
+    puck = {
+        "name": "puck",
+        "representation": "rigid_planar",
+        "shape": {"kind": "cylinder", "radius": 0.05, "half_height": 0.01},
+        "friction": 0.0,
+        "position": [0.0, 0.0, 0.01],
+    }
+    return World.model_validate({"objects": [puck], "time": {"substep": 0.005}})
+
+
+def recorded(acceleration: Callable[[float, Array, Array], Array], seed: int, runs: int = 5) -> Recording:
+    """Runs of the puck from random starts, positions in the plane with noise of SIGMA."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for i in range(runs):
+        heading, speed = rng.uniform(0, 2 * np.pi), rng.uniform(0.8, 3.0)
+        start = [*rng.uniform(-1, 1, 2), speed * np.cos(heading), speed * np.sin(heading)]
+        motion = solve_ivp(
+            lambda t, y: np.concatenate([y[2:], acceleration(t, y[:2], y[2:])]),
+            (0.0, TIMES[-1]),
+            start,
+            t_eval=TIMES,
+            rtol=1e-9,
+            atol=1e-12,
+        )
+        places = np.full((len(TIMES), 1, 3), np.nan)
+        places[:, 0, :2] = motion.y[:2].T + rng.normal(0, SIGMA, (len(TIMES), 2))
+        found.append(Run(f"r{i}", ("puck",), TIMES, places, np.full((len(TIMES), 1, 4), np.nan)))
+    return Recording(tuple(found))
+
+
+def described(
+    acceleration: Callable[[float, Array, Array], Array], seed: int = 4, most_terms: int = MAX_TERMS
+) -> ResidualForce:
+    plan = design(puck_world(), recorded(acceleration, seed))
+    ground = fitted_base(plan, ())
+    return describe_unexplained(plan, ground.bench.noise, (), ground.fit, most_terms=most_terms)
+
+
+def test_drag_with_another_power_is_told_with_its_exponent():
+    power, strength = 1.5, 0.3
+    found = described(lambda _t, _x, v: -strength * np.linalg.norm(v) ** (power - 1) * v)
+    assert found.explains
+    assert found.directions == ("along the velocity",)
+    low, high = found.speed_exponents[0].interval95
+    assert low - 0.02 < power < high + 0.02
+    assert high - low < 0.3
+    assert {d.factor for d in found.dependence if d.in_law} == {"speed"}
+    assert all(d.p > 1e-4 for d in found.dependence if not d.in_law and np.isfinite(d.p))
+
+
+def test_drag_of_each_component_is_told_from_drag_along_the_velocity():
+    found = described(lambda _t, _x, v: -0.3 * np.abs(v) * v)
+    assert found.explains
+    assert found.directions == ("against each component by itself",)
+    assert found.speed_exponents[0].value == pytest.approx(2.0, abs=0.1)
+
+
+def test_drag_that_is_weaker_along_one_axis_is_told_with_the_exponent_of_the_force():
+    found = described(lambda _t, _x, v: -np.array([0.15, 0.35]) * np.linalg.norm(v) ** 1.2 * v)
+    assert found.explains
+    assert found.directions == ("against the velocity, by axes",)
+    low, high = found.speed_exponents[0].interval95
+    assert low - 0.02 < 2.2 < high + 0.02
+    assert high - low < 0.5
+
+
+def test_a_force_that_grows_with_the_place_is_told_with_its_components():
+    found = described(lambda _t, x, _v: 0.9 * x[1] * np.array([0.8, -0.6]))
+    assert found.explains
+    assert "x.y" in found.expression
+    assert "x.x" not in found.expression
+    assert next(d for d in found.dependence if d.factor == "position").chi2 > 100.0
+    length = float(found.expression.split("/")[1].split("[")[0])
+    assert found.numbers["kx"].value / length == pytest.approx(0.9 * 0.8, rel=0.05)
+    assert found.numbers["ky"].value / length == pytest.approx(-0.9 * 0.6, rel=0.05)
+
+
+def test_a_force_that_dies_away_is_told_with_its_time():
+    found = described(lambda t, _x, _v: 1.5 * np.exp(-t / 0.35) * np.array([0.6, 0.8]))
+    assert found.explains
+    assert found.expression.startswith("exp(-t/tau)")
+    assert len(compile_expression(Expression((found.written,)))) > 1
+    low, high = found.numbers["tau"].interval95
+    assert low - 0.01 < 0.35 < high + 0.01
+
+
+def test_the_child_world_moves_as_the_data_do():
+    acceleration = lambda _t, _x, v: -0.3 * np.linalg.norm(v) ** 0.5 * v  # noqa: E731
+    plan = design(puck_world(), recorded(acceleration, 4))
+    ground = fitted_base(plan, ())
+    found = describe_unexplained(plan, ground.bench.noise, (), ground.fit)
+    assert found.world is not None
+    assert [e.kind for e in found.world.effects] == ["expression"]
+    start = {"objects.puck.velocity.x": 2.0, "objects.puck.velocity.y": 1.0}
+    batch = simulator(found.world, TIMES).run({p: np.array([v]) for p, v in start.items()})
+    truth = solve_ivp(
+        lambda t, y: np.concatenate([y[2:], acceleration(t, y[:2], y[2:])]),
+        (0.0, TIMES[-1]),
+        [0.0, 0.0, 2.0, 1.0],
+        t_eval=TIMES,
+        rtol=1e-9,
+    )
+    np.testing.assert_allclose(batch.positions[0, :, 0, :2], truth.y[:2].T, atol=3 * SIGMA)
+
+
+def test_a_law_that_no_sum_of_terms_writes_is_not_said_to_explain():
+    """Hills and hollows of potential, several of which every run crosses."""
+
+    def hills(_t: float, x: Array, _v: Array) -> Array:
+        return 2.0 * np.array([np.sin(3.0 * x[0]) * np.cos(3.0 * x[1]), np.cos(3.0 * x[0]) * np.sin(3.0 * x[1])])
+
+    found = described(hills, most_terms=1)  # three take half a minute and more
+    assert not found.explains
+    assert "does not explain" in found.summary()
+    assert found.chi2_after > 1.5 * found.data
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    found = described(lambda _t, _x, _v: np.zeros(2))
+    assert found.expression == ""
+    assert found.world is None
+    assert found.to_json()["summary"] == "no term describes what is unexplained"
+
+
+def test_equal_inputs_give_equal_answers():
+    def law(_t: float, _x: Array, v: Array) -> Array:
+        return -0.3 * np.abs(v) * v
+
+    assert described(law, 7).to_json() == described(law, 7).to_json()
+
+
+def test_signs_of_a_law_with_its_numbers_are_drawn_together():
+    drag = next(t for t in library(Scales(2.0, 1.0, (0.0, 0.0, 0.0), 1.0, 0.01, 0.0, "xy")) if t.name == "drag")
+    law = Law((drag, drag))
+    values = {"k1": -0.5, "p1": 1.0, "k2": -0.25, "p2": 2.0}
+    assert law.literal(values) == ("0.5[m/s^2]*(speed/2[m/s])^1*unit(v) + 0.25[m/s^2]*(speed/2[m/s])^2*unit(v)")
+
+
+@pytest.mark.parametrize("axes", ["xyz", "xy", "z"])
+def test_every_term_of_the_library_is_an_acceleration(axes):
+    terms = library(Scales(3.2, 1.5, (0.0, 0.2, 1.0), 1.6, 0.01, 20.0, axes))
+    assert len({t.name for t in terms}) == len(terms)
+    for term in terms:
+        names = {n: n for n in (*term.strengths, *(s.name for s in term.shapes))}
+        units = [(s, "m/s^2") for s in term.strengths] + [(s.name, s.unit) for s in term.shapes]
+        compile_expression(Expression((term.written(names),), tuple(units)))
+
+
+def test_scales_are_those_of_the_motion():
+    plan = design(puck_world(), recorded(lambda _t, _x, _v: np.zeros(2), 4))
+    scales = scales_of(plan, plan.world, fitted_base(plan, ()).fit)
+    assert scales.axes == "xy"
+    assert 0.8 < scales.speed < 3.0
+    assert scales.duration == pytest.approx(TIMES[-1])
+    assert scales.interval == pytest.approx(0.025)
+    assert scales.spin == 0.0
+
+
+def test_a_search_that_ends_at_its_limit_of_steps_says_so(monkeypatch):
+    monkeypatch.setattr("polyworld.gap.unexplained.MOST_STEPS", 1.0)
+    found = described(lambda _t, x, v: 0.9 * x[1] * np.array([0.8, -0.6]) - 0.3 * np.linalg.norm(v) * v)
+    assert not found.explains
+    assert not found.complete
+    assert "limit of integration steps" in found.summary()
+    assert found.tried < 10
+
+
+def test_a_world_that_holds_an_unexplained_force_may_get_another():
+    term = library(Scales(2.0, 1.0, (0.0, 0.0, 0.0), 1.0, 0.01, 0.0, "xy"))[0]
+    law = Law((term,))
+    once = law.in_world(puck_world(), None, {})
+    twice = law.in_world(once, None, {})
+    assert [e.name for e in twice.effects] == ["unexplained", "unexplained_2"]
+    assert {u.paths[0].split(".")[1] for u in law.unknowns(once)} == {"unexplained_2"}
