@@ -12,6 +12,7 @@ import numpy as np
 from atw_mcp.gap_unknowns import unknown_of
 from atw_mcp.gap_words import verdict_text, worth_text
 from atw_mcp.jobs import Cancelled, Progress
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, Part
@@ -20,7 +21,6 @@ from polyworld.estimation.parts import in_parts, of_whole_runs
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.cautions import cautions
 from polyworld.gap.comparison import Compared, compared
 from polyworld.gap.examine import fitted_base, with_refined_noise

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.parameters import with_parameters
 from polyworld.recording import Recording, Run
 from polyworld.world import World

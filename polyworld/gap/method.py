@@ -16,13 +16,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.design import design
 from polyworld.estimation.intervals import intervals95
 from polyworld.estimation.parts import in_parts, of_whole_runs
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.clock import Clock, TimeLimitReached

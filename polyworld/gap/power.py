@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chndtr
 
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate
 
 Array = NDArray[np.float64]
 

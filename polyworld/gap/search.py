@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, Part, extended, without_part
 from polyworld.estimation.mending import IN_DOUBT, UNLIKELY, anew, begun, looked_through, refused, searched
 from polyworld.estimation.profiled import profiled, touchy
@@ -22,7 +23,6 @@ from polyworld.estimation.score_test import ScoreTestStart, leads
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
 from polyworld.gap import window_search
 from polyworld.gap.astray import astray
-from polyworld.gap.candidate import Candidate
 from polyworld.gap.parents import unlike
 from polyworld.gap.predicted_gains import PredictedGain, first_of_each, identity, promise, shares
 from polyworld.gap.window_search import HOPELESS, ONWARD, WindowSearch

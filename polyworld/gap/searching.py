@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from polyworld.estimation import profile
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.noise import Noise, refined_noise
 from polyworld.estimation.parts import halved
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.competitors import fit_rivals
 from polyworld.gap.decide import PLAIN

@@ -8,7 +8,7 @@ import pkgutil
 from collections.abc import Sequence
 from functools import cache
 
-from polyworld.gap.candidate import Candidate
+from polyworld.estimation.candidate import Candidate
 
 # Groups in the order in which readers meet them; within a group, the order of its module.
 _GROUPS = ("base", "force", "contact", "structure", "joint", "material", "observer")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import BODIES, RIGID, neutral, of_path
 from polyworld.gap.conditions import conditions
 from polyworld.parameters import object_mass, read_parameter

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import RIGID, effect, neutral, of_effect, with_effects
 from polyworld.gap.catalogue.force import one_effect
 from polyworld.gap.conditions import conditions

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import BODIES, RIGID, effect, neutral, of_effect, with_effects
 from polyworld.gap.conditions import SHARE, Conditions, conditions, tracks
 from polyworld.gap.places import box_grid, visited_places

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from polyworld import geometry
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import BODIES, RIGID, effect, neutral, of_effect, with_effects
 from polyworld.gap.catalogue.unseen_spin import lift_by_unseen_spins
 from polyworld.gap.conditions import SHARE, Conditions, conditions

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import RIGID, neutral, of_path, with_parts
 from polyworld.gap.conditions import Conditions, conditions, reach
 from polyworld.parameters import parameter_paths

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import neutral, of_path
 from polyworld.parameters import parameter_paths, read_parameter
 from polyworld.recording import Recording

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import BODIES, neutral, of_path, with_parts
 from polyworld.gap.dropped_frames import dropped_frame_leads
 from polyworld.observer import MARGIN, Observer

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.catalogue.adding import RIGID, free_name, of_path, with_parts
 from polyworld.gap.conditions import Conditions, conditions, reach, tracks
 from polyworld.gap.places import Kink, kinks

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from polyworld.estimation.candidate import Variant
 from polyworld.estimation.linkage import is_held
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.candidate import Variant
 from polyworld.gap.catalogue.adding import effect, neutral, of_effect, with_effects
 from polyworld.gap.conditions import SHARE, conditions
 from polyworld.recording import Recording, Run
