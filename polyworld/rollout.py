@@ -40,11 +40,12 @@ class ScheduledSimulator(Simulator, Protocol):
         self,
         overrides: Mapping[str, Array] | None = None,
         *,
-        samples: int | None = None,
+        samples: int | NDArray[np.int64] | None = None,
         schedule: NDArray[np.int64] | None = None,
     ) -> BatchTrajectory:
         """As `Simulator.run`. schedule (W,), W <= n_worlds: which list of sample times each world has (default: the
-        first in all n_worlds); times, and states, are NaN beyond the end of a shorter one."""
+        first in all n_worlds); times, and states, are NaN beyond the end of a shorter one. samples: of all worlds, or
+        of each (W,)."""
         ...
 
 

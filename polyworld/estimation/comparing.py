@@ -1,44 +1,39 @@
-"""Compare simulated with measured motion: residuals of all worlds of a batch at once, runs filled up to equal length."""
+"""Compare simulated with measured motion: residuals of all worlds of a batch at once, runs filled up alike."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.design import RunDesign
 from polyworld.estimation.rotation_counting import counted_angles, counted_vectors
+from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.symmetry import rotation_vector, smallest_rotation, turn_about
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Kind = Literal["position", "spin"]
+
+KINDS: tuple[Kind, ...] = ("position", "spin")
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of W worlds at up to T instants: positions (W, T, n, 3), and of bodies orientations (W, T, n, 4).
+    """Motion of W worlds at up to T instants: positions, spins (W, T, n, 3), and orientations (W, T, n, 4) of bodies.
 
-    Planar motion in the plane's own coordinates has poses (W, T, n, 3) in place of both, and heights (W, n).
     names: of the n columns. diverged (W,).
     """
 
     names: tuple[str, ...]
     diverged: Bools
-    positions: Array | None = None
-    orientations: Array | None = None
-    pose: Array | None = None
-    height: Array | None = None
-
-    @property
-    def instants(self) -> int:
-        """Number T of instants."""
-        there = self.positions if self.pose is None else self.pose
-        assert there is not None
-        return there.shape[1]
+    positions: Array
+    orientations: Array
+    spins: Array
 
 
 @dataclass(frozen=True)
@@ -55,18 +50,22 @@ class _Turned:
 
 
 @dataclass(frozen=True)
-class _Table:
-    """One run as it is compared.
-
-    column, row, axis, seen (p,): of every measured position, and where (p,) the residual has it. turned: bodies whose
-    orientations were measured. length: of the residual.
-    """
+class _Components:
+    """Measured positions, or spins, of one run: column, row, axis, value (p,), and where (p,) the residual has them."""
 
     where: Ints
     column: Ints
     row: Ints
     axis: Ints
     seen: Array
+
+
+@dataclass(frozen=True)
+class _Table:
+    """One run as it is compared. turned: bodies whose orientations were measured. length: of the residual."""
+
+    position: _Components
+    spin: _Components
     turned: tuple[_Turned, ...]
     length: int
 
@@ -80,6 +79,8 @@ class Comparison:
 
     def __init__(self, planar: bool, axes: Array, sampled: Callable[[RunDesign], Ints]) -> None:
         self._planar, self._axes, self._sampled = planar, axes, sampled
+        self._level = bool(np.all(np.abs(np.abs(axes[2]).max() - 1.0) < 1e-12))  # heights do not enter what is compared
+        self._as_it_is = bool(np.array_equal(axes, np.eye(3)))
         self._tables: dict[tuple[int, tuple[str, ...]], _Table] = {}
         self._stacks: dict[tuple[tuple[int, ...], tuple[str, ...]], _Stack] = {}
 
@@ -88,11 +89,12 @@ class Comparison:
         self._tables.clear()
         self._stacks.clear()
 
-    def residuals(self, runs: Sequence[RunDesign], motion: Motion, described: Array | None) -> Array:
+    def residuals(self, runs: Sequence[RunDesign], motion: Motion | PlaneMotion, reached: Ints) -> Array:
         """Return residuals (R, k, M) of R k worlds against R runs, k worlds each, runs filled up with zeros.
 
-        Zero at instants that were not simulated; NaN where a rollout diverged.
+        reached (R,): rows simulated of each run; beyond them residuals are zero. NaN where a rollout diverged.
         """
+        described = motion.described if isinstance(motion, PlaneMotion) else None
         key = (tuple(r.index for r in runs), motion.names)
         if key not in self._stacks:
             if len(self._stacks) >= KEPT:
@@ -101,53 +103,48 @@ class Comparison:
         stack = self._stacks[key]
         each = len(motion.diverged) // len(runs)
         found = np.zeros((len(runs), each, stack.length))
-        self._places(found, stack, motion)
+        for kind, components in stack.components.items():
+            self._compare(found, components, self._source(kind, motion, len(runs)), reached)
         for turned in stack.turned:
-            self._turns(found, turned, motion)
+            self._turns(found, turned, motion, reached)
         found[motion.diverged.reshape(len(runs), each)] = np.nan
         return found
 
-    def _places(self, found: Array, stack: _Stack, motion: Motion) -> None:
-        runs, each = found.shape[:2]
-        take, there = stack.take, stack.row < motion.instants
-        source = motion.positions if motion.pose is None else motion.pose
-        assert source is not None
-        flat = source.reshape(runs, each, -1)
-        take = np.where(there, take, 0)
-        if motion.pose is None:
-            values = np.take_along_axis(flat, take[:, None], axis=2)
+    def _source(self, kind: Kind, motion: Motion | PlaneMotion, runs: int) -> Array:
+        """Positions or spins (R, k, T, n, 3), along the world's axes."""
+        if isinstance(motion, Motion):
+            found = motion.positions if kind == "position" else motion.spins
+        elif kind == "spin":
+            found = motion.rate[..., 2:] * self._axes[2]
+        elif self._level:
+            found = motion.pose if self._as_it_is else motion.pose[..., :2] @ self._axes[:2]
         else:
-            assert motion.height is not None
-            values = np.zeros((runs, each, take.shape[1]))
-            for part in range(2):
-                factor = self._axes[part][stack.axis]
-                if np.any(factor):
-                    shift = np.where(there, stack.flat + part, 0)
-                    values += np.take_along_axis(flat, shift[:, None], axis=2) * factor[:, None]
-            factor = self._axes[2][stack.axis]
-            if np.any(np.abs(factor) > 1e-12):
-                heights = motion.height.reshape(runs, each, -1)
-                values += np.take_along_axis(heights, stack.column[:, None], axis=2) * factor[:, None]
-        values -= stack.seen[:, None]
-        values *= (there & stack.there)[:, None]
-        if stack.aligned:
+            found = motion.pose[..., :2] @ self._axes[:2] + motion.height[:, None, :, None] * self._axes[2]
+        return found.reshape(runs, -1, *found.shape[1:])
+
+    def _compare(self, found: Array, own: _StackedComponents, source: Array, reached: Ints) -> None:
+        runs, each = source.shape[:2]
+        there = own.there & (own.row < reached[:, None])
+        take = np.where(there, own.take, 0)
+        values = np.take_along_axis(source.reshape(runs, each, -1), take[:, None], axis=2)
+        values = np.where(there[:, None], values - own.seen[:, None], 0.0)
+        if own.leading:
             found[:, :, : values.shape[2]] = values
             return
-        for i, (where, count) in enumerate(zip(stack.where, stack.counts, strict=True)):
-            found[i][:, where] = values[i, :, :count]
+        for i, where in enumerate(own.where):
+            found[i][:, where] = values[i, :, : len(where)]
 
-    def _turns(self, found: Array, turned: _StackedTurns, motion: Motion) -> None:
+    def _turns(self, found: Array, turned: _StackedTurns, motion: Motion | PlaneMotion, reached: Ints) -> None:
         column = motion.names.index(turned.name)
         runs, each = len(turned.runs), found.shape[1]
-        there = turned.there & (turned.rows < motion.instants)
+        there = turned.there & (turned.rows < reached[turned.runs, None])
         rows = np.where(there, turned.rows, 0)
-        if motion.pose is not None:
+        if isinstance(motion, PlaneMotion):
             angle = motion.pose[:, :, column, 2].reshape(found.shape[0], each, -1)[turned.runs]
             angles = np.take_along_axis(angle, rows[:, None], axis=2) - turned.angles[:, None]
             vectors = np.zeros((runs, each, rows.shape[1], 3))
             vectors[..., 2] = self._folded(angles, turned.order, there)
         else:
-            assert motion.orientations is not None
             every = motion.orientations[:, :, column].reshape(found.shape[0], each, -1, 4)[turned.runs]
             simulated = np.take_along_axis(every, rows[:, None, :, None], axis=2)
             simulated = np.where(there[:, None, :, None], simulated, IDENTITY)
@@ -199,64 +196,69 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def _table(run: RunDesign, names: tuple[str, ...], sampled: Ints, axes: Array, described: Array | None) -> _Table:
-    where, column, row, axis, seen = [], [], [], [], []
+    parts: dict[str, list[tuple[NDArray[Any], ...]]] = {"position": [], "spin": []}
     turned: dict[str, _Turned] = {}
     for s in run.series:
-        own = run.run.names.index(s.name)
-        if s.kind == "position":
-            count = len(s.rows)
-            where.append(np.arange(s.where.start, s.where.stop))
-            column.append(np.full(count, names.index(s.name)))
-            row.append(sampled[s.rows])
-            axis.append(np.full(count, s.axis))
-            seen.append(run.run.positions[s.rows, own, s.axis])
+        own, column, count = run.run.names.index(s.name), names.index(s.name), len(s.rows)
+        if s.kind != "rotation":
+            measured = run.run.positions if s.kind == "position" else run.run.angular_velocities
+            where = np.arange(s.where.start, s.where.stop)
+            full = (np.full(count, column), sampled[s.rows], np.full(count, s.axis))
+            parts[s.kind].append((where, *full, measured[s.rows, own, s.axis]))
             continue
         if s.name not in turned:
             observed = run.run.orientations[s.rows, own]
             angles = None
             if described is not None:
-                base = np.broadcast_to(described[:, names.index(s.name)], observed.shape)
-                angles = -turn_about(base[None], observed, axes[2], np.ones(len(s.rows), dtype=np.int64))[0]
+                base = np.broadcast_to(described[:, column], observed.shape)
+                angles = -turn_about(base[None], observed, axes[2], np.ones(count, dtype=np.int64))[0]
             turned[s.name] = _Turned(s.name, sampled[s.rows], observed, int(run.run.symmetry[own]), angles, {})
         turned[s.name].where[s.axis] = s.where
-    none = np.zeros(0, dtype=np.int64)
-    parts = [np.concatenate(p) if p else none for p in (where, column, row, axis)]
-    places = np.concatenate(seen) if seen else np.zeros(0)
-    return _Table(parts[0], parts[1], parts[2], parts[3], places, tuple(turned.values()), run.length)
+    return _Table(_components(parts["position"]), _components(parts["spin"]), tuple(turned.values()), run.length)
+
+
+def _components(parts: Sequence[tuple[NDArray[Any], ...]]) -> _Components:
+    if not parts:
+        none = np.zeros(0, dtype=np.int64)
+        return _Components(none, none, none, none, np.zeros(0))
+    return _Components(*(np.concatenate(p) for p in zip(*parts, strict=True)))
 
 
 class _Stack:
-    """Tables of R runs, filled up to equal lengths P of positions."""
+    """Tables of R runs, filled up to equal lengths."""
 
     def __init__(self, tables: Sequence[_Table], columns: int) -> None:
         self.length = max(t.length for t in tables)
-        self.counts = [len(t.where) for t in tables]
-        self.where = [t.where for t in tables]
-        self.aligned = all(np.array_equal(t.where, np.arange(len(t.where))) for t in tables)
-        most = max(self.counts)
-        self.there = np.arange(most) < np.array(self.counts)[:, None]
-        self.row, self.column, self.axis = (
-            np.array([np.pad(getattr(t, name), (0, most - len(t.where))) for t in tables], dtype=np.int64)
-            for name in ("row", "column", "axis")
-        )
-        self.seen = np.array([np.pad(t.seen, (0, most - len(t.seen))) for t in tables])
-        self.flat = (self.row * columns + self.column) * 3
-        self._tables = tables
-
-    @cached_property
-    def take(self) -> Ints:
-        """Where positions (T, n, 3) have what was measured (R, P)."""
-        found: Ints = self.flat + self.axis
-        return found
-
-    @cached_property
-    def turned(self) -> list[_StackedTurns]:
-        """Measured orientations, body by body."""
-        found: dict[tuple[str, int], list[tuple[int, _Turned]]] = {}
-        for i, table in enumerate(self._tables):
+        self.components: dict[Kind, _StackedComponents] = {}
+        for kind in KINDS:
+            own = [getattr(t, kind) for t in tables]
+            if any(len(c.where) for c in own):
+                self.components[kind] = _StackedComponents(own, columns)
+        turned: dict[tuple[str, int], list[tuple[int, _Turned]]] = {}
+        for i, table in enumerate(tables):
             for one in table.turned:
-                found.setdefault((one.name, one.order), []).append((i, one))
-        return [_StackedTurns(name, order, own) for (name, order), own in found.items()]
+                turned.setdefault((one.name, one.order), []).append((i, one))
+        self.turned = [_StackedTurns(name, order, of_runs) for (name, order), of_runs in turned.items()]
+
+
+class _StackedComponents:
+    """Positions or spins of R runs, filled up to equal numbers P.
+
+    take (R, P): where motion (T, n, 3) has them. there (R, P): which are measured. leading: whether they are the first
+    entries of every run's residual, in order.
+    """
+
+    def __init__(self, own: Sequence[_Components], columns: int) -> None:
+        most = max(len(c.where) for c in own)
+        self.where = [c.where for c in own]
+        self.leading = all(np.array_equal(w, np.arange(len(w))) for w in self.where)
+        self.there = np.arange(most) < np.array([len(w) for w in self.where])[:, None]
+        filled = {
+            name: np.array([np.pad(getattr(c, name), (0, most - len(c.where))) for c in own])
+            for name in ("row", "column", "axis", "seen")
+        }
+        self.row, self.seen = filled["row"], filled["seen"]
+        self.take = (self.row * columns + filled["column"]) * 3 + filled["axis"]
 
 
 class _StackedTurns:
@@ -275,5 +277,3 @@ class _StackedTurns:
             if t.angles is not None:
                 self.angles[i, : len(t.rows)] = t.angles
         self.where = [t.where for _, t in own]
-
-

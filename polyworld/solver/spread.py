@@ -6,7 +6,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
-
 SHARE = 16  # worlds that are worth a launch of their own: to hand one to a thread takes as long as a few rollouts
 
 

@@ -56,8 +56,8 @@ class Schedules:
     joins: NDArray[np.int32]
     reach: NDArray[np.int32]
 
-    def segments(self, schedule: NDArray[np.int64], samples: int) -> NDArray[np.int32]:
-        """Return how many segments (W,) worlds of these schedules (W,) take to their first `samples` samples."""
+    def segments(self, schedule: NDArray[np.int64], samples: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return how many segments (W,) worlds of these schedules (W,) take to their first `samples`."""
         found: NDArray[np.int32] = self.reach[schedule, samples - 1]
         return found
 

@@ -119,7 +119,7 @@ class ParameterBuffers:
         self._content: dict[str, Any] = {}  # of the record's arrays, seen by NumPy
 
     def write(self, arrays: RigidArrays) -> None:
-        """Copy parameters into the kernel's arrays, which are made anew only where a field comes to differ per world."""
+        """Copy parameters into the kernel's arrays, made again only where a field comes to differ per world."""
         names = ("static_position", "static_orientation", "static_plane")
         poses = dict(zip(names, static_poses(self._world, arrays), strict=True))
         for name, dtype in PARAMETER_TYPES.items():

@@ -74,18 +74,19 @@ class SpatialSimulator:
         self,
         overrides: Mapping[str, Array] | None = None,
         *,
-        samples: int | None = None,
+        samples: int | NDArray[np.int64] | None = None,
         schedule: NDArray[np.int64] | None = None,
     ) -> BatchTrajectory:
         """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
         most = self.sample_times.shape[1]
-        count = most if samples is None else samples
-        if not 1 <= count <= most:
+        each = np.asarray(most if samples is None else samples)
+        if each.min() < 1 or each.max() > most:
             raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+        count = int(each.max())
         worlds = check_worlds(self.n_worlds, overrides, schedule)
         arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
         own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
-        self._own[:worlds], self._reach[:worlds] = own, self._table.segments(own, count)
+        self._own[:worlds], self._reach[:worlds] = own, self._table.segments(own, each)
         self._write(arrays, worlds)
         self._launch(worlds)
         return self._read(arrays, own, count)
