@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions, unequal
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -20,3 +22,14 @@ LAW = EffectLaw(
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 25",
 )
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not unequal(found.masses):
+        return []
+    free = {"rate": strength(found.force / found.speed / found.mass, found.weight / found.speed / found.mass)}
+    same = ("viscous_friction",) if found.supported else ()
+    return [Way(free, label="one coefficient per mass", same_as=same)]
+
+
+ABSENCE = Absence(ways, effect="linear_drag")

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -19,3 +21,12 @@ LAW = EffectLaw(
     force=force,
     reference="Sawatzki (1970), Acta Mech. 9, 159: a ball that turns fast, k = C_M rho R^5 / 2",
 )
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.spin_shows:
+        return []
+    return [Way({"coefficient": strength(found.spin_decay / found.spin)}, label="as the square of the spin")]
+
+
+ABSENCE = Absence(ways, effect="spin_damping", torque=True)

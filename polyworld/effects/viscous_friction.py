@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -18,4 +20,20 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Olsson, Astrom, Canudas de Wit, Gafvert & Lischinsky (1998), Eur. J. Control 4, 176",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.slides:
+        return []
+    same = ("linear_drag",) if found.supported else ()
+    # A film that resists with more than the weight would carry the body along.
+    free = {"coefficient": strength(found.force / found.speed, found.weight / found.speed)}
+    return [Way(free, same_as=same)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="deceleration in contact that grows with the speed; none in flight",
+    confused_with={"linear_drag": "free flight", "friction_error": "sliding at several speeds"},
 )

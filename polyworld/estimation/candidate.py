@@ -47,7 +47,7 @@ class Variant:
 class Candidate:
     """An effect that may be missing: its law and how it shows.
 
-    name: standard name, as verdicts tell it. law: formula. representations: those it applies to. signature: what its
+    name: standard name, as verdicts tell it. law: formula. signature: what its
     absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
     written down. variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of
     its own, for an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this
@@ -59,7 +59,6 @@ class Candidate:
     name: str
     group: Group
     law: str
-    representations: frozenset[str]
     signature: str
     reference: str
     variants: Callable[[World, Recording], tuple[Variant, ...]]

@@ -1,4 +1,4 @@
-"""Things that may stand unseen in the way: a wall, a second body."""
+"""A wall that nobody sees."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.effects.conditions import Conditions
 from polyworld.estimation.candidate import Candidate, Variant
-from polyworld.estimation.unknown import Unknown
-from polyworld.gap.catalogue.adding import RIGID, free_name, of_path, with_parts
-from polyworld.gap.conditions import Conditions, conditions, reach, tracks
-from polyworld.gap.places import Kink, kinks
-from polyworld.parameters import object_mass
+from polyworld.gap.adding import free_name, of_path, with_parts
+from polyworld.gap.conditions import conditions, reach, tracks
+from polyworld.gap.kinks import Kink, kinks
 from polyworld.recording import Recording
-from polyworld.shapes import Plane, Sphere
+from polyworld.shapes import Plane
 from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
@@ -27,7 +26,6 @@ SKEW = 0.15  # error of a wall's direction that noise may make [rad]
 NEARBY = 0.5  # of a body's radius, within which two hits are too near to tell how a wall runs
 WIDEST = 1.4  # angle of a jump to a wall's normal [rad]
 SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
-HEAVIEST = 20.0  # times the mass of what struck it
 
 
 def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -161,158 +159,17 @@ def _faces(world: World, hits: Sequence[Kink], flat: Sequence[int]) -> list[tupl
     return found
 
 
-def _body(world: World, recording: Recording) -> tuple[Variant, ...]:
-    found = conditions(world, recording)
-    if not world.objects or len(found.axes) < 2:
-        return ()
-    made: list[Variant] = []
-    whole = all(run.part_of is None for run in recording.runs)  # else each part would find a struck body back at rest
-    for kind in ("rigid_planar", "rigid_spatial"):
-        struck = [k for k in kinks(world, recording) if world.object(k.name).representation == kind]
-        floor = _floor(world) if kind == "rigid_spatial" else None
-        low = [k for k in struck if floor is not None and _lies(world, k, floor)]
-        high = [k for k in struck if kind == "rigid_spatial" and not any(k is x for x in low)]
-        if kind == "rigid_planar" and struck and whole:
-            made.append(_free_body(world, found, struck, None))
-        if low and whole:
-            made.append(_free_body(world, found, low, floor))
-        if high:
-            made.append(_fixed_body(world, found, high))
-    return tuple(made)
-
-
-def _floor(world: World) -> float | None:
-    """Height of a level floor that gravity presses on."""
-    gravity = np.asarray(world.environment.gravity)
-    if not (gravity[2] < 0.0 and abs(gravity[0]) + abs(gravity[1]) < 1e-9):
-        return None
-    for static in world.statics:
-        shape = static.shape
-        if isinstance(shape, Plane) and geometry.quaternion_matrix(np.asarray(static.orientation))[2] @ np.asarray(
-            shape.normal
-        ) > (1.0 - 1e-9) * float(np.linalg.norm(shape.normal)):
-            return float(static.position[2] + shape.offset)
-    return None
-
-
-def _lies(world: World, kink: Kink, floor: float) -> bool:
-    """Whether what was struck may have lain on the floor: as large as the body itself, and beside or below it."""
-    radius = reach(world, world.object(kink.name))
-    return bool(kink.place[2] - floor < 3.0 * radius and kink.direction[2] > -0.3)
-
-
-def _where(world: World, kink: Kink, radius: float) -> Array:
-    """Centre (3,) of a ball that the body struck, from the direction in which it was thrown back."""
-    centre: Array = kink.place - kink.direction * (reach(world, world.object(kink.name)) + radius)
-    return centre
-
-
-def _free_body(world: World, found: Conditions, struck: Sequence[Kink], floor: float | None) -> Variant:
-    """A ball at rest, as large as what struck it, that is free to move."""
-    item = world.object(struck[0].name)
-    radius = reach(world, item)
-    taken = [*world.moving_names, *(s.name for s in world.statics)]
-    name = free_name("hidden_body", taken)
-    places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
-    axes = list(found.axes)
-    if floor is not None:
-        axes = [0, 1]
-        places = [np.array([p[0], p[1], floor + radius]) for p in places]
-    elif world.planar:
-        for p in places:
-            p[[a for a in range(3) if a not in axes]] = np.asarray(item.position)[
-                [a for a in range(3) if a not in axes]
-            ]
-    mass = object_mass(item)
-    still = (0.0, 0.0, 0.0)
-    body = item.model_copy(
-        update={
-            "name": name,
-            "shape": Sphere(radius=radius),
-            "position": _point(places[0]),
-            "orientation": (1.0, 0.0, 0.0, 0.0),
-            "velocity": still,
-            "angular_velocity": still,
-            "mass": mass,
-        }
-    )
-    child = with_parts(world, objects=(*world.objects, body))
-    head = f"objects.{name}"
-    unknowns = (
-        *_placed(child, f"{head}.position", axes, places[0], found),
-        of_path(child, (f"{head}.mass",), "mass", mass, 0.5 * mass, lower=mass / HEAVIEST, upper=mass * HEAVIEST),
-    )
-    starts = []
-    for kink, place in zip(struck, places, strict=False):
-        own = object_mass(world.object(kink.name))
-        starts.append({"xyz"[a]: float(place[a]) for a in axes} | {"mass": _struck_mass(world, kink, own)})
-    return Variant(child, unknowns, tuple(starts), "free")
-
-
-def _placed(child: World, head: str, axes: Sequence[int], place: Array, found: Conditions) -> list[Unknown]:
-    return [
-        of_path(
-            child,
-            (f"{head}.{'xyz'[a]}",),
-            "xyz"[a],
-            float(place[a]),
-            0.1 * found.spread,
-            lower=float(found.lower[a]) - found.size,
-            upper=float(found.upper[a]) + found.size,
-        )
-        for a in axes
-    ]
-
-
-def _point(place: Array) -> tuple[float, float, float]:
-    return float(place[0]), float(place[1]), float(place[2])
-
-
-def _struck_mass(world: World, kink: Kink, mass: float) -> float:
-    """Mass of a body at rest that throws another back as seen: m u (1 + e) / (m + M) = jump / M."""
-    approach = float(-kink.before @ kink.direction)
-    restitution = world.object(kink.name).restitution
-    share = float(np.linalg.norm(kink.jump)) / max((1.0 + restitution) * approach, 1e-9)
-    return float(np.clip(mass * share / max(1.0 - share, 1e-3), mass / HEAVIEST, mass * HEAVIEST))
-
-
-def _fixed_body(world: World, found: Conditions, struck: Sequence[Kink]) -> Variant:
-    """A ball that does not move, as large as what struck it."""
-    radius = reach(world, world.object(struck[0].name))
-    name = free_name("hidden_body", [*world.moving_names, *(s.name for s in world.statics)])
-    places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
-    body = StaticObject(name=name, shape=Sphere(radius=radius), position=_point(places[0]))
-    child = with_parts(world, statics=(*world.statics, body))
-    unknowns = tuple(_placed(child, f"statics.{name}.position", found.axes, places[0], found))
-    starts = tuple({"xyz"[a]: float(place[a]) for a in found.axes} for place in places)
-    return Variant(child, unknowns, starts, "fixed")
-
-
 CANDIDATES = (
     Candidate(
         name="hidden_wall",
         group="structure",
         law="a plane that bodies rebound from",
-        representations=RIGID,
         signature="paths that turn back along one straight line where nothing is seen",
         reference="Newton's law of impact at a fixed plane",
         variants=_wall,
         confused_with={
             "hidden_body": "hits at several places: a wall turns all back along one line",
             "tether": "the sharpness of the turn, and its shape: a tether's is a circle",
-        },
-    ),
-    Candidate(
-        name="hidden_body",
-        group="structure",
-        law="a ball, as large as what strikes it, at rest until it is struck",
-        representations=RIGID,
-        signature="a sudden change of one body's velocity where nothing is seen",
-        reference="Newton's law of impact between two bodies",
-        variants=_body,
-        confused_with={
-            "hidden_wall": "hits at several places",
-            "fan": "the sharpness of the change",
         },
     ),
 )
