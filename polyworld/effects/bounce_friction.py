@@ -16,7 +16,7 @@ LAW = EffectLaw(
     kind="bounce_friction",
     summary="an impact takes the share f of the centres' relative velocity along the contact, after Coulomb friction",
     parameters={
-        "share": EffectParameter("1", 0.0, 1.0, (0.0, 0.5), 0.0, "part of the tangential velocity that is lost"),
+        "share": EffectParameter("1", 0.0, 1.0, (0.0, 0.5), 0.0, "part of the tangential velocity that is lost")
     },
     tangential=tangential,
     reference="Brody (1984), Phys. Teach. 22, 494: so a bounce with sliding does at one angle; here at all",

@@ -17,11 +17,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="coriolis",
     summary="F = -2 m Omega x v, without the centrifugal force",
-    parameters={
-        "rotation_x": _AXIS,
-        "rotation_y": _AXIS,
-        "rotation_z": _AXIS,
-    },
+    parameters={"rotation_x": _AXIS, "rotation_y": _AXIS, "rotation_z": _AXIS},
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39; the centrifugal force, of second order in Omega, is left out",

@@ -15,9 +15,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="linear_damping",
     summary="F = -m c v",
-    parameters={
-        "rate": EffectParameter("1/s", 0.0, 1e4, (0.0, 2.0), 0.0, "deceleration per speed"),
-    },
+    parameters={"rate": EffectParameter("1/s", 0.0, 1e4, (0.0, 2.0), 0.0, "deceleration per speed")},
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 25",

@@ -15,9 +15,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="linear_drag",
     summary="F = -c v",
-    parameters={
-        "coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "drag force per speed"),
-    },
+    parameters={"coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "drag force per speed")},
     force=force,
     reference="Stokes (1851); c = 6 pi eta R for a ball",
 )

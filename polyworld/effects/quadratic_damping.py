@@ -15,9 +15,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="quadratic_damping",
     summary="F = -m c |v| v",
-    parameters={
-        "rate": EffectParameter("1/m", 0.0, 1e6, (0.0, 0.2), 0.0, "deceleration per squared speed"),
-    },
+    parameters={"rate": EffectParameter("1/m", 0.0, 1e6, (0.0, 0.2), 0.0, "deceleration per squared speed")},
     force=force,
     per_mass=True,
     reference="Newton, Principia II, prop. 5: resistance as the squared speed; here per mass, as damping is",

@@ -15,9 +15,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="quadratic_drag",
     summary="F = -k |v| v, k = rho C_d A / 2",
-    parameters={
-        "coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed"),
-    },
+    parameters={"coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed")},
     force=force,
     reference="Newton, Principia II; Batchelor, An Introduction to Fluid Dynamics, 5.11",
 )

@@ -16,7 +16,7 @@ LAW = EffectLaw(
     kind="restitution_speed",
     summary="e(v) = e0 / (1 + k v)",
     parameters={
-        "rate": EffectParameter("s/m", 0.0, 1e3, (0.0, 0.5), 0.0, "relative loss of restitution per approach speed"),
+        "rate": EffectParameter("s/m", 0.0, 1e3, (0.0, 0.5), 0.0, "relative loss of restitution per approach speed")
     },
     restitution=restitution,
     reference="Hunt & Crossley (1975), J. Appl. Mech. 42, 440, to first order in the speed: e = 1 - k v where e0 is 1",

@@ -16,7 +16,7 @@ LAW = EffectLaw(
     kind="spin_drag",
     summary="torque = -k |omega| omega",
     parameters={
-        "coefficient": EffectParameter("kg m^2", 0.0, 1e6, (0.0, 0.001), 0.0, "torque per squared angular velocity"),
+        "coefficient": EffectParameter("kg m^2", 0.0, 1e6, (0.0, 0.001), 0.0, "torque per squared angular velocity")
     },
     force=force,
     reference="Sawatzki (1970), Acta Mech. 9, 159: a ball that turns fast, k = C_M rho R^5 / 2",

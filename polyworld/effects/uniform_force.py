@@ -17,11 +17,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="uniform_force",
     summary="F = (f_x, f_y, f_z)",
-    parameters={
-        "x": _AXIS,
-        "y": _AXIS,
-        "z": _AXIS,
-    },
+    parameters={"x": _AXIS, "y": _AXIS, "z": _AXIS},
     force=force,
     reference="Newton, Principia I, law 2",
 )

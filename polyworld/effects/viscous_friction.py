@@ -15,9 +15,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="viscous_friction",
     summary="F = -c v while in contact",
-    parameters={
-        "coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "friction force per speed"),
-    },
+    parameters={"coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "friction force per speed")},
     force=force,
     reference="Olsson, Astrom, Canudas de Wit, Gafvert & Lischinsky (1998), Eur. J. Control 4, 176",
 )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 from typing import Any
 
 from polyworld.estimation.candidate import Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.parameters import specification
+from polyworld.parameters import parameter_paths, read_parameter, specification
 from polyworld.world import World
 
 
@@ -41,6 +41,30 @@ def of_path(
     spec = specification(world, paths[0])
     lower, upper = max(lower, spec.lower), min(upper, spec.upper)
     return Unknown(name, paths, spec.unit, start, lower, upper, typical, plausible=plausible)
+
+
+def by_value(
+    world: World, paths: Iterable[str], name: str, sized: Callable[[float], Mapping[str, float]]
+) -> list[Unknown]:
+    """Unknowns for paths of a world, one for all that have the same value now; paths without a value are left out.
+
+    sized: value -> typical size, bounds and plausible departure, as `of_path` takes them.
+    """
+    known, groups = parameter_paths(world), dict[float, list[str]]()
+    for path in paths:
+        value = read_parameter(world, path) if path in known else None
+        if value is not None:
+            groups.setdefault(value, []).append(path)
+    return [
+        of_path(
+            world,
+            tuple(listed),
+            name if len(groups) == 1 else f"{name}_{listed[0].split('.')[1]}",
+            value,
+            **sized(value),
+        )
+        for value, listed in groups.items()
+    ]
 
 
 def neutral(unknowns: Iterable[Unknown], **values: float) -> dict[str, float]:

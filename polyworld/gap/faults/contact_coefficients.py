@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from polyworld.estimation.candidate import Candidate, Variant
-from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import of_path, one_start
+from polyworld.gap.adding import by_value, of_path, one_start
 from polyworld.gap.conditions import conditions
 from polyworld.parameters import read_parameter
 from polyworld.recording import Recording
-from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
 
 if TYPE_CHECKING:
@@ -27,44 +25,22 @@ ORDINARY_ROLLING = 0.3  # likewise, of the radius: a wheel in sand from one on a
 ROUND = ("sphere", "cylinder", "capsule")
 
 
-def _by_value(
-    world: World, field: str, bodies: Sequence[RigidObject], typical: Callable[[float], float], plausible: float
-) -> list[Unknown]:
-    """Unknowns for a field of bodies: one for all that have the same value now."""
-    groups: dict[float, list[str]] = {}
-    for item in bodies:
-        groups.setdefault(float(getattr(item, field)), []).append(item.name)
-    return [
-        of_path(
-            world,
-            tuple(f"objects.{n}.{field}" for n in names),
-            field if len(groups) == 1 else f"{field}_{names[0]}",
-            value,
-            typical(value),
-            plausible=plausible,
-        )
-        for value, names in groups.items()
-    ]
-
-
-def _surface(world: World, field: str, typical: Callable[[float], float], plausible: float) -> list[Variant]:
+def _surface(world: World, field: str, sized: Callable[[float], Mapping[str, float]]) -> list[Variant]:
     """Ways in which a coefficient of contacts may be wrong: that of the bodies, or that of one of the statics."""
-    of_bodies = _by_value(world, field, world.objects, typical, plausible)
+    of_bodies = by_value(world, [f"objects.{o.name}.{field}" for o in world.objects], field, sized)
     made: list[Variant] = []
     if 0 < len(of_bodies) <= MOST_GROUPS:
         several = len(world.statics) > 1 or len(of_bodies) > 1
         made.append(one_start(world, of_bodies, "of the bodies" if several else ""))
-    own = {float(getattr(o, field)) for o in world.objects}
-    if len(world.statics) < 2 and len(own) < 2:
+    if len(world.statics) < 2 and len(of_bodies) < 2:
         return made  # one body's coefficient and one floor's act through their product alone
     for static in world.statics:
-        value = read_parameter(world, f"statics.{static.name}.{field}")
-        if value is None and len(own) > 1:
-            continue  # it takes each body's own: no one value of its own leaves the motion as it is
-        start = next(iter(own)) if value is None else value
         path = f"statics.{static.name}.{field}"
-        unknown = of_path(world, (path,), field, start, typical(start), plausible=plausible)
-        made.append(one_start(world, (unknown,), f"of {static.name}"))
+        value = read_parameter(world, path)
+        if value is None and len(of_bodies) > 1:
+            continue  # it takes each body's own: no one value of its own leaves the motion as it is
+        start = of_bodies[0].start if value is None else value
+        made.append(one_start(world, (of_path(world, (path,), field, start, **sized(start)),), f"of {static.name}"))
     return made
 
 
@@ -72,11 +48,11 @@ def _restitution(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     if not found.impacts:
         return ()
-    return tuple(_surface(world, "restitution", lambda _: 0.1, ORDINARY_RESTITUTION))
+    return tuple(_surface(world, "restitution", lambda _: {"typical": 0.1, "plausible": ORDINARY_RESTITUTION}))
 
 
-def _friction_size(value: float) -> float:
-    return max(0.3 * value, 0.05)
+def _size_of_friction(value: float) -> Mapping[str, float]:
+    return {"typical": max(0.3 * value, 0.05), "plausible": ORDINARY_FRICTION}
 
 
 def _friction(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -85,10 +61,10 @@ def _friction(world: World, recording: Recording) -> tuple[Variant, ...]:
     made: list[Variant] = []
     if found.supported and plane is not None:
         path = ("environment.motion_plane.friction",)
-        unknown = of_path(world, path, "friction", plane, _friction_size(plane), plausible=ORDINARY_FRICTION)
+        unknown = of_path(world, path, "friction", plane, **_size_of_friction(plane))
         made.append(one_start(world, (unknown,), "of the plane"))
     if found.impacts or found.slides:
-        made += _surface(world, "friction", _friction_size, ORDINARY_FRICTION)
+        made += _surface(world, "friction", _size_of_friction)
     return tuple(made)
 
 
@@ -101,16 +77,14 @@ def _other_frictions(_bench: FitContext, _trial: FittedHypothesis, variant: Vari
 
 def _rolling(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
-    bodies = [o for o in world.objects if o.shape.kind in ROUND and o.representation == "rigid_spatial"]
+    bodies = [o.name for o in world.objects if o.shape.kind in ROUND and o.representation == "rigid_spatial"]
     if not bodies or not found.slides:
         return ()
-    unknowns = _by_value(
-        world,
-        "rolling_resistance",
-        bodies,
-        lambda value: max(0.3 * value, 0.01 * found.radius),
-        ORDINARY_ROLLING * found.radius,
-    )
+
+    def sized(value: float) -> Mapping[str, float]:
+        return {"typical": max(0.3 * value, 0.01 * found.radius), "plausible": ORDINARY_ROLLING * found.radius}
+
+    unknowns = by_value(world, [f"objects.{n}.rolling_resistance" for n in bodies], "rolling_resistance", sized)
     return (one_start(world, unknowns),) if len(unknowns) <= MOST_GROUPS else ()
 
 

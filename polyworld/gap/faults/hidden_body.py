@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.effects.absence import coordinates
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
@@ -16,6 +17,7 @@ from polyworld.gap.conditions import conditions, reach
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.parameters import object_mass
 from polyworld.recording import Recording
+from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Plane, Sphere
 from polyworld.world import StaticObject, World
 
@@ -74,62 +76,55 @@ def _where(world: World, kink: Kink, radius: float) -> Array:
 def _free_body(world: World, found: Conditions, struck: Sequence[Kink], floor: float | None) -> Variant:
     """A ball at rest, as large as what struck it, that is free to move."""
     item = world.object(struck[0].name)
-    radius = reach(world, item)
-    taken = [*world.moving_names, *(s.name for s in world.statics)]
-    name = free_name("hidden_body", taken)
+    radius, mass = reach(world, item), object_mass(item)
     places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
-    axes = list(found.axes)
-    if floor is not None:
-        axes = [0, 1]
-        places = [np.array([p[0], p[1], floor + radius]) for p in places]
-    elif world.planar:
-        for p in places:
-            p[[a for a in range(3) if a not in axes]] = np.asarray(item.position)[
-                [a for a in range(3) if a not in axes]
-            ]
-    mass = object_mass(item)
-    still = (0.0, 0.0, 0.0)
-    body = item.model_copy(
-        update={
-            "name": name,
-            "shape": Sphere(radius=radius),
-            "position": _point(places[0]),
-            "orientation": (1.0, 0.0, 0.0, 0.0),
-            "velocity": still,
-            "angular_velocity": still,
-            "mass": mass,
-        }
-    )
-    child = with_parts(world, objects=(*world.objects, body))
-    head = f"objects.{name}"
+    axes = list(found.axes) if floor is None else [0, 1]
+    for place in places:
+        if floor is not None:
+            place[2] = floor + radius
+        elif world.planar:
+            across = [a for a in range(3) if a not in axes]
+            place[across] = np.asarray(item.position)[across]
+    name = _free_name(world)
+    kept = item.model_dump(exclude={"orientation", "velocity", "angular_velocity"})
+    own = {"name": name, "shape": Sphere(radius=radius), "position": tuple(places[0]), "mass": mass}
+    child = with_parts(world, objects=(*world.objects, RigidObject.model_validate(kept | own)))
     unknowns = (
-        *_placed(child, f"{head}.position", axes, places[0], found),
-        of_path(child, (f"{head}.mass",), "mass", mass, 0.5 * mass, lower=mass / HEAVIEST, upper=mass * HEAVIEST),
+        *_placed(child, f"objects.{name}.position", axes, places[0], found),
+        of_path(
+            child, (f"objects.{name}.mass",), "mass", mass, 0.5 * mass, lower=mass / HEAVIEST, upper=mass * HEAVIEST
+        ),
     )
-    starts = []
-    for kink, place in zip(struck, places, strict=False):
-        own = object_mass(world.object(kink.name))
-        starts.append({"xyz"[a]: float(place[a]) for a in axes} | {"mass": _struck_mass(world, kink, own)})
-    return Variant(child, unknowns, tuple(starts), "free")
+    starts = tuple(
+        coordinates("", place, axes) | {"mass": _struck_mass(world, kink, object_mass(world.object(kink.name)))}
+        for kink, place in zip(struck, places, strict=False)
+    )
+    return Variant(child, unknowns, starts, "free")
+
+
+def _fixed_body(world: World, found: Conditions, struck: Sequence[Kink]) -> Variant:
+    """A ball that does not move, as large as what struck it."""
+    radius = reach(world, world.object(struck[0].name))
+    places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
+    x, y, z = (float(c) for c in places[0])
+    body = StaticObject(name=_free_name(world), shape=Sphere(radius=radius), position=(x, y, z))
+    child = with_parts(world, statics=(*world.statics, body))
+    unknowns = _placed(child, f"statics.{body.name}.position", found.axes, places[0], found)
+    return Variant(child, tuple(unknowns), tuple(coordinates("", p, found.axes) for p in places), "fixed")
+
+
+def _free_name(world: World) -> str:
+    return free_name("hidden_body", [*world.moving_names, *(s.name for s in world.statics)])
 
 
 def _placed(child: World, head: str, axes: Sequence[int], place: Array, found: Conditions) -> list[Unknown]:
-    return [
-        of_path(
-            child,
-            (f"{head}.{'xyz'[a]}",),
-            "xyz"[a],
-            float(place[a]),
-            0.1 * found.spread,
-            lower=float(found.lower[a]) - found.size,
-            upper=float(found.upper[a]) + found.size,
-        )
-        for a in axes
-    ]
-
-
-def _point(place: Array) -> tuple[float, float, float]:
-    return float(place[0]), float(place[1]), float(place[2])
+    """Coordinates of a body as unknowns, up to the size of the region visited beyond it."""
+    made = []
+    for a in axes:
+        low, high = float(found.lower[a]) - found.size, float(found.upper[a]) + found.size
+        path = f"{head}.{'xyz'[a]}"
+        made.append(of_path(child, (path,), "xyz"[a], float(place[a]), 0.1 * found.spread, lower=low, upper=high))
+    return made
 
 
 def _struck_mass(world: World, kink: Kink, mass: float) -> float:
@@ -140,18 +135,6 @@ def _struck_mass(world: World, kink: Kink, mass: float) -> float:
     return float(np.clip(mass * share / max(1.0 - share, 1e-3), mass / HEAVIEST, mass * HEAVIEST))
 
 
-def _fixed_body(world: World, found: Conditions, struck: Sequence[Kink]) -> Variant:
-    """A ball that does not move, as large as what struck it."""
-    radius = reach(world, world.object(struck[0].name))
-    name = free_name("hidden_body", [*world.moving_names, *(s.name for s in world.statics)])
-    places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
-    body = StaticObject(name=name, shape=Sphere(radius=radius), position=_point(places[0]))
-    child = with_parts(world, statics=(*world.statics, body))
-    unknowns = tuple(_placed(child, f"statics.{name}.position", found.axes, places[0], found))
-    starts = tuple({"xyz"[a]: float(place[a]) for a in found.axes} for place in places)
-    return Variant(child, unknowns, starts, "fixed")
-
-
 CANDIDATES = (
     Candidate(
         name="hidden_body",
@@ -160,9 +143,6 @@ CANDIDATES = (
         signature="a sudden change of one body's velocity where nothing is seen",
         reference="Newton's law of impact between two bodies",
         variants=_body,
-        confused_with={
-            "hidden_wall": "hits at several places",
-            "fan": "the sharpness of the change",
-        },
+        confused_with={"hidden_wall": "hits at several places", "fan": "the sharpness of the change"},
     ),
 )

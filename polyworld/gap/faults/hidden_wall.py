@@ -47,25 +47,18 @@ def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
         normal = (float(axis == 0), float(axis == 1), float(axis == 2))
         wall = StaticObject(name=name, shape=Plane(normal=normal), restitution=restitution)
         child = with_parts(world, statics=(*world.statics, wall))
-        head = f"statics.{name}"
-        unknowns = (
-            of_path(
-                child,
-                (f"{head}.position.{'xyz'[axis]}",),
-                "offset",
-                float(own[0][1] / own[0][0][axis]),
-                0.1 * found.spread,
-            ),
-            of_path(child, (f"{head}.rotation.{'xyz'[turning]}",), "turn", _turn(own[0][0], axis, turning), 0.1),
-            of_path(child, (f"{head}.restitution",), "restitution", restitution, 0.2),
-        )
         starts = tuple(
-            {
-                "offset": float(offset / n[axis]),
-                "turn": _turn(n, axis, turning),
-                "restitution": restitution,
-            }
+            {"offset": float(offset / n[axis]), "turn": _turn(n, axis, turning), "restitution": restitution}
             for n, offset in own
+        )
+        sizes = {
+            "offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread),
+            "turn": (f"rotation.{'xyz'[turning]}", 0.1),
+            "restitution": ("restitution", 0.2),
+        }
+        unknowns = tuple(
+            of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical)
+            for label, (field, typical) in sizes.items()
         )
         made.append(Variant(child, unknowns, starts, f"across {'xyz'[axis]}"))
     return tuple(made)
