@@ -76,7 +76,7 @@ def _motor(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 
 def _delay(world: World, recording: Recording) -> tuple[Variant, ...]:
-    """Each motor later than commanded by a time of its own."""
+    """Delay each motor by a time of its own."""
     found = conditions(world, recording)
     made = []
     if world.planar and not world.coupled:

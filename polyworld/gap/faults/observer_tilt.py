@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import one_start
-from polyworld.gap.faults.observing import is_bare, measured_axes, observed, of_observer
+from polyworld.gap.faults.observer_scale_and_time import is_bare, measured_axes, observed, of_observer
 from polyworld.recording import Recording
 from polyworld.shapes import Plane
 from polyworld.world import StaticObject, World

@@ -1,20 +1,62 @@
-"""Wrong time stamps: an offset of all, and frames that were dropped or repeated."""
+"""Wrong units of whoever measured, and wrong time stamps; and what all faults of observers share."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from polyworld.estimation.candidate import Candidate, Variant
-from polyworld.gap.adding import one_start
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap.adding import of_path, one_start, with_parts
 from polyworld.gap.dropped_frames import dropped_frame_leads
-from polyworld.gap.faults.observing import observed, of_observer
-from polyworld.observer import MARGIN
+from polyworld.observer import MARGIN, Observer
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 
+WRONG_UNIT = 0.3  # share by which a unit is wrong: film of 24 frames a second shown at 30, a yard taken for a metre
 FRAMES = 10.0  # that are ordinarily missed, or by which a recording ordinarily begins late
 # Effects whose course depends on the time since the start.
 _TIMED = frozenset({"periodic_forcing", "expression"})
+
+
+def observed(world: World, **faults: Any) -> World:
+    """A child world whose observer has some fields replaced; one without faults where there was none."""
+    return with_parts(world, observer=(world.observer or Observer()).model_copy(update=faults))
+
+
+def of_observer(world: World, field: str, name: str, typical: float, **limits: float) -> Unknown:
+    """A field of a world's observer as an unknown from its value on. limits: as `of_path` takes them."""
+    assert world.observer is not None
+    path = f"observer.{field}"
+    return of_path(world, (path,), name, world.observer.values[path], typical, **limits)
+
+
+def measured_axes(recording: Recording) -> list[int]:
+    """Axes of which positions were measured."""
+    return [a for a in range(3) if any(np.isfinite(run.positions[..., a]).any() for run in recording.runs)]
+
+
+def is_bare(world: World) -> bool:
+    """Whether nothing in the world has a place or a size that data could be held against."""
+    return not (world.statics or world.joints or world.deformables or world.effects)
+
+
+def _unit(world: World, field: str, alike: tuple[str, ...]) -> tuple[Variant, ...]:
+    child = observed(world)
+    factor = of_observer(child, field, field, 0.03, lower=0.5, upper=2.0, plausible=WRONG_UNIT)
+    # Free flight from free initial states: lengths and times have only gravity to be compared with.
+    return (one_start(child, (factor,), same_as=alike if is_bare(world) else ()),)
+
+
+def _scale(world: World, recording: Recording) -> tuple[Variant, ...]:
+    del recording
+    return _unit(world, "scale", ("gravity_error", "observer_clock", "buoyancy"))
+
+
+def _clock(world: World, recording: Recording) -> tuple[Variant, ...]:
+    del recording
+    return _unit(world, "clock", ("gravity_error", "observer_scale", "buoyancy"))
 
 
 def _interval(run: Run) -> float:
@@ -63,7 +105,35 @@ def _dropped(world: World, recording: Recording) -> tuple[Variant, ...]:
     return tuple(made)
 
 
+_SCALES = {
+    "gravity_error": "a length known in the scene, or gravity measured elsewhere",
+    "observer_clock": "a speed or a period that does not come from gravity, such as forcing by a motor",
+    "buoyancy": "another body of another density",
+}
+
 CANDIDATES = (
+    Candidate(
+        name="observer_scale",
+        group="observer",
+        law="x_seen = centre + s (x - centre)",
+        signature="all lengths, and so gravity and speeds, are wrong by one factor; bounces keep their times",
+        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 2",
+        variants=_scale,
+        confused_with=_SCALES,
+    ),
+    Candidate(
+        name="observer_clock",
+        group="observer",
+        law="t_seen = c t",
+        signature="all times are wrong by one factor: speeds by it, accelerations by its square, drag not at all",
+        reference="any mechanics text, change of the unit of time",
+        variants=_clock,
+        confused_with={
+            "gravity_error": _SCALES["gravity_error"],
+            "observer_scale": "a length known in the scene, such as the height of a wall or the size of a body",
+            "buoyancy": _SCALES["buoyancy"],
+        },
+    ),
     Candidate(
         name="observer_time_offset",
         group="observer",

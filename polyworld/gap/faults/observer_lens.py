@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import one_start
-from polyworld.gap.faults.observing import measured_axes, observed, of_observer
+from polyworld.gap.faults.observer_scale_and_time import measured_axes, observed, of_observer
 from polyworld.recording import Recording
 from polyworld.world import World
 
