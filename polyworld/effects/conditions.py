@@ -22,17 +22,17 @@ class Conditions:
 
     lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
     mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move and were
-    measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where no orientation was
-    measured and the world gives no spin. duration: of the longest run [s]. span: likewise, of runs before they were cut
-    into parts. frame: shortest time between samples of any run [s]. gravity (3,) [m/s^2]. acceleration: ordinary one
-    [m/s^2]: gravity, or what friction on a supporting plane gives.
+    measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where neither orientations
+    nor spins were measured and the world gives none. duration: of the longest run [s]. span: likewise, of runs before
+    they were cut into parts. frame: shortest time between samples of any run [s]. gravity (3,) [m/s^2]. acceleration:
+    ordinary one [m/s^2]: gravity, or what friction on a supporting plane gives.
     masses, ball_radii: of each rigid body, the latter of the ball of equal volume [m]. mass, radius: medians, the
     latter of circumscribed balls. drop: height of a resting ball's centre above what it touches [m]; 0 without balls.
     deformables: whether there are any. planar: whether bodies move in a plane. supported: they lie on a motion plane
     that gravity presses them on. bounces: some body comes within reach of a static. meetings: pairs of bodies that come
     within reach of each other. slides: some body stays in contact with a static or plane. rubs: some body has friction.
-    turns: some orientation was measured. unturned: runs, by free rigid body, in which its places but not its turns were
-    measured.
+    turns: some orientation or spin was measured. unturned: runs, by free rigid body, in which its places but not its
+    turns were measured.
     places (P, 3): of rigid bodies, in the middle of the region along axes that were not measured [m]. touching (P,):
     whether the body there is within reach of a static.
     """

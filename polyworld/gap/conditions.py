@@ -116,7 +116,7 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         meetings=_meetings(world, recording),
         slides=supported or any(_lasts(t, n) for t, n in zip(paths, near, strict=True)),
         rubs=any(o.friction > 0.0 for o in world.objects),
-        turns=any(np.isfinite(run.orientations).any() for run in recording.runs),
+        turns=any(np.isfinite(m).any() for run in recording.runs for m in (run.orientations, run.angular_velocities)),
         unturned=_unturned(world, recording),
         places=np.concatenate([*places, np.zeros((0, 3))]),
         touching=np.concatenate([*near, np.zeros(0, dtype=bool)]),
@@ -189,9 +189,16 @@ def _spin(world: World, recording: Recording) -> float:
     rigid = {o.name for o in world.objects}
     for run in recording.runs:
         for column, name in enumerate(run.names):
+            if name not in rigid:
+                continue
+            measured = run.angular_velocities[:, column]
+            spun = np.isfinite(measured).any(axis=-1)
+            if spun.any():
+                found.append(float(np.median(np.sqrt(np.nansum(measured[spun] ** 2, axis=-1)))))
+                continue
             q = run.orientations[:, column]
             rows = np.flatnonzero(np.all(np.isfinite(q), axis=-1))
-            if name not in rigid or len(rows) < 2:
+            if len(rows) < 2:
                 continue
             cosine = np.abs(np.einsum("tk,tk->t", q[rows[1:]], q[rows[:-1]]))
             rate = 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0)) / np.diff(run.times[rows])
