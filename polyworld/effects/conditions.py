@@ -87,11 +87,16 @@ class Conditions:
         return self.mass * max(float(np.linalg.norm(self.gravity)), self.acceleration)
 
     @property
-    def strongest_drag(self) -> float:
-        """Largest ordinary drag per squared speed [kg/m]: in air with C_d = 2, that of a plate (Hoerner, Fluid-Dynamic
-        Drag, 3); in liquids what balances the weight, as a body that falls through one soon falls evenly."""
+    def plate_drag(self) -> float:
+        """Drag per squared speed [kg/m] in air with C_d = 2, that of a plate (Hoerner, Fluid-Dynamic Drag, 3)."""
         ball = float(np.median(self.ball_radii)) if self.ball_radii else 0.0
-        return max(AIR * np.pi * ball**2, self.weight / self.speed**2)
+        return float(AIR * np.pi * ball**2)
+
+    @property
+    def strongest_drag(self) -> float:
+        """Largest ordinary drag per squared speed [kg/m]: a plate's in air; in liquids what balances the weight, as a
+        body that falls through one soon falls evenly."""
+        return max(self.plate_drag, self.weight / self.speed**2)
 
     @property
     def spin_decay(self) -> float:

@@ -43,7 +43,7 @@ JET = 10.0  # largest ordinary speed of its air [m/s]
 def ways(found: Conditions) -> list[Way]:
     if not found.axes:
         return []
-    force = FreeParameter(2.0 * found.force, plausible=max(found.weight, found.strongest_drag * JET**2))
+    force = FreeParameter(2.0 * found.force, plausible=max(found.weight, found.plate_drag * JET**2))
     width = FreeParameter(
         0.3 * found.spread, 0.05 * found.spread, WIDEST * found.spread, plausible=found.size, idle=True
     )
