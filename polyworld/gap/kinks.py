@@ -1,4 +1,4 @@
-"""Where in space an effect may sit: places the data visit, and kinks of the paths that nothing known explains."""
+"""Kinks of the paths that nothing known explains: sudden changes of a velocity where nothing seen is in reach."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.vq import kmeans2
 
-from polyworld.gap.conditions import Conditions, Track, conditions, reach, touching, tracks
+from polyworld.gap.conditions import Track, conditions, reach, touching, tracks
 from polyworld.recording import Recording
 from polyworld.world import World
 
@@ -42,43 +41,6 @@ class Kink:
         jump = self.jump
         unit: Array = jump / np.linalg.norm(jump)
         return unit
-
-
-def box_grid(found: Conditions, counts: Sequence[int], margin: float = 0.0) -> Array:
-    """Places (k, 3) that fill the region visited, evenly: counts along each of `found.axes`, in their order.
-
-    margin: share of the extent by which the outermost places lie beyond the region; -0.25 puts two places at the
-    quarters. Along other axes they lie in the middle.
-    """
-    ticks = [np.array([c]) for c in found.middle]
-    for axis, count in zip(found.axes, counts, strict=False):
-        reach_out = margin * (found.upper[axis] - found.lower[axis])
-        low, high = found.lower[axis] - reach_out, found.upper[axis] + reach_out
-        ticks[axis] = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
-    grid = np.meshgrid(*ticks, indexing="ij")
-    return np.stack([g.ravel() for g in grid], axis=1)
-
-
-def visited_places(world: World, recording: Recording, count: int, *, touching_only: bool = False) -> Array:
-    """Up to `count` places (k, 3) that stand for all on the paths: the centres of clusters (Lloyd 1982).
-
-    touching_only: where bodies touch a static or lie on a supporting plane. Components never seen are taken from the
-    middle of the region.
-    """
-    found = conditions(world, recording)
-    kept = []
-    for track in tracks(world, recording):
-        rows = np.ones(len(track.times), dtype=bool)
-        if touching_only and not found.supported:
-            rows = touching(world, track)
-        kept.append(np.where(np.isfinite(track.places[rows]), track.places[rows], found.middle))
-    points = np.concatenate(kept) if kept else np.zeros((0, 3))
-    points = points[:: max(1, len(points) // 1000)]
-    if len(np.unique(points, axis=0)) <= count:
-        return np.unique(points, axis=0)
-    centres, _ = kmeans2(points, count, iter=10, minit="++", seed=0)
-    chosen: Array = centres[np.all(np.isfinite(centres), axis=1)]
-    return chosen
 
 
 def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:

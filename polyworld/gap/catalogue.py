@@ -1,4 +1,4 @@
-"""The catalogue of effects that may be missing: modules of this package tell theirs in `CANDIDATES`."""
+"""The catalogue of what may be missing from a world: effects of `polyworld.effects`, and faults of `gap.faults`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from functools import cache
 
 from polyworld.estimation.candidate import Candidate
+from polyworld.gap import faults
+from polyworld.gap.effect_candidates import effect_candidates
 
-# Groups in the order in which readers meet them; within a group, the order of its module.
+# Groups in the order in which readers meet them; within a group, candidates stand as their modules are named.
 _GROUPS = ("base", "force", "contact", "structure", "joint", "material", "observer")
 
 
@@ -32,13 +34,14 @@ def named(names: Sequence[str]) -> list[Candidate]:
 
 @cache
 def _all() -> tuple[Candidate, ...]:
-    found: dict[str, Candidate] = {}
-    for module in sorted(m.name for m in pkgutil.iter_modules(__path__)):
-        for candidate in getattr(importlib.import_module(f"{__name__}.{module}"), "CANDIDATES", ()):
-            if candidate.name in found:
-                raise ValueError(f"two candidates are called {candidate.name!r}; one is in {module}")
-            found[candidate.name] = candidate
-    return tuple(sorted(found.values(), key=lambda c: _GROUPS.index(c.group)))
+    found = list(effect_candidates())
+    for module in sorted(m.name for m in pkgutil.iter_modules(faults.__path__)):
+        found += getattr(importlib.import_module(f"{faults.__name__}.{module}"), "CANDIDATES", ())
+    names = [c.name for c in found]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"several candidates are called {', '.join(twice)}")
+    return tuple(sorted(found, key=lambda c: _GROUPS.index(c.group)))
 
 
 __all__ = ["catalogue", "named"]

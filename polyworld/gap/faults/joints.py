@@ -1,30 +1,22 @@
-"""What may be missing from joints: friction, damping, a motor, its delay."""
+"""What a world's joints lack: friction, damping, a motor; and the delay of a motor that is known."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from polyworld.effects.absence import WIDE
+from polyworld.effects.conditions import SHARE, Conditions
 from polyworld.estimation.candidate import Candidate, Variant
-from polyworld.gap.catalogue.adding import RIGID, neutral, of_path, with_parts
-from polyworld.gap.conditions import Conditions, conditions, reach
+from polyworld.gap.adding import of_path, one_start, with_parts
+from polyworld.gap.conditions import conditions, lever
 from polyworld.parameters import parameter_paths
 from polyworld.recording import Recording
 from polyworld.representations.joint import Hinge, Motor, Slider
 from polyworld.world import World
 
-WIDE = 300.0
-
-
-def _arm(world: World, joint: Any) -> float:
-    """Lever [m] of a body's weight about its joint; 1 for sliders, whose efforts are forces."""
-    if isinstance(joint, Slider):
-        return 1.0
-    item = world.object(joint.object)
-    arm = float(np.linalg.norm(np.subtract(item.position, joint.anchor)))
-    return max(arm, 0.5 * reach(world, item))
+SLOW = 0.3  # delay of a servo that is still ordinary [s]
 
 
 def _resisting(world: World, found: Conditions, field: str) -> tuple[Variant, ...]:
@@ -33,18 +25,18 @@ def _resisting(world: World, found: Conditions, field: str) -> tuple[Variant, ..
     joints = [j for j in world.joints if f"joints.{j.name}.{field}" in paths and j.kind != "spring"]
     if not joints:
         return ()
-    efforts = {j.name: found.force * _arm(world, j) for j in joints}
-    rates = {j.name: found.speed / _arm(world, j) for j in joints}
-
-    def size(name: str) -> float:
-        return efforts[name] if field == "friction" else efforts[name] / rates[name]
+    arms = {j.name: lever(world, j) for j in joints}
 
     def variant(names: Sequence[str], label: str) -> Variant:
-        typical = float(np.median([size(n) for n in names]))
+        efforts = [found.force * arms[n] for n in names]
+        rates = [1.0 if field == "friction" else found.speed / arms[n] for n in names]
+        typical = float(np.median(np.divide(efforts, rates)))
         start = float(getattr(next(j for j in joints if j.name == names[0]), field))
         listed = tuple(f"joints.{n}.{field}" for n in names)
-        unknown = of_path(world, listed, field, start, typical, upper=start + WIDE * typical)
-        return Variant(world, (unknown,), (neutral((unknown,)),), label, field)
+        # A joint that resists with more than the weight on its arm would not swing.
+        plausible = typical / SHARE
+        unknown = of_path(world, listed, field, start, typical, upper=start + WIDE * typical, plausible=plausible)
+        return one_start(world, (unknown,), label)
 
     names = [j.name for j in joints]
     made = []
@@ -63,11 +55,6 @@ def _damping(world: World, recording: Recording) -> tuple[Variant, ...]:
     return _resisting(world, conditions(world, recording), "damping")
 
 
-def _with_motor(world: World, name: str, motor: Motor) -> World:
-    joints = tuple(j.model_copy(update={"motor": motor}) if j.name == name else j for j in world.joints)
-    return with_parts(world, joints=joints)
-
-
 def _motor(world: World, recording: Recording) -> tuple[Variant, ...]:
     """A constant effort, one way or the other, at each joint that has no motor."""
     found = conditions(world, recording)
@@ -77,19 +64,19 @@ def _motor(world: World, recording: Recording) -> tuple[Variant, ...]:
     for joint in world.joints:
         if not isinstance(joint, Hinge | Slider) or joint.motor is not None:
             continue
-        typical = found.force * _arm(world, joint)
+        typical = found.force * lever(world, joint)
         for reverse in (False, True):
-            child = _with_motor(world, joint.name, Motor(limit=0.0, reverse=reverse))
-            unknown = of_path(
-                child, (f"joints.{joint.name}.motor.limit",), "effort", 0.0, typical, upper=WIDE * typical
-            )
+            driven = joint.model_copy(update={"motor": Motor(limit=0.0, reverse=reverse)})
+            child = with_parts(world, joints=tuple(driven if j is joint else j for j in world.joints))
+            path = f"joints.{joint.name}.motor.limit"
+            unknown = of_path(child, (path,), "effort", 0.0, typical, upper=WIDE * typical)
             label = f"{joint.name}, {'negative' if reverse else 'positive'}"
-            made.append(Variant(child, (unknown,), (neutral((unknown,)),), label, "effort"))
+            made.append(one_start(child, (unknown,), label))
     return tuple(made)
 
 
 def _delay(world: World, recording: Recording) -> tuple[Variant, ...]:
-    """Each motor later than told by a time of its own."""
+    """Delay each motor by a time of its own."""
     found = conditions(world, recording)
     made = []
     if world.planar and not world.coupled:
@@ -97,9 +84,8 @@ def _delay(world: World, recording: Recording) -> tuple[Variant, ...]:
     driven = [(j, j.motor) for j in world.joints if isinstance(j, Hinge | Slider) and j.motor is not None]
     for joint, motor in driven:
         step = max(float(np.median(np.diff(run.times))) for run in recording.runs)
-        unknown = of_path(
-            world, (f"joints.{joint.name}.motor.delay",), "delay", motor.delay, 2.0 * step, upper=found.duration
-        )
+        path = f"joints.{joint.name}.motor.delay"
+        unknown = of_path(world, (path,), "delay", motor.delay, 2.0 * step, upper=found.duration, plausible=SLOW)
         starts = tuple({"delay": motor.delay + share * found.duration} for share in (0.0, 0.05, 0.15))
         made.append(Variant(world, (unknown,), starts, f"of {joint.name}" if len(driven) > 1 else "", "delay"))
     return tuple(made)
@@ -110,7 +96,6 @@ CANDIDATES = (
         name="joint_friction",
         group="joint",
         law="|torque| <= T against the joint's motion",
-        representations=RIGID,
         signature="swings that shrink by the same angle each time, and stop",
         reference="Coulomb (1785); Lorenz (1924), on the damping of pendulums by dry friction",
         variants=_friction,
@@ -122,7 +107,6 @@ CANDIDATES = (
         name="joint_damping",
         group="joint",
         law="torque = -c rate",
-        representations=RIGID,
         signature="swings that shrink by the same share each time",
         reference="Landau & Lifshitz, Mechanics, 25",
         variants=_damping,
@@ -136,7 +120,6 @@ CANDIDATES = (
         name="motor",
         group="joint",
         law="a constant torque or force along a joint's motion",
-        representations=frozenset({"rigid_spatial"}),
         signature="swings about another middle, or a turn that gets faster",
         reference="Newton's second law for rotation",
         variants=_motor,
@@ -146,7 +129,6 @@ CANDIDATES = (
         name="actuator_delay",
         group="joint",
         law="a motor acts at t - d as told for t",
-        representations=frozenset({"rigid_spatial"}),
         signature="the motion of driven bodies comes late by the same time, others' does not",
         reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, 5.6: pure time delay",
         variants=_delay,
