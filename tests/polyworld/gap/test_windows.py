@@ -13,9 +13,10 @@ from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
+from polyworld.gap.contest import Contest
 from polyworld.gap.examine import fitted_base
+from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.window_search import WindowSearch
 from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.world import World
@@ -130,9 +131,10 @@ def test_friction_far_less_than_what_grips_is_found_from_other_strengths() -> No
     friction = catalogue()["friction_error"]
 
     def best(friction: Candidate) -> FittedHypothesis:
-        search = WindowSearch(cut, 3, lambda _step, _figures: None)
-        found = search.leads(base, lambda t: list(extended(t.hypothesis, friction, data)))
-        return search.fitted(found, 1, ())[0]
+        contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
+        parent = cut.ground(base.hypothesis, base.values)
+        predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, friction, data)))
+        return contest.fit(predictions, 1, parent.chi2)[0]
 
     right = best(friction)
     assert right.chi2 < 1.05 * cut.bench.observations
