@@ -41,6 +41,7 @@ AGAIN = 3  # effects that better a base that passes, from whose initial states i
 EARLY = (*PLAIN, "tilt", "coriolis", "magnus_lift")
 MOST_UNKNOWNS = 8  # of such a law; not one number for each run
 CARE = 24  # iterations of their fits
+ASIDE = 4.0  # times the least chi2 beyond which a plain law is not fitted to the end
 PAIRED = 4  # plain laws that are fitted in pairs
 BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
 
@@ -124,8 +125,7 @@ def search_effects(
             if explained:
                 return Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
         if not profile.collide(plan):  # with several bodies each law takes seconds, and comes later
-            for trial in _plain_laws(search, ground, ground.bench, EARLY):
-                search.whole.take(trial)
+            _laws_everywhere(search, ground)
             if found := _outlying(search, ground, outliers):
                 return found
         effects, parents, lost = _add_effects(search, ground, most=1)
@@ -229,25 +229,35 @@ def _with_care(search: Search, effects: int) -> int:
     return effects
 
 
-def _plain_laws(
-    search: Search, ground: FittedHypothesis, bench: FitContext, names: Sequence[str] = PLAIN
-) -> tuple[FittedHypothesis, ...]:
-    """Fit the plain laws with care, each by itself: they are reported beside any richer answer."""
+def _laws_everywhere(search: Search, ground: FittedHypothesis) -> None:
+    """Fit roughly the laws that act everywhere alike: under the right one, runs that behave unlike the rest show."""
+    context = search.context
+    horizons, states = profile.horizons_for(context.design), profile.start_states(context.design)
+    for candidate in (c for c in search.candidates if c.name in EARLY):
+        for hypothesis in extended(ground.hypothesis, candidate, context.design.recording):
+            if hypothesis.extra <= MOST_UNKNOWNS:
+                start = hypothesis.starts(ground.values)[0]
+                fit = context.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
+                search.whole.take(fit)
+
+
+def _plain_laws(search: Search, ground: FittedHypothesis, bench: FitContext) -> tuple[FittedHypothesis, ...]:
+    """Fit the plain laws, each by itself: they are reported beside any richer answer. Those that come near the best are
+    fitted to the end."""
     found = []
     plan = bench.design
     horizons, states = profile.horizons_for(plan), profile.start_states(plan)
-    for candidate in (c for c in search.candidates if c.name in names):
+    least = min((t.chi2 for t in search.whole.fitted.values()), default=np.inf)
+    for candidate in (c for c in search.candidates if c.name in PLAIN):
         ways = []
         for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
             if hypothesis.extra > MOST_UNKNOWNS:
                 continue
             known = search.whole.fitted.get(identity(hypothesis))
-            if known is not None:
-                ways.append(bench.fit(known.hypothesis, known.values, known.fit.states, iterations=CARE))
-                continue
-            start = hypothesis.starts(ground.values)[0]
-            ways.append(bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3))
-            ways[-1] = bench.refit(ways[-1], iterations=CARE)
+            if known is None:
+                start = hypothesis.starts(ground.values)[0]
+                known = bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
+            ways.append(bench.refit(known, iterations=CARE if known.chi2 < ASIDE * least else LEFT))
         ways = [w for w in ways if np.isfinite(w.chi2)]
         if ways:
             found.append(min(ways, key=lambda t: t.ebic))
