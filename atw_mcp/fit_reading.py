@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evidence_store import Evidence
-from polyworld.identification.readout import gyration_radius
+from polyworld.estimation.world_fit.objective import gyration_radius
 from polyworld.world import World
 
 NEAR = 1.2  # losses within this factor of the lowest are taken for the same basin

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.identification.contacts import distance_to_static
+from polyworld.estimation.contacts import distance_to_static
 from polyworld.initial_states import track_noise
 from polyworld.parameters import object_mass
 from polyworld.recording import Recording, Run

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.identification.forward import ForwardModel
+if TYPE_CHECKING:
+    from polyworld.estimation.world_fit.problem import FitProblem
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 # Standard deviation of a uniform distribution, as a share of its width.
 UNIFORM = 1.0 / np.sqrt(12.0)
@@ -17,6 +20,8 @@ UNIFORM = 1.0 / np.sqrt(12.0)
 UNDETERMINED = 0.7
 # Quotients of two steps that differ in size by more than this factor: the response is not smooth.
 ROUGH = 1.5
+# Steps of differences, as shares of a parameter's range.
+FIRST_STEP, LEAST_STEP, WIDE_STEP = 1e-3, 1e-5, 0.02
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class Sensitivity:
     correlation_time: float
 
 
-def sensitivity(forward: ForwardModel, optimum: Array, samples: int) -> Sensitivity:
+def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
     """Standard errors and undetermined directions at search coordinates `optimum` (P,).
 
     The covariance of an estimate that minimises a weighted sum of squares is H^-1 M H^-1 with H = J' W J and M
@@ -48,22 +53,27 @@ def sensitivity(forward: ForwardModel, optimum: Array, samples: int) -> Sensitiv
     and Time Series, 5.3.2). A flat belief within the bounds keeps what the data leave open finite.
     Costs 4 P + 2 rollouts, and 2 P more in coupled worlds and where the response is rough.
     """
-    space = forward.space
-    width = space.upper - space.lower
-    weights = forward.huber_weights(optimum, samples)
-    residual = forward.residuals(optimum[None], samples)[0]
+    width = problem.space.width
+    flat = UNIFORM * width
+    weights = problem.huber_weights(optimum)
+    residual = problem.residuals(optimum[None])[0]
     if not np.all(np.isfinite(residual)):
         raise ValueError("the rollout at the optimum diverged: its sensitivity is not defined")
-    noise = _noise(forward, residual, weights, samples, len(optimum))
-    flat = UNIFORM * width
+    noise = _noise(problem, residual * np.sqrt(weights), len(optimum))
     # Steps of about one standard error see the response at the scale that matters: first a small step, to
     # learn that scale, then the step that fits it.
-    first = difference_quotients(forward, optimum, 1e-3 * width, samples)
+    first = problem.difference_quotients(optimum, FIRST_STEP * width)
     _, error = _posterior(first * flat, weights, noise)
-    steps = np.clip(error * flat, 1e-5 * width, 0.02 * width)
-    jacobian = difference_quotients(forward, optimum, steps, samples)
-    jacobian = _smoothed(forward, optimum, samples, [(1e-3 * width, first), (steps, jacobian)], weights)
-    information, error = _posterior(jacobian * flat, weights, noise)
+    last = problem.difference_quotients(optimum, np.clip(error * flat, LEAST_STEP * width, WIDE_STEP * width))
+    # A turbulent fluid or a contact that comes and goes answers a small step with jumps: its quotient grows as the
+    # step shrinks, and would pass for knowledge. A wide step tells, and where it differs the smallest quotient counts.
+    if problem.world.coupled or _differ(np.stack([first, last]), weights).any():
+        wide = problem.difference_quotients(optimum, WIDE_STEP * width)
+        options = np.stack([first, last, wide])
+        least = np.argmin(_sizes(options, weights), axis=0)
+        smallest = np.take_along_axis(options, least[None, None, :], axis=0)[0]
+        last = np.where(_differ(options, weights), smallest, last)
+    information, error = _posterior(last * flat, weights, noise)
     insensitive = np.sqrt(np.diag(information)) < 0.1
     return Sensitivity(
         standard_error=error * flat,
@@ -75,51 +85,16 @@ def sensitivity(forward: ForwardModel, optimum: Array, samples: int) -> Sensitiv
     )
 
 
-def difference_quotients(forward: ForwardModel, at: Array, steps: Array, samples: int) -> Array:
-    """Jacobian (r, P) of the residuals by central differences, one-sided where a bound is in the way.
-
-    Entries whose rollouts diverged are zero: nothing can be said about them.
-    """
-    space = forward.space
-    up = np.minimum(at + steps, space.upper)
-    down = np.maximum(at - steps, space.lower)
-    candidates = np.repeat(at[None], 2 * len(at), axis=0)
-    index = np.arange(len(at))
-    candidates[index, index] = up
-    candidates[len(at) + index, index] = down
-    residuals = forward.residuals(candidates, samples)
-    jacobian = (residuals[: len(at)] - residuals[len(at) :]).T / (up - down)
-    return np.where(np.isfinite(jacobian), jacobian, 0.0)
-
-
-def _smoothed(
-    forward: ForwardModel, at: Array, samples: int, tried: list[tuple[Array, Array]], weights: Array
-) -> Array:
-    """The last Jacobian (r, P) of `tried` (steps (P,), Jacobian), or one from wider steps where the response is rough.
-
-    A turbulent fluid or a contact that comes and goes answers a small step with jumps: its quotient grows as the step
-    shrinks, and would pass for knowledge. In coupled worlds, and where quotients of two steps differ in size by more
-    than `ROUGH`, one across a fiftieth of the range is taken too; where it differs, the smallest counts (a Jacobian of
-    zeros is one of rollouts that diverged, and does not).
-    """
-    width = forward.space.upper - forward.space.lower
-    (_, first), (_, last) = tried
-    if not forward.world.coupled and not _differ(np.stack([first, last]), weights).any():
-        return last
-    wide = difference_quotients(forward, at, 0.02 * width, samples)
-    options = np.stack([first, last, wide])
-    squares = (weights[None, :, None] * options**2).sum(axis=1)
-    least = np.argmin(np.where(squares > 0.0, squares, np.inf), axis=0)
-    smallest = np.take_along_axis(options, least[None, None, :], axis=0)[0]
-    return np.where(_differ(options, weights), smallest, last)
+def _sizes(options: Array, weights: Array) -> Array:
+    """Sizes (n, P) of the columns of Jacobians (n, r, P); infinite for zeros, which are of rollouts that diverged."""
+    sizes = np.sqrt((weights[None, :, None] * options**2).sum(axis=1))
+    return np.where(sizes > 0.0, sizes, np.inf)
 
 
 def _differ(options: Array, weights: Array) -> NDArray[np.bool_]:
     """Which parameters' columns (P,) of Jacobians (n, r, P) differ in size by more than `ROUGH`, zeros aside."""
-    sizes = np.sqrt((weights[None, :, None] * options**2).sum(axis=1))
-    largest = sizes.max(axis=0)
-    smallest = np.where(sizes > 0.0, sizes, np.inf).min(axis=0)
-    differ: NDArray[np.bool_] = largest > ROUGH * np.where(np.isfinite(smallest), smallest, np.inf)
+    sizes = _sizes(options, weights)
+    differ: NDArray[np.bool_] = np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0) > ROUGH * sizes.min(axis=0)
     return differ
 
 
@@ -142,19 +117,17 @@ def _posterior(jacobian: Array, weights: Array, noise: _Noise) -> tuple[Array, A
     return information, np.minimum(np.sqrt(np.diag(covariance)), 1.0)
 
 
-def _noise(forward: ForwardModel, residual: Array, weights: Array, samples: int, parameters: int) -> _Noise:
-    groups = forward.objective.series(samples)
-    weighted = residual * np.sqrt(weights)
-    count = sum(rows.size for rows in groups)
+def _noise(problem: FitProblem, weighted: Array, parameters: int) -> _Noise:
+    series = problem.objective.series(problem.samples)
+    count = sum(places.size for places, _, _ in series)
     # Every fitted parameter takes one degree of freedom from the whole.
     correction = count / max(count - parameters, 1)
-    inflation = np.ones(len(residual))  # the priors' residuals, which come last, are what they say they are
+    inflation = np.ones(len(weighted))  # the priors' residuals, which come last, are what they say they are
     total, times = 0.0, 0.0
-    for rows in groups:
-        squares = float((weighted[rows] ** 2).sum())
-        variance = max(correction * squares / rows.size, 1e-12)
-        time = _correlation_time(weighted[rows])
-        inflation[rows] = variance * time
+    for places, sample, column in series:
+        squares = float((weighted[places] ** 2).sum())
+        time = _correlation_time(weighted[places], sample, column)
+        inflation[places] = max(correction * squares / places.size, 1e-12) * time
         total += squares
         times += time * squares
     if total <= 0.0:
@@ -162,12 +135,18 @@ def _noise(forward: ForwardModel, residual: Array, weights: Array, samples: int,
     return _Noise(correction * total / count, times / total, inflation)
 
 
-def _correlation_time(series: Array) -> float:
-    """1 + 2 times the sum of the autocorrelations of series (T, d) up to the first negative one, in samples."""
-    length = len(series)
-    lagged = np.zeros(length)
-    for component in series.T:
-        lagged += np.correlate(component, component, mode="full")[length - 1 :]
+def _correlation_time(values: Array, sample: Ints, column: Ints) -> float:
+    """1 + 2 times the sum of the autocorrelations of values (n, d) up to the first negative one, in samples.
+
+    sample, column (n,): when and of which of the values at one instant; instants at which nothing was seen are left
+    out.
+    """
+    instants, row = np.unique(sample, return_inverse=True)
+    seen = np.zeros((len(instants), int(column.max()) + 1, values.shape[1]))
+    seen[row, column] = values
+    length = len(seen)
+    spectrum = np.abs(np.fft.rfft(seen.reshape(length, -1), n=2 * length, axis=0)) ** 2
+    lagged = np.fft.irfft(spectrum.sum(axis=1))[:length]
     if lagged[0] <= 0.0:
         return 1.0
     rho = lagged[1:] / lagged[0]
@@ -183,9 +162,5 @@ def _combinations(scaled: Array, insensitive: NDArray[np.bool_]) -> tuple[tuple[
     values, vectors = np.linalg.eigh(scaled[np.ix_(sensitive, sensitive)])
     # Along a direction of information i the flat belief of variance 1 shrinks to 1 / (1 + i).
     weak = values < 1.0 / UNDETERMINED**2 - 1.0
-    found: list[tuple[int, ...]] = []
-    for vector in vectors.T[weak]:
-        members = sensitive[np.abs(vector) > 0.3]
-        if len(members) > 1:
-            found.append(tuple(int(m) for m in members))
-    return tuple(found)
+    groups = [tuple(int(m) for m in sensitive[np.abs(vector) > 0.3]) for vector in vectors.T[weak]]
+    return tuple(group for group in groups if len(group) > 1)

@@ -4,36 +4,29 @@ from __future__ import annotations
 
 import pytest
 
-from polyworld.identification import (
+from polyworld.estimation.world_fit import (
     CemSettings,
-    FitParameter,
-    FitProgress,
-    FitSettings,
+    FitProblem,
     MultistartSettings,
     ObjectiveSettings,
     RefineSettings,
-    fit_refined,
+    SearchProgress,
+    SearchSettings,
+    Unknown,
+    multistart,
 )
-from tests.polyworld.identification.closed_form import ClosedForm, observe, thrown_ball
+from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
-SPIN = [FitParameter("spin", ("objects.ball.angular_velocity.z",), -60.0, 60.0, 0.0, 40.0)]
+SPIN = [Unknown("spin", ("objects.ball.angular_velocity.z",), "", 0.0, -60.0, 60.0, 40.0)]
 TRUE_SPIN = 2.0
 
 
 def searched(restarts: int, **given):
     objective = ObjectiveSettings(rotation_sigma=0.05)
-    cem = CemSettings(population=6, elites=2, carried=1)
-    return fit_refined(
-        thrown_ball(),
-        observe(thrown_ball(), frames=60),
-        SPIN,
-        settings=MultistartSettings(
-            search=FitSettings(generations=8, cem=cem, restarts=restarts, horizon=(1.0,), objective=objective),
-            refining=RefineSettings(objective=objective),
-        ),
-        make_simulator=ClosedForm,
-        **given,
-    )
+    tracks = observe(thrown_ball(), frames=60)
+    problem = FitProblem(thrown_ball(), tracks, SPIN, objective=objective, make_simulator=ClosedForm)
+    search = SearchSettings(generations=8, cem=CemSettings(population=6, elites=2, carried=1), horizon=(1.0,))
+    return multistart(problem, MultistartSettings(search, restarts, RefineSettings()), **given)
 
 
 def test_the_true_spin_is_found_among_those_that_look_alike_from_frame_to_frame() -> None:
@@ -57,7 +50,7 @@ def test_starts_come_in_order_and_refining_makes_none_worse() -> None:
 
 
 def test_a_cancelled_fit_returns_the_starts_made_so_far() -> None:
-    heard: list[FitProgress] = []
+    heard: list[SearchProgress] = []
     starts = searched(4, progress=heard.append, cancelled=lambda: len(heard) >= 12)
     assert [step.done for step in heard] == list(range(1, 13))
     assert heard[-1].total == 32

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from polyworld.identification import cem, random_search
-from polyworld.identification.cem import CemSettings, CemState
+from polyworld.estimation.world_fit import cem, random_search
+from polyworld.estimation.world_fit.cem import CemSettings, CemState
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
 TARGET = np.array([0.3, -1.2, 1.9])
@@ -109,7 +109,7 @@ def test_at_equal_budget_it_beats_random_search_in_ten_dimensions() -> None:
         return ((x - 0.4) ** 2).sum(axis=1)
 
     ours = cem.minimise(far, lower, upper, np.zeros(10), np.full(10, 0.5), generations=40).elite_losses[0]
-    _, theirs = random_search.minimise(far, lower, upper, generations=40)
+    *_, (_, theirs) = random_search.generations(far, lower, upper, count=40)
     assert ours < 0.01 * theirs[0]
 
 
@@ -120,7 +120,7 @@ def test_random_search_fills_the_box_evenly() -> None:
         drawn.append(x)
         return bowl(x)
 
-    best, losses = random_search.minimise(watched, LOWER, UPPER, generations=50, population=100)
+    *_, (best, losses) = random_search.generations(watched, LOWER, UPPER, count=50, population=100)
     x = np.concatenate(drawn)
     assert len(x) == 5000
     # mean and variance of a uniform distribution on (-2, 2) within 5 standard errors
