@@ -11,9 +11,7 @@ from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
     FitResult,
-    MultistartSettings,
     ObjectiveSettings,
-    RefineSettings,
     SearchProgress,
     SearchSettings,
     Start,
@@ -164,12 +162,14 @@ def run_fit(
         found = fit_by_random_search(problem, search, progress=report, cancelled=progress.cancelled)
         return FitRun(found, seed=request.seed)
     # Neighbouring seeds must not repeat each other's searches.
-    several = MultistartSettings(
+    starts = multistart(
+        problem,
         replace(search, seed=request.seed * request.restarts),
         request.restarts,
-        RefineSettings() if request.method == "cem_refined" else None,
+        refining=request.method == "cem_refined",
+        progress=report,
+        cancelled=progress.cancelled,
     )
-    starts = multistart(problem, several, progress=report, cancelled=progress.cancelled)
     stopped = any(result.status == "cancelled" for start in starts for result in start.results)
     return FitRun(replace(starts[0].best, status="cancelled" if stopped else "completed"), starts, request.seed)
 

@@ -13,7 +13,6 @@ from polyworld.estimation.world_fit import (
     FitProblem,
     FitResult,
     ObjectiveSettings,
-    RefineSettings,
     SearchSettings,
     Unknown,
     accuracy,
@@ -117,7 +116,7 @@ def rows(
     searched = fit(problem, settings)
     add("CEM", searched.world, searched, searched.seconds, searched.rollouts)
     begun = time.perf_counter()
-    polished = refine(problem, searched.by_name, RefineSettings(iterations=30))
+    polished = refine(problem, searched.by_name, iterations=30)
     seconds = searched.seconds + time.perf_counter() - begun
     add("CEM + refine", polished.world, polished, seconds, searched.rollouts + polished.rollouts)
     return made, polished.world

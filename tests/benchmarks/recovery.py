@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
-    RefineSettings,
     SearchSettings,
     Undetermined,
     fit,
@@ -47,7 +46,7 @@ def recover(scene: Scene, *, generations: int, population: int, seed: int) -> li
     )
     problem = FitProblem(world, data, scene.unknowns)
     searched = fit(problem, settings)
-    polished = refine(problem, searched.by_name, RefineSettings(iterations=8))
+    polished = refine(problem, searched.by_name, iterations=8)
     best = polished if polished.loss < searched.loss else searched
     rollouts = searched.rollouts + searched.rollouts_for_errors + polished.rollouts + polished.rollouts_for_errors
     seconds = time.perf_counter() - begin

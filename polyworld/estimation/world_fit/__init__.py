@@ -4,10 +4,10 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, accuracy
 from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
-from polyworld.estimation.world_fit.multistart import MultistartSettings, Start, multistart
+from polyworld.estimation.world_fit.multistart import Start, multistart
 from polyworld.estimation.world_fit.objective import Objective, ObjectiveSettings
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.refine import RefineSettings, refine
+from polyworld.estimation.world_fit.refine import refine
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, Undetermined
 from polyworld.estimation.world_fit.search import SearchProgress, SearchSettings, fit, fit_by_random_search
 
@@ -17,10 +17,8 @@ __all__ = [
     "FitProblem",
     "FitResult",
     "FittedValue",
-    "MultistartSettings",
     "Objective",
     "ObjectiveSettings",
-    "RefineSettings",
     "SearchProgress",
     "SearchSettings",
     "Start",

@@ -11,9 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.refine import RefineSettings, refine
+from polyworld.estimation.world_fit.refine import refine
 from polyworld.estimation.world_fit.result import FitResult
 from polyworld.estimation.world_fit.search import Cancelled, Progress, SearchProgress, SearchSettings, fit
+
+FIRST_ITERATIONS = 8  # least-squares iterations that every search's candidate gets
+FINALISTS = 2  # how many of the best go on to the end
 
 
 @dataclass(frozen=True)
@@ -34,61 +37,42 @@ class Start:
         return min(self.results, key=lambda result: result.loss)
 
 
-@dataclass(frozen=True)
-class MultistartSettings:
-    """restarts: searches, which differ in their seeds. refining: of the best ones, to the end (None: no search is
-    refined). first_iterations: least-squares iterations that every search's candidate gets; finalists: how many of the
-    best go on."""
-
-    search: SearchSettings
-    restarts: int = 1
-    refining: RefineSettings | None = None
-    first_iterations: int = 8
-    finalists: int = 2
-
-    def __post_init__(self) -> None:
-        for name in ("restarts", "finalists", "first_iterations"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
-
-
 def multistart(
     problem: FitProblem,
-    settings: MultistartSettings,
+    settings: SearchSettings,
+    restarts: int,
     *,
+    refining: bool = True,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> tuple[Start, ...]:
-    """Search from every seed and refine each outcome; the starts in order of their best loss, best first.
+    """Search with as many seeds as `restarts` and refine each outcome; the starts in order of their best loss.
 
-    progress and cancelled as in `fit`; progress counts the generations of all searches. A cancelled fit returns the
-    starts made so far, the last with status `cancelled`.
+    refining: whether least squares follow. progress and cancelled as in `fit`; progress counts the generations of all
+    searches. A cancelled fit returns the starts made so far, the last with status `cancelled`.
     """
     starts: list[Start] = []
-    for restart in range(settings.restarts):
+    for restart in range(restarts):
 
         def report(step: SearchProgress, restart: int = restart) -> None:
             if progress is not None:
-                done, total = restart * step.total + step.done, settings.restarts * step.total
-                progress(replace(step, done=done, total=total))
+                progress(replace(step, done=restart * step.total + step.done, total=restarts * step.total))
 
-        own = replace(settings.search, seed=settings.search.seed + restart)
+        own = replace(settings, seed=settings.seed + restart)
         found = fit(problem, own, progress=report, cancelled=cancelled)
-        found = replace(found, history=tuple(replace(point, restart=restart) for point in found.history))
-        starts.append(Start(found))
+        starts.append(Start(replace(found, history=tuple(replace(p, restart=restart) for p in found.history))))
         if found.status == "cancelled":
             return _in_order(starts)
-        if settings.refining is not None:
-            short = replace(settings.refining, iterations=settings.first_iterations)
-            starts[-1] = Start(found, refine(problem, found.by_name, short, cancelled=cancelled))
+        if refining:
+            first = refine(problem, found.by_name, iterations=FIRST_ITERATIONS, cancelled=cancelled)
+            starts[-1] = replace(starts[-1], refined=first)
     starts = list(_in_order(starts))
-    if settings.refining is not None:
-        for rank, start in enumerate(starts[: settings.finalists]):
-            end = refine(problem, start.best.by_name, settings.refining, cancelled=cancelled)
-            before = start.refined or start.searched
-            better = end if end.loss <= before.loss else before
-            refined = replace(better, rollouts=before.rollouts + end.rollouts, status=end.status)
-            starts[rank] = replace(start, refined=refined)
+    for rank, start in enumerate(starts[:FINALISTS]):
+        if start.refined is not None:
+            end = refine(problem, start.best.by_name, cancelled=cancelled)
+            better = end if end.loss <= start.refined.loss else start.refined
+            rollouts = start.refined.rollouts + end.rollouts
+            starts[rank] = replace(start, refined=replace(better, rollouts=rollouts, status=end.status))
     return _in_order(starts)
 
 

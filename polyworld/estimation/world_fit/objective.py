@@ -74,7 +74,7 @@ class Objective:
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2] if self.world.planar else None
         lengths = np.ones(len(rotations.names))
         for track in np.unique(rotations.owner):
-            lengths[track] = turning_length(self.world, rotations.names[track], normal)
+            lengths[track] = gyration_radius(self.world, rotations.names[track], normal)
         usual = np.nanmedian(position_sigma) if len(position_sigma) else 0.0
         own = np.where(np.isfinite(rotations.sigma), rotations.sigma, usual)
         sigma = np.hypot(own, self.settings.position_tolerance) / lengths[rotations.owner]
@@ -151,26 +151,21 @@ def huber(size: Array, threshold: float) -> Array:
     return loss
 
 
-def turning_length(world: World, name: str, normal: Array | None) -> float:
-    """`gyration_radius` of any object of a world, a deformable one in its initial shape [m]."""
+def gyration_radius(world: World, name: str, normal: Array | None) -> float:
+    """Radius of gyration of an object [m]: about the motion plane's normal, or the mean over the axes.
+
+    It is the length by which a rotation moves an object's substance, so it turns radians into metres. Deformable
+    objects have that of their initial shape.
+    """
     item = world.item(name)
     if isinstance(item, RigidObject):
-        return gyration_radius(item, normal)
-    mesh = object_mesh(world, name)
-    share = mesh.measure / mesh.measure.sum()
-    offset = mesh.nodes - share @ mesh.nodes
-    if normal is None:  # the mean over the axes of the squared distances from each
-        return float(np.sqrt(2.0 / 3.0 * share @ (offset**2).sum(axis=1)))
-    return float(np.sqrt(share @ ((offset - np.outer(offset @ normal, normal)) ** 2).sum(axis=1)))
-
-
-def gyration_radius(item: RigidObject, normal: Array | None) -> float:
-    """Radius of gyration [m]: about the motion plane's normal, or the mean over the axes.
-
-    It is the length by which a rotation moves an object's substance, so it turns radians into metres.
-    """
-    properties = geometry.mass_properties(item.shape)
-    if normal is None:
-        return float(np.sqrt(np.trace(properties.inertia) / 3.0 / properties.volume))
-    body = geometry.quaternion_matrix(np.asarray(item.orientation)).T @ normal
-    return float(np.sqrt(body @ properties.inertia @ body / properties.volume))
+        properties = geometry.mass_properties(item.shape)
+        axes = geometry.quaternion_matrix(np.asarray(item.orientation))
+        inertia = axes @ properties.inertia @ axes.T / properties.volume
+    else:
+        mesh = object_mesh(world, name)
+        share = mesh.measure / mesh.measure.sum()
+        offset = mesh.nodes - share @ mesh.nodes
+        spread = (offset.T * share) @ offset
+        inertia = np.trace(spread) * np.eye(3) - spread
+    return float(np.sqrt(np.trace(inertia) / 3.0 if normal is None else normal @ inertia @ normal))

@@ -82,7 +82,7 @@ def observed_entries(world: World, tracks: ObservedTracks) -> tuple[Entries, ...
     if len(tracks.frames) == 0 or tracks.frames[0] < 0:
         raise ValueError("tracks must have at least one frame, and frame numbers must not be negative")
     shapes = [_shape(world, tracks, s) for s in tracks.shapes if s.object in world.moving_names]
-    return (_positions(world, tracks), _rotations(world, tracks), *shapes)
+    return (*_tracks(world, tracks), *shapes)
 
 
 def _present(world: World, tracks: ObservedTracks, names: tuple[str, ...]) -> NDArray[np.bool_]:
@@ -92,52 +92,46 @@ def _present(world: World, tracks: ObservedTracks, names: tuple[str, ...]) -> ND
     return present
 
 
-def _positions(world: World, tracks: ObservedTracks) -> Entries:
-    seen = _present(world, tracks, tracks.names) & (tracks.confidence > 0.0)
-    sample, track = np.nonzero(seen)  # row-major: ordered by time
-    column = _columns(world, tracks)[track]
-    axes = geometry.plane_axes(world.environment.motion_plane)[:2] if world.planar else np.eye(3)
-    observed = tracks.positions[sample, track]
-
-    def compare(batch: BatchTrajectory, count: int) -> Array:
-        difference: Array = (batch.positions[:, sample[:count], column[:count]] - observed[:count]) @ axes.T
-        return difference
-
-    sigma, weight = tracks.position_sigma[sample, track], tracks.confidence[sample, track]
-    none = np.zeros(len(sample), dtype=np.int64)
-    return Entries("position", tracks.names, track, sample, none, sigma, weight, len(axes), compare)
-
-
-def _rotations(world: World, tracks: ObservedTracks) -> Entries:
-    """Rotations from observed to simulated orientation; their sigma is that of the position.
+def _tracks(world: World, tracks: ObservedTracks) -> tuple[Entries, Entries]:
+    """Positions, and rotations from observed to simulated orientation, whose sigma is that of the position.
 
     Planar: the angle about the plane's normal, folded into the object's symmetry of order n. Spatial: the rotation
     vector, the smallest over the n turns about the body's z axis that look alike; for order 0 the turn about that axis
     is removed and only its tilt remains.
     """
+    names = list(world.moving_names)
+    columns = np.array([names.index(n) if n in names else -1 for n in tracks.names], dtype=np.int64)
+    axes = geometry.plane_axes(world.environment.motion_plane)
     fluids = {d.name for d in world.deformables if d.representation.startswith("fluid")}
     order = np.array(tracks.symmetry, dtype=np.int64)
-    compared = np.array([n not in fluids for n in tracks.names], dtype=bool) & ((order != 0) | (not world.planar))
-    seen = _present(world, tracks, tracks.names) & compared & (tracks.orientation_confidence > 0.0)
-    sample, track = np.nonzero(seen & np.all(np.isfinite(tracks.orientations), axis=-1))
-    column = _columns(world, tracks)[track]
-    observed = tracks.orientations[sample, track]
-    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    turns = np.array([n not in fluids for n in tracks.names], dtype=bool) & ((order != 0) | (not world.planar))
+    turned = turns & (tracks.orientation_confidence > 0.0) & np.all(np.isfinite(tracks.orientations), axis=-1)
 
-    def compare(batch: BatchTrajectory, count: int) -> Array:
-        simulated = batch.orientations[:, sample[:count], column[:count]]
+    def moved(batch: BatchTrajectory, rows: Ints, owner: Ints) -> Array:
+        apart: Array = batch.positions[:, rows, columns[owner]] - tracks.positions[rows, owner]
+        return apart @ axes[:2].T if world.planar else apart
+
+    def rotated(batch: BatchTrajectory, rows: Ints, owner: Ints) -> Array:
+        simulated, seen = batch.orientations[:, rows, columns[owner]], tracks.orientations[rows, owner]
         if world.planar:
-            return turn_about(simulated, observed[:count], normal, order[track[:count]])[..., None]
-        return smallest_rotation(simulated, observed[:count], order[track[:count]])
+            return turn_about(simulated, seen, axes[2], order[owner])[..., None]
+        return smallest_rotation(simulated, seen, order[owner])
 
-    sigma, weight = tracks.position_sigma[sample, track], tracks.orientation_confidence[sample, track]
-    none = np.zeros(len(sample), dtype=np.int64)
-    return Entries("rotation", tracks.names, track, sample, none, sigma, weight, 1 if world.planar else 3, compare)
+    def entries(
+        kind: str, seen: NDArray[np.bool_], confidence: Array, components: int, compare: Callable[..., Array]
+    ) -> Entries:
+        rows, owner = np.nonzero(seen & _present(world, tracks, tracks.names))  # row-major: ordered by time
+        sigma, weight, none = tracks.position_sigma[rows, owner], confidence[rows, owner], np.zeros_like(rows)
 
+        def differences(batch: BatchTrajectory, count: int) -> Array:
+            return compare(batch, rows[:count], owner[:count])
 
-def _columns(world: World, tracks: ObservedTracks) -> Ints:
-    names = list(world.moving_names)
-    return np.array([names.index(n) if n in names else -1 for n in tracks.names], dtype=np.int64)
+        return Entries(kind, tracks.names, owner, rows, none, sigma, weight, components, differences)
+
+    return (
+        entries("position", tracks.confidence > 0.0, tracks.confidence, 2 if world.planar else 3, moved),
+        entries("rotation", turned, tracks.orientation_confidence, 1 if world.planar else 3, rotated),
+    )
 
 
 def _shape(world: World, tracks: ObservedTracks, series: ShapeSeries) -> Entries:

@@ -6,8 +6,6 @@ Marquardt (1963); bounds by projection; Huber's loss by iterated weights.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from polyworld.estimation.world_fit.problem import FitProblem
@@ -17,29 +15,20 @@ from polyworld.estimation.world_fit.search import Cancelled
 # Factors on the step of the differences, tried in turn while no trial improves: a collision puts kinks into the
 # residuals, which a smaller step looks between and a larger one looks across.
 SPANS = (1.0, 0.3, 3.0, 0.1, 10.0)
+STEP = 1e-3  # of the differences, as a share of a parameter's range
+TOLERANCE = 1e-4  # converged when the loss falls by less than this share of itself
 # Trial dampings of one iteration, as factors of the last successful one: tried in a single batch.
 TRIALS = 10.0 ** np.arange(-3.0, 5.0)
-
-
-@dataclass(frozen=True)
-class RefineSettings:
-    """iterations at most; converged when the loss falls by less than `tolerance` of itself. step: finite
-    differences as a share of a parameter's range."""
-
-    iterations: int = 20
-    tolerance: float = 1e-4
-    step: float = 1e-3
 
 
 def refine(
     problem: FitProblem,
     start: dict[str, float] | None = None,
-    settings: RefineSettings | None = None,
     *,
+    iterations: int = 20,
     cancelled: Cancelled | None = None,
 ) -> FitResult:
     """Polish parameter values by name (default: the unknowns' starts); an iteration costs 2 P + 10 rollouts."""
-    settings = settings or RefineSettings()
     problem.begin()
     space = problem.space
     at = space.mean if start is None else space.coordinates(start)
@@ -47,11 +36,11 @@ def refine(
     damping, span = 1e-2, 0
     history: list[LossPoint] = []
     status: Status = "completed"
-    for iteration in range(settings.iterations):
+    for iteration in range(iterations):
         if cancelled is not None and cancelled():
             status = "cancelled"
             break
-        jacobian = problem.difference_quotients(at, settings.step * SPANS[span] * space.width) * space.width
+        jacobian = problem.difference_quotients(at, STEP * SPANS[span] * space.width) * space.width
         weights = problem.huber_weights(at)
         gradient = jacobian.T @ (weights * problem.residuals(at[None])[0])
         hessian = (jacobian * weights[:, None]).T @ jacobian
@@ -70,7 +59,7 @@ def refine(
         if losses[best] < loss:
             at, loss = candidates[best], float(losses[best])
             damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
-        span = span + 1 if gain < settings.tolerance else 0
+        span = span + 1 if gain < TOLERANCE else 0
         if span == len(SPANS):
             break
     return problem.finish("refine", status, at, None, history, 0)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.world_fit import cem, random_search
-from polyworld.estimation.world_fit.cem import CemSettings, CemState
+from polyworld.estimation.world_fit import cem
+from polyworld.estimation.world_fit.cem import CemSettings, CemState, Evaluate
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.result import FitResult, LossPoint, Status
+from polyworld.estimation.world_fit.result import FitResult, LossPoint, Method, Status
 
 Array = NDArray[np.float64]
 
@@ -41,14 +42,14 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """Where a search stands after a generation; `fit` resumes exactly at `state` (None for random search)."""
+    """Where a search stands after a generation; `fit` resumes exactly at `state`."""
 
     done: int
     total: int
     samples: int
     loss: float
     rollouts: int
-    state: CemState | None = None
+    state: CemState
 
 
 Progress = Callable[[SearchProgress], None]
@@ -93,33 +94,17 @@ def fit(
     one continues; its history and counts begin there.
     """
     settings = settings or SearchSettings()
-    problem.begin()
     space, schedule = problem.space, stages(problem.samples, settings)
-    state = resume or CemState.start(space.mean, space.sd, settings.seed)
-    history: list[LossPoint] = []
-    stopped = False
-    for index in range(state.generation, len(schedule)):
-        if cancelled is not None and cancelled():
-            stopped = True
-            break
-        samples = schedule[index]
-        if index and samples != schedule[index - 1]:
+
+    def step(state: CemState, evaluate: Evaluate) -> CemState:
+        index = state.generation
+        if index and schedule[index] != schedule[index - 1]:
             state = replace(state, sd=np.maximum(state.sd, settings.reopen * space.sd))
-
-        def evaluate(candidates: Array, samples: int = samples) -> Array:
-            return problem.losses(candidates, samples)
-
-        free = space.entered(float(problem.objective.sample_times[samples - 1]))
+        free = space.entered(float(problem.objective.sample_times[schedule[index] - 1]))
         floor = settings.cem.floor * space.sd
-        state = cem.generation(state, evaluate, space.lower, space.upper, floor, settings.cem, free=free)
-        best = float(state.elite_losses[0])
-        history.append(LossPoint(index, 0, samples, best, float(np.median(state.elite_losses))))
-        if progress is not None:
-            progress(SearchProgress(index + 1, len(schedule), samples, best, problem.rollouts, state))
-    # The search may have been cut short on a shorter horizon: judge its outcomes on the full one.
-    contenders = np.concatenate([state.elite[:1], np.clip(state.mean, space.lower, space.upper)[None]])
-    at = contenders[int(np.argmin(problem.losses(contenders, problem.samples)))]
-    return problem.finish("cem", _status(stopped), at, state.elite_sd, history, settings.seed)
+        return cem.generation(state, evaluate, space.lower, space.upper, floor, settings.cem, free=free)
+
+    return _search(problem, "cem", settings, schedule, step, progress, cancelled, resume)
 
 
 def fit_by_random_search(
@@ -129,33 +114,60 @@ def fit_by_random_search(
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> FitResult:
-    """Search the same box by uniform random samples over the full horizon, with the budget `fit` would spend."""
+    """Search the same box by independent uniform samples over the full horizon, with the budget `fit` would spend.
+
+    The yardstick for any better search.
+    """
     settings = settings or SearchSettings()
+
+    def step(state: CemState, evaluate: Evaluate) -> CemState:
+        return uniform_generation(state, evaluate, problem.space.lower, problem.space.upper, settings.cem)
+
+    schedule = [problem.samples] * settings.generations
+    return _search(problem, "random_search", settings, schedule, step, progress, cancelled, None)
+
+
+def uniform_generation(
+    state: CemState, evaluate: Evaluate, lower: Array, upper: Array, settings: CemSettings
+) -> CemState:
+    """Draw and evaluate one population of uniform samples and keep the best so far as elite."""
+    rng = np.random.default_rng(0)
+    rng.bit_generator.state = state.rng
+    candidates = rng.uniform(lower, upper, size=(settings.population, len(lower)))
+    every, losses = np.concatenate([state.elite, candidates]), np.append(state.elite_losses, evaluate(candidates))
+    order = np.argsort(losses, kind="stable")[: settings.elites]
+    best = every[order]
+    found = replace(state, generation=state.generation + 1, rng=dict(rng.bit_generator.state))
+    return replace(found, mean=best[0], elite=best, elite_losses=losses[order], elite_sd=best.std(axis=0))
+
+
+def _search(
+    problem: FitProblem,
+    method: Method,
+    settings: SearchSettings,
+    schedule: list[int],
+    step: Callable[[CemState, Evaluate], CemState],
+    progress: Progress | None,
+    cancelled: Cancelled | None,
+    resume: CemState | None,
+) -> FitResult:
+    """Run the generations of a schedule, and report the best on the full horizon."""
     problem.begin()
-    space, samples, total = problem.space, problem.samples, settings.generations
-    at, spread = space.mean, space.sd
+    space = problem.space
+    state = resume or CemState.start(space.mean, space.sd, settings.seed)
     history: list[LossPoint] = []
-    searched = random_search.generations(
-        lambda candidates: problem.losses(candidates, samples),
-        space.lower,
-        space.upper,
-        count=total,
-        population=settings.cem.population,
-        keep=settings.cem.elites,
-        seed=settings.seed,
-    )
-    stopped = False
-    for number in range(total):
+    status: Status = "completed"
+    for index in range(state.generation, len(schedule)):
         if cancelled is not None and cancelled():
-            stopped = True
+            status = "cancelled"
             break
-        best, losses = next(searched)
-        at, spread = best[0], best.std(axis=0)
-        history.append(LossPoint(number, 0, samples, float(losses[0]), float(np.median(losses))))
+        samples = schedule[index]
+        state = step(state, partial(problem.losses, samples=samples))
+        best = float(state.elite_losses[0])
+        history.append(LossPoint(index, 0, samples, best, float(np.median(state.elite_losses))))
         if progress is not None:
-            progress(SearchProgress(number + 1, total, samples, float(losses[0]), problem.rollouts))
-    return problem.finish("random_search", _status(stopped), at, spread, history, settings.seed)
-
-
-def _status(stopped: bool) -> Status:
-    return "cancelled" if stopped else "completed"
+            progress(SearchProgress(index + 1, len(schedule), samples, best, problem.rollouts, state))
+    # The search may have been cut short on a shorter horizon: judge its outcomes on the full one.
+    contenders = np.concatenate([state.elite[:1], np.clip(state.mean, space.lower, space.upper)[None]])
+    at = contenders[int(np.argmin(problem.losses(contenders, problem.samples)))]
+    return problem.finish(method, status, at, state.elite_sd, history, settings.seed)

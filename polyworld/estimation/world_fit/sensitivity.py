@@ -59,7 +59,10 @@ def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
     residual = problem.residuals(optimum[None])[0]
     if not np.all(np.isfinite(residual)):
         raise ValueError("the rollout at the optimum diverged: its sensitivity is not defined")
-    noise = _noise(problem, residual * np.sqrt(weights), len(optimum))
+    variance, correlation_time, inflation = _noise(problem, residual * np.sqrt(weights), len(optimum))
+    # Of every residual relative to the mean over all.
+    mean = max(variance * correlation_time, 1e-300)
+    noise = mean, inflation / mean
     # Steps of about one standard error see the response at the scale that matters: first a small step, to
     # learn that scale, then the step that fits it.
     first = problem.difference_quotients(optimum, FIRST_STEP * width)
@@ -80,8 +83,8 @@ def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
         insensitive=insensitive,
         undetermined=error > UNDETERMINED,
         combinations=_combinations(information, insensitive),
-        noise_factor=noise.variance,
-        correlation_time=noise.correlation_time,
+        noise_factor=variance,
+        correlation_time=correlation_time,
     )
 
 
@@ -98,26 +101,18 @@ def _differ(options: Array, weights: Array) -> NDArray[np.bool_]:
     return differ
 
 
-@dataclass(frozen=True)
-class _Noise:
-    """Variance and correlation time over all series, and their product for every residual (r,)."""
-
-    variance: float
-    correlation_time: float
-    inflation: Array
-
-
-def _posterior(jacobian: Array, weights: Array, noise: _Noise) -> tuple[Array, Array]:
+def _posterior(jacobian: Array, weights: Array, noise: tuple[float, Array]) -> tuple[Array, Array]:
     # In coordinates in which the flat belief has unit variance: information matrix, standard errors.
-    mean = max(noise.variance * noise.correlation_time, 1e-300)
+    mean, inflation = noise
     information = (jacobian * weights[:, None]).T @ jacobian / mean
-    gradient = (jacobian * (weights * noise.inflation / mean)[:, None]).T @ jacobian / mean
+    gradient = (jacobian * (weights * inflation)[:, None]).T @ jacobian / mean
     bread = np.linalg.inv(information + np.eye(len(information)))
     covariance = bread @ (gradient + np.eye(len(information))) @ bread
     return information, np.minimum(np.sqrt(np.diag(covariance)), 1.0)
 
 
-def _noise(problem: FitProblem, weighted: Array, parameters: int) -> _Noise:
+def _noise(problem: FitProblem, weighted: Array, parameters: int) -> tuple[float, float, Array]:
+    """Variance and correlation time over all series, and their product for every residual (r,)."""
     series = problem.objective.series(problem.samples)
     count = sum(places.size for places, _, _ in series)
     # Every fitted parameter takes one degree of freedom from the whole.
@@ -131,8 +126,8 @@ def _noise(problem: FitProblem, weighted: Array, parameters: int) -> _Noise:
         total += squares
         times += time * squares
     if total <= 0.0:
-        return _Noise(1e-12, 1.0, inflation)
-    return _Noise(correction * total / count, times / total, inflation)
+        return 1e-12, 1.0, inflation
+    return correction * total / count, times / total, inflation
 
 
 def _correlation_time(values: Array, sample: Ints, column: Ints) -> float:

@@ -8,7 +8,7 @@ start and width as prior gives better ones. It chooses a start, not a result: th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,35 +27,26 @@ SLOW = 0.15  # [m/s]; slower than this, an object may come to rest within the wi
 CAUTION = 2.0  # factor on the regression's standard deviations: spinning and light touches are in the windows too
 
 
-@dataclass(frozen=True)
-class Slowing:
-    """One estimate: an object's speed [m/s] and deceleration [m/s^2] with its standard deviation."""
+def slowing(tracks: ObservedTracks, name: str, noise: float, seconds_per_frame: float) -> Array:
+    """Speed [m/s], deceleration [m/s^2] and its standard deviation (n, 3) of an object.
 
-    name: str
-    speed: float
-    deceleration: float
-    sd: float
-
-
-def slowing(tracks: ObservedTracks, states: dict[str, InitialState], seconds_per_frame: float) -> list[Slowing]:
-    """Decelerations in windows of `WINDOW` consecutive samples that a quadratic in time describes."""
-    found: list[Slowing] = []
-    for name, state in states.items():
-        column = tracks.index(name)
-        rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
-        for begin in range(0, len(rows) - WINDOW + 1, WINDOW):
-            own = rows[begin : begin + WINDOW]
-            times = (tracks.frames[own] - tracks.frames[own].mean()) * seconds_per_frame
-            design = np.vander(times, 3, increasing=True)
-            points = tracks.positions[own, column]
-            path, *_ = np.linalg.lstsq(design, points, rcond=None)
-            residual = (design @ path - points) / state.noise
-            speed = float(np.linalg.norm(path[1]))
-            if speed < SLOW or np.mean(residual**2) * WINDOW / (WINDOW - 3) > MISFIT:
-                continue
-            sd = 2.0 * state.noise * float(np.sqrt(np.linalg.inv(design.T @ design)[2, 2]))
-            found.append(Slowing(name, speed, float(-2.0 * path[2] @ path[1] / speed), sd))
-    return found
+    From windows of `WINDOW` consecutive samples that a quadratic in time describes. noise [m]: of its positions.
+    """
+    found = []
+    column = tracks.index(name)
+    rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
+    for begin in range(0, len(rows) - WINDOW + 1, WINDOW):
+        own = rows[begin : begin + WINDOW]
+        times = (tracks.frames[own] - tracks.frames[own].mean()) * seconds_per_frame
+        design = np.vander(times, 3, increasing=True)
+        points = tracks.positions[own, column]
+        path, *_ = np.linalg.lstsq(design, points, rcond=None)
+        misfit = np.mean(((design @ path - points) / noise) ** 2) * WINDOW / (WINDOW - 3)
+        speed = float(np.linalg.norm(path[1]))
+        if speed >= SLOW and misfit <= MISFIT:
+            sd = 2.0 * noise * np.sqrt(np.linalg.inv(design.T @ design)[2, 2])
+            found.append((speed, -2.0 * path[2] @ path[1] / speed, sd))
+    return np.reshape(found, (-1, 3))
 
 
 def started_from_slowing(
@@ -69,19 +60,21 @@ def started_from_slowing(
     started = list(unknowns)
     if not world.planar or world.deformables:
         return started
-    moving = {name: state for name, state in states.items() if name in world.moving_names}
-    estimates = slowing(tracks, moving, world.time.seconds_per_frame)
-    if not estimates:
+    responses: list[dict[str, float]] = []
+    windows: list[Array] = []
+    for name in [n for n in states if n in world.moving_names]:
+        windows.append(slowing(tracks, name, states[name].noise, world.time.seconds_per_frame))
+        responses += [_responses(world, name, float(speed)) for speed in windows[-1][:, 0]]
+    if not responses:
         return started
-    responses = [_responses(world, e) for e in estimates]
     laws = {path for found in responses for path in found}
     fitted = [i for i, u in enumerate(unknowns) if u.scale == "linear" and laws & set(u.paths)]
     free = {path for i in fitted for path in unknowns[i].paths}
     rows = np.array([[sum(r.get(path, 0.0) for path in unknowns[i].paths) for i in fitted] for r in responses])
     # What the world has and the fit does not vary.
     known = [sum((read_parameter(world, p) or 0.0) * v for p, v in r.items() if p not in free) for r in responses]
-    measured = np.array([e.deceleration for e in estimates]) - np.array(known)
-    sd = np.array([e.sd for e in estimates])
+    measured = np.concatenate(windows)[:, 1] - np.array(known)
+    sd = np.concatenate(windows)[:, 2]
     mean = np.array([unknowns[i].start for i in fitted])
     prior = np.array([unknowns[i].typical for i in fitted])
     covariance = np.linalg.inv((rows / sd[:, None] ** 2).T @ rows + np.diag(prior**-2.0))
@@ -95,18 +88,18 @@ def started_from_slowing(
     return started
 
 
-def _responses(world: World, estimate: Slowing) -> dict[str, float]:
-    """Parameter path -> deceleration per unit of it at the estimate's speed."""
-    head, speed = f"objects.{estimate.name}", estimate.speed
+def _responses(world: World, name: str, speed: float) -> dict[str, float]:
+    """Parameter path -> deceleration of an object per unit of it at a speed."""
+    head = f"objects.{name}"
     plane = world.environment.motion_plane
     normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
     # A plane with a coefficient of its own: the pair's is the geometric mean, not linear in the object's.
     own = plane.supports and plane.friction is None
     pressed = max(0.0, -float(normal @ np.asarray(world.environment.gravity))) if own else 0.0
     found = {f"{head}.friction": pressed, f"{head}.linear_damping": speed}
-    mass = object_mass(world.object(estimate.name))
+    mass = object_mass(world.object(name))
     for effect in world.effects:
-        if not effect.enabled or (effect.objects is not None and estimate.name not in effect.objects):
+        if not effect.enabled or (effect.objects is not None and name not in effect.objects):
             continue
         drag = f"effects.{effect.name}"
         if effect.kind == "quadratic_damping":

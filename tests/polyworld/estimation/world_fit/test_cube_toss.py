@@ -22,7 +22,7 @@ from polyworld.shapes import Box, Plane
 from polyworld.tracks import ObservedTracks
 from polyworld.world import StaticObject, TimeBase, World
 
-FOLDER = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "cube_toss"
+FOLDER = Path(__file__).resolve().parents[4].parent / "shared" / "data" / "cube_toss"
 UNIT = 0.0524  # [m], the data's unit of length: half the cube's width
 
 

@@ -12,7 +12,6 @@ from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
     ObjectiveSettings,
-    RefineSettings,
     SearchProgress,
     SearchSettings,
     Unknown,
@@ -78,9 +77,7 @@ def test_cem_recovers_the_truth_within_its_stated_errors() -> None:
 
 def test_found_loss_is_no_worse_than_that_of_the_truth() -> None:
     tracks = observe(thrown_ball(), frames=60)
-    truth = refine(
-        FitProblem(thrown_ball(), tracks, unknowns(), make_simulator=ClosedForm), TRUTH, RefineSettings(iterations=1)
-    )
+    truth = refine(FitProblem(thrown_ball(), tracks, unknowns(), make_simulator=ClosedForm), TRUTH, iterations=1)
     at_truth = fit(
         FitProblem(thrown_ball(), tracks, unknowns(), make_simulator=ClosedForm), SearchSettings(generations=1)
     ).loss_start

@@ -11,7 +11,6 @@ from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
     Objective,
-    RefineSettings,
     SearchSettings,
     fit,
     refine,
@@ -38,7 +37,7 @@ def test_hidden_parameters_are_found_though_the_model_is_coarser_than_the_data(n
     search = SearchSettings(generations=5, cem=CemSettings(population=16, elites=4, carried=2), horizon=(0.5, 1.0))
     found = fit(FitProblem(world, data, scene.unknowns), search)
     values = found.by_name
-    best = refine(FitProblem(world, data, scene.unknowns), values, RefineSettings(iterations=4))
+    best = refine(FitProblem(world, data, scene.unknowns), values, iterations=4)
     for value in best.values:
         assert value.value == pytest.approx(scene.hidden[value.paths[0]], rel=tolerance)
     assert not [u for u in best.undetermined if not u.reason.startswith("not fitted")]

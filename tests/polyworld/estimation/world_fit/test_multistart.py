@@ -7,9 +7,7 @@ import pytest
 from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
-    MultistartSettings,
     ObjectiveSettings,
-    RefineSettings,
     SearchProgress,
     SearchSettings,
     Unknown,
@@ -26,7 +24,7 @@ def searched(restarts: int, **given):
     tracks = observe(thrown_ball(), frames=60)
     problem = FitProblem(thrown_ball(), tracks, SPIN, objective=objective, make_simulator=ClosedForm)
     search = SearchSettings(generations=8, cem=CemSettings(population=6, elites=2, carried=1), horizon=(1.0,))
-    return multistart(problem, MultistartSettings(search, restarts, RefineSettings()), **given)
+    return multistart(problem, search, restarts, **given)
 
 
 def test_the_true_spin_is_found_among_those_that_look_alike_from_frame_to_frame() -> None:

@@ -12,7 +12,6 @@ from polyworld.estimation.world_fit import (
     FitProblem,
     Objective,
     ObjectiveSettings,
-    RefineSettings,
     Unknown,
     accuracy,
     refine,
@@ -120,7 +119,7 @@ def test_planar_rotation_counts_about_the_normal_by_the_radius_of_gyration() -> 
     turned = replace(tracks, orientations=geometry.quaternion_product(turn, tracks.orientations))
     # gyration of a square of side 0.4 about its middle: 0.4 / sqrt(6)
     length = 0.4 / np.sqrt(6.0)
-    assert gyration_radius(box, np.array([0.0, 0.0, 1.0])) == pytest.approx(length)
+    assert gyration_radius(world, "box", np.array([0.0, 0.0, 1.0])) == pytest.approx(length)
     assert one_loss(world, turned) == pytest.approx((0.03 * length / 0.01) ** 2)
 
 
@@ -177,9 +176,7 @@ def test_tracks_of_other_objects_are_named() -> None:
         Objective(world, replace(observe(world), names=("cup",)))
     two = World(objects=(*world.objects, RigidObject(name="cup", shape=Sphere(radius=0.1), position=(5, 0, 0))))
     spin = Unknown("spin", ("objects.ball.angular_velocity.z",), "rad/s", 0.0, -9.0, 9.0, 1.0)
-    found = refine(
-        FitProblem(two, observe(world), [spin], make_simulator=ClosedForm), settings=RefineSettings(iterations=1)
-    )
+    found = refine(FitProblem(two, observe(world), [spin], make_simulator=ClosedForm), iterations=1)
     assert (found.unobserved, found.unmodelled) == (("cup",), ())
 
 
