@@ -18,8 +18,10 @@ from polyworld.estimation.world_fit import (
     Unknown,
     default_unknowns,
     fit_by_random_search,
+    in_order,
     multistart,
     refine,
+    restarts,
 )
 from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
@@ -162,14 +164,12 @@ def run_fit(
         found = fit_by_random_search(problem, search, progress=report, cancelled=progress.cancelled)
         return FitRun(found, seed=request.seed)
     # Neighbouring seeds must not repeat each other's searches.
-    starts = multistart(
-        problem,
-        replace(search, seed=request.seed * request.restarts),
-        request.restarts,
-        refining=request.method == "cem_refined",
-        progress=report,
-        cancelled=progress.cancelled,
-    )
+    search = replace(search, seed=request.seed * request.restarts)
+    if request.method == "cem_refined":
+        starts = multistart(problem, search, request.restarts, progress=report, cancelled=progress.cancelled)
+    else:
+        searches = restarts(problem, search, request.restarts, progress=report, cancelled=progress.cancelled)
+        starts = in_order(Start(found) for found in searches)
     stopped = any(result.status == "cancelled" for start in starts for result in start.results)
     return FitRun(replace(starts[0].best, status="cancelled" if stopped else "completed"), starts, request.seed)
 

@@ -4,7 +4,7 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, accuracy
 from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
-from polyworld.estimation.world_fit.multistart import Start, multistart
+from polyworld.estimation.world_fit.multistart import Start, in_order, multistart, restarts
 from polyworld.estimation.world_fit.objective import Objective, ObjectiveSettings
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import refine
@@ -28,6 +28,8 @@ __all__ = [
     "default_unknowns",
     "fit",
     "fit_by_random_search",
+    "in_order",
     "multistart",
     "refine",
+    "restarts",
 ]

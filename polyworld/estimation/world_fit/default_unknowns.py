@@ -112,7 +112,7 @@ def _check_fields(shared: Sequence[str], each: Sequence[str], materials: Sequenc
     if both:
         raise ValueError(f"{both} cannot be both shared by all objects and fitted for each")
     if "mass" in shared:
-        raise ValueError("a mass shared by all objects cannot be told from motion: fit it for each object")
+        raise ValueError("masses shared by all objects do not show in motion: fit it for each object")
 
 
 def _physical(shown: Shown, field: str, shared: bool) -> list[Unknown]:

@@ -7,7 +7,7 @@ a second selection, as in Rinnooy Kan & Timmer 1987).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from polyworld.estimation.world_fit.problem import FitProblem
@@ -37,44 +37,59 @@ class Start:
         return min(self.results, key=lambda result: result.loss)
 
 
-def multistart(
+def restarts(
     problem: FitProblem,
     settings: SearchSettings,
-    restarts: int,
+    count: int,
     *,
-    refining: bool = True,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
-) -> tuple[Start, ...]:
-    """Search with as many seeds as `restarts` and refine each outcome; the starts in order of their best loss.
+) -> Iterator[FitResult]:
+    """Search `count` times by the cross-entropy method, from one seed after the other; a cancelled search is the last.
 
-    refining: whether least squares follow. progress and cancelled as in `fit`; progress counts the generations of all
-    searches. A cancelled fit returns the starts made so far, the last with status `cancelled`.
+    progress and cancelled as in `fit`; progress counts the generations of all searches.
     """
-    starts: list[Start] = []
-    for restart in range(restarts):
+    for restart in range(count):
 
         def report(step: SearchProgress, restart: int = restart) -> None:
             if progress is not None:
-                progress(replace(step, done=restart * step.total + step.done, total=restarts * step.total))
+                progress(replace(step, done=restart * step.total + step.done, total=count * step.total))
 
-        own = replace(settings, seed=settings.seed + restart)
-        found = fit(problem, own, progress=report, cancelled=cancelled)
-        starts.append(Start(replace(found, history=tuple(replace(p, restart=restart) for p in found.history))))
+        found = fit(problem, replace(settings, seed=settings.seed + restart), progress=report, cancelled=cancelled)
+        yield replace(found, history=tuple(replace(point, restart=restart) for point in found.history))
         if found.status == "cancelled":
-            return _in_order(starts)
-        if refining:
-            first = refine(problem, found.by_name, iterations=FIRST_ITERATIONS, cancelled=cancelled)
-            starts[-1] = replace(starts[-1], refined=first)
-    starts = list(_in_order(starts))
+            return
+
+
+def multistart(
+    problem: FitProblem,
+    settings: SearchSettings,
+    count: int,
+    *,
+    progress: Progress | None = None,
+    cancelled: Cancelled | None = None,
+) -> tuple[Start, ...]:
+    """Refine the outcome of each of `count` searches by least squares; the starts in order of their best loss.
+
+    A cancelled fit returns the starts made so far, the last with status `cancelled`.
+    """
+    starts: list[Start] = []
+    for found in restarts(problem, settings, count, progress=progress, cancelled=cancelled):
+        starts.append(Start(found))
+        if found.status == "cancelled":
+            return in_order(starts)
+        first = refine(problem, found.by_name, iterations=FIRST_ITERATIONS, cancelled=cancelled)
+        starts[-1] = Start(found, first)
+    starts = list(in_order(starts))
     for rank, start in enumerate(starts[:FINALISTS]):
-        if start.refined is not None:
-            end = refine(problem, start.best.by_name, cancelled=cancelled)
-            better = end if end.loss <= start.refined.loss else start.refined
-            rollouts = start.refined.rollouts + end.rollouts
-            starts[rank] = replace(start, refined=replace(better, rollouts=rollouts, status=end.status))
-    return _in_order(starts)
+        before, end = start.refined, refine(problem, start.best.by_name, cancelled=cancelled)
+        if before is not None:
+            better = end if end.loss <= before.loss else before
+            refined = replace(better, rollouts=before.rollouts + end.rollouts, status=end.status)
+            starts[rank] = Start(start.searched, refined)
+    return in_order(starts)
 
 
-def _in_order(starts: Sequence[Start]) -> tuple[Start, ...]:
+def in_order(starts: Iterable[Start]) -> tuple[Start, ...]:
+    """Starts by their best loss, lowest first."""
     return tuple(sorted(starts, key=lambda start: start.best.loss))

@@ -50,18 +50,14 @@ class FitProblem:
         unknowns: Sequence[Unknown],
         *,
         objective: ObjectiveSettings | None = None,
-        prior_weight: float = 1.0,
         holdout_from: int | None = None,
         make_simulator: MakeSimulator = simulator,
     ) -> None:
         """Check everything.
 
-        prior_weight: lambda of the priors. holdout_from: first frame left out of the fit and used to judge it. Raises
-        ValueError when no observed frame is left on either side of it, ValueError or KeyError where an unknown or the
-        tracks do not suit the world.
+        holdout_from: first frame left out of the fit and used to judge it. Raises ValueError when no observed frame is
+        left on either side of it, ValueError or KeyError where an unknown or the tracks do not suit the world.
         """
-        if prior_weight < 0.0:
-            raise ValueError(f"prior_weight must be >= 0, got {prior_weight}")
         self.world, self.tracks, self.window = world, tracks, tracks
         self.space = SearchSpace(world, unknowns)
         if holdout_from is not None:
@@ -70,7 +66,6 @@ class FitProblem:
                 raise ValueError(f"holdout_from must lie in {span}, got {holdout_from}")
             self.window = tracks.window(int(tracks.frames[0]), holdout_from - 1)
         self.objective = Objective(world, self.window, objective)
-        self._prior_weight = prior_weight
         self._make_simulator = make_simulator
         self._simulators: dict[int, Simulator] = {}
         self.begin()
@@ -88,12 +83,12 @@ class FitProblem:
     def losses(self, candidates: Array, samples: int) -> Array:
         """Loss (N,) of candidates (N, P) over the first `samples` sample times.
 
-        With the prior: D + lambda R, where R is the sum of squared prior residuals over the same normaliser
-        as the data's, so that for lambda = 1 the minimum is the most probable value.
+        With the prior: D + R, where R is the sum of squared prior residuals over the same normaliser as the data's, so
+        that the minimum is the most probable value.
         """
         prior = (self.space.prior_residuals(candidates) ** 2).sum(axis=1)
         losses = self._over(candidates, samples, self.objective.losses)
-        total: Array = losses + self._prior_weight * prior / self.objective.weight(samples)
+        total: Array = losses + prior / self.objective.weight(samples)
         return total
 
     def loss(self, at: Array) -> float:
@@ -103,7 +98,7 @@ class FitProblem:
     def residuals(self, candidates: Array) -> Array:
         """Weighted standardised residuals (N, r) of candidates (N, P), the prior's last; NaN rows where diverged."""
         data = self._over(candidates, self.samples, self.objective.residuals)
-        return np.concatenate([data, np.sqrt(self._prior_weight) * self.space.prior_residuals(candidates)], axis=1)
+        return np.concatenate([data, self.space.prior_residuals(candidates)], axis=1)
 
     def huber_weights(self, at: Array) -> Array:
         """Weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""

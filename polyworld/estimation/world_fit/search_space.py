@@ -82,25 +82,20 @@ class SearchSpace:
 
 
 def _check(world: World, u: Unknown) -> None:
-    wrong = [
-        text
-        for text, fails in (
-            ("needs at least one path", not u.paths),
-            (f"lower {u.lower} must be below upper {u.upper}", not u.lower < u.upper),
-            (f"start {u.start} lies outside {u.lower} to {u.upper}", not u.lower <= u.start <= u.upper),
-            (f"typical must be positive, got {u.typical}", not 0.0 < u.typical < np.inf),
-            (f"a log scale needs a positive lower bound, got {u.lower}", u.scale == "log" and u.lower <= 0.0),
-            ("the prior's sd must be positive", u.prior is not None and not u.prior[1] > 0.0),
-        )
-        if fails
-    ]
-    if wrong:
-        raise ValueError(f"parameter {u.name!r}: {wrong[0]}")
+    head = f"parameter {u.name!r}"
+    if not u.paths:
+        raise ValueError(f"{head} needs at least one path")
+    if not (u.lower <= u.start <= u.upper and u.lower < u.upper):
+        raise ValueError(f"{head}: {u.start} must lie within {u.lower} to {u.upper}, of which the second is larger")
+    if not 0.0 < u.typical < np.inf or (u.prior is not None and not u.prior[1] > 0.0):
+        raise ValueError(f"{head}: standard deviations must be positive, got {u.typical} and the prior {u.prior}")
+    if u.scale == "log" and u.lower <= 0.0:
+        raise ValueError(f"{head}: a log scale needs a positive lower bound, got {u.lower}")
     for path in u.paths:
         spec = specification(world, path)
         check_differs_per_world(world, path)
         if u.lower < spec.lower or u.upper > spec.upper:
             raise ValueError(
-                f"parameter {u.name!r}: bounds {u.lower} to {u.upper} exceed those of {path}, "
+                f"{head}: bounds {u.lower} to {u.upper} exceed those of {path}, "
                 f"{spec.lower} to {spec.upper} {spec.unit}"
             )

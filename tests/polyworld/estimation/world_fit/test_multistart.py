@@ -11,7 +11,9 @@ from polyworld.estimation.world_fit import (
     SearchProgress,
     SearchSettings,
     Unknown,
+    fit,
     multistart,
+    restarts,
 )
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
@@ -54,3 +56,15 @@ def test_a_cancelled_fit_returns_the_starts_made_so_far() -> None:
     assert heard[-1].total == 32
     assert len(starts) == 2
     assert "cancelled" in {start.searched.status for start in starts}
+
+
+def test_searches_differ_in_their_seeds_and_each_is_that_of_its_seed_alone() -> None:
+    tracks = observe(thrown_ball(), frames=60)
+    problem = FitProblem(thrown_ball(), tracks, SPIN, make_simulator=ClosedForm)
+    settings = SearchSettings(generations=4, cem=CemSettings(population=6, elites=2, carried=1), seed=5)
+    results = list(restarts(problem, settings, 3))
+    assert [result.seed for result in results] == [5, 6, 7]
+    assert [result.history[0].restart for result in results] == [0, 1, 2]
+    alone = fit(problem, SearchSettings(generations=4, cem=settings.cem, seed=7))
+    assert alone.by_name == results[2].by_name
+    assert alone.rollouts == results[2].rollouts
