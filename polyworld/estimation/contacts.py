@@ -52,7 +52,7 @@ def _reach(world: World, item: RigidObject) -> float:
 
 
 def distance_to_static(static: StaticObject, points: Array) -> Array:
-    """Distance (T,) [m] of points (T, 3) from a static's surface; never larger than the true one, 0 inside."""
+    """Return the distance (T,) [m] of points (T, 3) from a static's surface; never too large, 0 inside."""
     rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
     local = (points - np.asarray(static.position)) @ rotation
     shape = static.shape

@@ -83,7 +83,7 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
 
 
 def errors(entries: Sequence[Entries], batch: BatchTrajectory, first: int, last: int) -> Accuracy:
-    """Errors of the first world of a batch over the samples `first` to before `last`."""
+    """Measure the errors of the first world of a batch over the samples `first` to before `last`."""
     sizes: dict[str, dict[str, list[Array]]] = {"position": {}, "rotation": {}}
     standardised = []
     for e in entries:
@@ -117,7 +117,7 @@ def _rms(parts: Sequence[Array]) -> float:
 
 
 def json_ready(value: Any) -> Any:
-    """The same with lists for tuples and None for numbers that are not finite."""
+    """Replace tuples by lists and numbers that are not finite by None."""
     if isinstance(value, dict):
         return {key: json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

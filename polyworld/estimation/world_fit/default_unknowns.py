@@ -46,11 +46,11 @@ def default_unknowns(
     time_base: bool = False,
     materials: Sequence[str] | None = None,
 ) -> list[Unknown]:
-    """Unknowns of a fit of `world` to `tracks`, only those that the tracks can show.
+    """List the unknowns of a fit of `world` to `tracks`, only those that the tracks can show.
 
     shared: object parameters that get one value for all objects; each: one value per object. Both name fields
     of `polyworld.parameters.OBJECT_PARAMETERS`. Of the objects that may touch each other the mass of the
-    first is kept, since motion tells only ratios, and is the unit of the others. initial_conditions: position,
+    first is kept, since motion shows only ratios, and is the unit of the others. initial_conditions: position,
     velocity, rotation and spin of every object that moves at first, position and rotation of those that are
     moved later, shift and velocity of soft bodies that nothing holds. effects: coefficients of the world's enabled
     effects. time_base: seconds_per_frame, when it is not given. materials: fields of `DEFORMABLE_PARAMETERS`, fitted

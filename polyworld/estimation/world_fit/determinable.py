@@ -70,7 +70,7 @@ class Shown:
 
 
 def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, str]:
-    """Parameter path -> why the tracks say nothing about it: friction, damping, restitution, mass, and materials.
+    """Return, by parameter path, why the tracks say nothing about friction, damping, restitution, mass or materials.
 
     From the tracks alone: who moves, and who comes near whom. A path that is absent may still be undetermined;
     the sensitivity of the fit decides.
@@ -94,5 +94,7 @@ def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, st
                 reasons[f"objects.{soft.name}.{field}"] = f"neither {soft.name} nor what it is fastened to was observed"
     first = next((o.name for o in world.objects if o.name in shown.met), None)
     if first is not None:
-        reasons[f"objects.{first}.mass"] = f"motion tells only ratios of masses: that of {first} is kept as their unit"
+        reasons[f"objects.{first}.mass"] = (
+            f"motion determines only ratios of masses: that of {first} is kept as their unit"
+        )
     return reasons

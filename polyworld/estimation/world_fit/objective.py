@@ -143,7 +143,7 @@ def _flat(values: Array) -> Array:
 
 
 def huber(size: Array, threshold: float) -> Array:
-    """Huber's function of residual sizes >= 0: r^2 up to the threshold k, 2 k r - k^2 beyond (Huber 1964)."""
+    """Evaluate Huber's function of residual sizes >= 0: r^2 up to the threshold k, 2 k r - k^2 beyond (Huber 1964)."""
     if not np.isfinite(threshold):
         return size**2
     core = np.minimum(size, threshold)
@@ -152,7 +152,7 @@ def huber(size: Array, threshold: float) -> Array:
 
 
 def gyration_radius(world: World, name: str, normal: Array | None) -> float:
-    """Radius of gyration of an object [m]: about the motion plane's normal, or the mean over the axes.
+    """Return the radius of gyration of an object [m]: about the motion plane's normal, or the mean over the axes.
 
     It is the length by which a rotation moves an object's substance, so it turns radians into metres. Deformable
     objects have that of their initial shape.

@@ -64,7 +64,7 @@ class Entries:
 
 
 def sample_times(world: World, tracks: ObservedTracks) -> Array:
-    """Times (T,) [s] of the frames at the world's own seconds_per_frame."""
+    """Return the times (T,) [s] of the frames at the world's own seconds_per_frame."""
     times: Array = tracks.frames.astype(np.float64) * world.time.seconds_per_frame
     return times
 

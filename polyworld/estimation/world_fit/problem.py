@@ -76,7 +76,7 @@ class FitProblem:
         return len(self.objective.sample_times)
 
     def begin(self) -> None:
-        """Start to count rollouts and time, for a search of its own."""
+        """Restart the counts of rollouts and time, for a search of its own."""
         self.rollouts = 0
         self._started = time.perf_counter()
 
@@ -227,7 +227,7 @@ class FitProblem:
 
 
 def most_worlds(world: World, times: Array) -> int:
-    """Worlds of which one batch of rollouts may keep the motion: at least 1."""
+    """Return of how many worlds one batch of rollouts may keep the motion: at least 1."""
     bytes_of_sample = BYTES_OF_BODY * len(world.moving_names)
     for item in world.deformables:
         points = len(object_mesh(world, item.name).nodes)

@@ -57,8 +57,8 @@ Cancelled = Callable[[], bool]
 
 
 def stages(sample_count: int, settings: SearchSettings) -> list[int]:
-    """Sample times that each generation compares: short windows first, so that later events refine what earlier ones
-    showed.
+    """Return how many sample times each generation compares: short windows first, so that later events refine what
+    earlier ones showed.
 
     `final_share` of the generations see all, the rest in equal parts the shorter windows; stages of equal length after
     rounding are merged. Raises ValueError unless the shares of the horizon increase to 1.

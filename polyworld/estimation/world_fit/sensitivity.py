@@ -44,7 +44,7 @@ class Sensitivity:
 
 
 def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
-    """Standard errors and undetermined directions at search coordinates `optimum` (P,).
+    """Estimate standard errors and undetermined directions at search coordinates `optimum` (P,).
 
     The covariance of an estimate that minimises a weighted sum of squares is H^-1 M H^-1 with H = J' W J and M
     the covariance of the gradient (Huber 1967, "sandwich"); J comes from central differences. In M the
@@ -69,7 +69,7 @@ def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
     _, error = _posterior(first * flat, weights, noise)
     last = problem.difference_quotients(optimum, np.clip(error * flat, LEAST_STEP * width, WIDE_STEP * width))
     # A turbulent fluid or a contact that comes and goes answers a small step with jumps: its quotient grows as the
-    # step shrinks, and would pass for knowledge. A wide step tells, and where it differs the smallest quotient counts.
+    # step shrinks, and would pass for knowledge. A wide step is taken too, and where they differ the smallest counts.
     if problem.world.coupled or _differ(np.stack([first, last]), weights).any():
         wide = problem.difference_quotients(optimum, WIDE_STEP * width)
         options = np.stack([first, last, wide])

@@ -28,7 +28,7 @@ CAUTION = 2.0  # factor on the regression's standard deviations: spinning and li
 
 
 def slowing(tracks: ObservedTracks, name: str, noise: float, seconds_per_frame: float) -> Array:
-    """Speed [m/s], deceleration [m/s^2] and its standard deviation (n, 3) of an object.
+    """Estimate speed [m/s], deceleration [m/s^2] and its standard deviation (n, 3) of an object.
 
     From windows of `WINDOW` consecutive samples that a quadratic in time describes. noise [m]: of its positions.
     """
@@ -52,7 +52,7 @@ def slowing(tracks: ObservedTracks, name: str, noise: float, seconds_per_frame: 
 def started_from_slowing(
     world: World, tracks: ObservedTracks, states: dict[str, InitialState], unknowns: Sequence[Unknown]
 ) -> list[Unknown]:
-    """The unknowns, those of friction and drag with start and width from the regression.
+    """Set start and width of the unknowns of friction and drag from the regression.
 
     Planar worlds only, and only where all that moves is rigid: what a rope or a fluid does to an object is no law of
     its speed.
