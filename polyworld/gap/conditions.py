@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects.conditions import Conditions
+from polyworld.estimation.contacts import distance_to_static
 from polyworld.estimation.linkage import is_held
-from polyworld.identification.contacts import distance_to_static
 from polyworld.initial_states import track_noise
 from polyworld.parameters import object_mass
 from polyworld.recording import Recording, Run

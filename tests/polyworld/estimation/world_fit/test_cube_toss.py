@@ -8,14 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polyworld.identification import FitSettings, ObjectiveSettings, RefineSettings, default_parameters, fit, refine
+from polyworld.estimation.world_fit import (
+    FitProblem,
+    ObjectiveSettings,
+    SearchSettings,
+    default_unknowns,
+    fit,
+    refine,
+)
 from polyworld.initial_states import with_initial_states
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Plane
 from polyworld.tracks import ObservedTracks
 from polyworld.world import StaticObject, TimeBase, World
 
-FOLDER = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "cube_toss"
+FOLDER = Path(__file__).resolve().parents[4].parent / "shared" / "data" / "cube_toss"
 UNIT = 0.0524  # [m], the data's unit of length: half the cube's width
 
 
@@ -43,16 +50,10 @@ def test_a_tossed_cube_is_followed_in_position_and_rotation_and_gives_its_fricti
         time=TimeBase(seconds_per_frame=step, substep=step / 2),
     )
     world = with_initial_states(world, tracks)
-    parameters = default_parameters(world, tracks, shared=(), each=("friction", "restitution"))
+    parameters = default_unknowns(world, tracks, shared=(), each=("friction", "restitution"))
     objective = ObjectiveSettings(position_tolerance=0.005)
-    found = fit(world, tracks, parameters, settings=FitSettings(generations=24, objective=objective))
-    result = refine(
-        world,
-        tracks,
-        parameters,
-        {v.name: v.value for v in found.values},
-        settings=RefineSettings(objective=objective),
-    )
+    found = fit(FitProblem(world, tracks, parameters, objective=objective), SearchSettings(generations=24))
+    result = refine(FitProblem(world, tracks, parameters, objective=objective), found.by_name)
     assert result.accuracy is not None
     # A tenth of the cube's width, through several impacts on corners and edges.
     assert result.accuracy.position < 0.2 * UNIT

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from polyworld.identification import CemSettings, FitSettings, ObjectiveSettings, RefineSettings, fit, refine
+from polyworld.estimation.world_fit import (
+    CemSettings,
+    FitProblem,
+    ObjectiveSettings,
+    SearchSettings,
+    fit,
+    refine,
+)
 from tests.benchmarks.clevrer_data import default_folder, default_world, read_scene
 from tests.benchmarks.clevrer_events import score_collisions, simulated_collisions
 from tests.benchmarks.clevrer_fit import unknowns
@@ -20,18 +27,10 @@ def test_three_quarters_of_a_scene_are_followed_and_the_last_quarter_foretold() 
     parameters = unknowns(world, scene.tracks.window(0, 95))
     objective = ObjectiveSettings(position_tolerance=0.01)
     found = fit(
-        world,
-        scene.tracks,
-        parameters,
-        settings=FitSettings(generations=48, cem=CemSettings(population=64), objective=objective, holdout_from=96),
+        FitProblem(world, scene.tracks, parameters, objective=objective, holdout_from=96),
+        SearchSettings(generations=48, cem=CemSettings(population=64)),
     )
-    polished = refine(
-        world,
-        scene.tracks,
-        parameters,
-        {v.name: v.value for v in found.values},
-        settings=RefineSettings(objective=objective, holdout_from=96),
-    )
+    polished = refine(FitProblem(world, scene.tracks, parameters, objective=objective, holdout_from=96), found.by_name)
     assert found.accuracy_start is not None
     assert found.accuracy is not None
     assert polished.accuracy is not None

@@ -1,8 +1,6 @@
-"""Which objects the tracks bring close enough to touch, and when: what contact parameters can be told from."""
+"""Find which objects the tracks bring close enough to touch, and when: only these show contact parameters."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +14,14 @@ from polyworld.world import StaticObject, World
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class PossibleContact:
-    """Two names, alphabetical, and the first time [s] at which their tracks come within reach of each other."""
+def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05) -> dict[tuple[str, str], float]:
+    """Find pairs whose circumscribed balls (planar worlds: circles) come within `margin` [m], in the order of time.
 
-    participants: tuple[str, str]
-    time: float
-
-
-def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05) -> list[PossibleContact]:
-    """Pairs whose circumscribed balls (planar worlds: circles) come within `margin` [m], in order of time.
-
-    Pairs of objects, and objects with statics. A pair observed too seldom, or never both at once, is not
-    listed, nor are objects that a joint lets pass through each other. A planar world's supporting plane is not a
-    static and makes no contact here.
+    Two names, alphabetical -> the first time [s] at which they do. Pairs of objects, and objects with statics. A pair
+    observed too seldom, or never both at once, is not listed, nor are objects that a joint lets pass through each
+    other. A planar world's supporting plane is not a static and makes no contact here.
     """
-    found: list[PossibleContact] = []
+    found: dict[tuple[str, str], float] = {}
     times = tracks.frames * world.time.seconds_per_frame
     names = [o.name for o in world.objects if o.name in tracks.names]
     seen = {n: tracks.confidence[:, tracks.index(n)] > 0.0 for n in names}
@@ -39,20 +29,17 @@ def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05
     reach = {n: _reach(world, world.object(n)) for n in names}
     joined = {frozenset((j.object, j.other)) for j in world.joints if j.kind != "spring"}
     for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            if frozenset((a, b)) in joined:
-                continue
-            gap = np.linalg.norm(place[a] - place[b], axis=1) - reach[a] - reach[b]
-            near = seen[a] & seen[b] & (gap <= margin)
-            if near.any():
-                first, second = sorted((a, b))
-                found.append(PossibleContact((first, second), float(times[np.argmax(near)])))
+        near = {
+            b: seen[a] & seen[b] & (np.linalg.norm(place[a] - place[b], axis=1) - reach[a] - reach[b] <= margin)
+            for b in names[i + 1 :]
+            if frozenset((a, b)) not in joined
+        }
         for static in world.statics:
-            near = seen[a] & (distance_to_static(static, place[a]) - reach[a] <= margin)
-            if near.any():
-                first, second = sorted((a, static.name))
-                found.append(PossibleContact((first, second), float(times[np.argmax(near)])))
-    return sorted(found, key=lambda contact: (contact.time, contact.participants))
+            near[static.name] = seen[a] & (distance_to_static(static, place[a]) - reach[a] <= margin)
+        for b, rows in near.items():
+            if rows.any():
+                found[min(a, b), max(a, b)] = float(times[np.argmax(rows)])
+    return dict(sorted(found.items(), key=lambda item: (item[1], item[0])))
 
 
 def _reach(world: World, item: RigidObject) -> float:
@@ -65,7 +52,7 @@ def _reach(world: World, item: RigidObject) -> float:
 
 
 def distance_to_static(static: StaticObject, points: Array) -> Array:
-    """Distance (T,) [m] of points (T, 3) from a static's surface; never larger than the true one, 0 inside."""
+    """Return the distance (T,) [m] of points (T, 3) from a static's surface; never too large, 0 inside."""
     rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
     local = (points - np.asarray(static.position)) @ rotation
     shape = static.shape

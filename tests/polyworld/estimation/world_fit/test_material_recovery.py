@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld.identification import CemSettings, FitSettings, Objective, RefineSettings, fit, refine
+from polyworld.estimation.world_fit import (
+    CemSettings,
+    FitProblem,
+    Objective,
+    SearchSettings,
+    fit,
+    refine,
+)
 from polyworld.readouts import ImageOccupancy
 from polyworld.render import look_at
 from polyworld.rollout import simulator
@@ -27,10 +34,10 @@ SCENES = {scene.name: scene for scene in scenes()}
 def test_hidden_parameters_are_found_though_the_model_is_coarser_than_the_data(name: str, tolerance: float) -> None:
     scene = SCENES[name]
     world, data = scene.build(False), scene.observed(seed=0)
-    search = FitSettings(generations=5, cem=CemSettings(population=16, elites=4, carried=2), horizon=(0.5, 1.0))
-    found = fit(world, data, scene.unknowns, settings=search)
-    values = {value.name: value.value for value in found.values}
-    best = refine(world, data, scene.unknowns, values, settings=RefineSettings(iterations=4, batch=16))
+    search = SearchSettings(generations=5, cem=CemSettings(population=16, elites=4, carried=2), horizon=(0.5, 1.0))
+    found = fit(FitProblem(world, data, scene.unknowns), search)
+    values = found.by_name
+    best = refine(FitProblem(world, data, scene.unknowns), values, iterations=4)
     for value in best.values:
         assert value.value == pytest.approx(scene.hidden[value.paths[0]], rel=tolerance)
     assert not [u for u in best.undetermined if not u.reason.startswith("not fitted")]

@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 
 from polyworld import geometry
-from polyworld.identification import Objective, ObjectiveSettings, accuracy, trajectory_rmse
-from polyworld.identification.objective import DIVERGED, huber
-from polyworld.identification.readout import gyration_radius
+from polyworld.estimation.world_fit import (
+    FitProblem,
+    Objective,
+    ObjectiveSettings,
+    Unknown,
+    accuracy,
+    refine,
+)
+from polyworld.estimation.world_fit.objective import DIVERGED, gyration_radius, huber
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
 from polyworld.world import TimeBase, World
-from tests.polyworld.identification.closed_form import ClosedForm, observe, thrown_ball
+from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
 EXACT = {"sigma": 0.0, "turn_sigma": 0.0}
 
@@ -113,7 +119,7 @@ def test_planar_rotation_counts_about_the_normal_by_the_radius_of_gyration() -> 
     turned = replace(tracks, orientations=geometry.quaternion_product(turn, tracks.orientations))
     # gyration of a square of side 0.4 about its middle: 0.4 / sqrt(6)
     length = 0.4 / np.sqrt(6.0)
-    assert gyration_radius(box, np.array([0.0, 0.0, 1.0])) == pytest.approx(length)
+    assert gyration_radius(world, "box", np.array([0.0, 0.0, 1.0])) == pytest.approx(length)
     assert one_loss(world, turned) == pytest.approx((0.03 * length / 0.01) ** 2)
 
 
@@ -150,7 +156,7 @@ def test_rmse_is_the_root_of_the_mean_squared_distance() -> None:
     world = thrown_ball()
     tracks = shifted(shifted(stated(observe(world, **EXACT), 0.01), 2, (0.3, 0.0, 0.0)), 9, (0.0, 0.0, 0.4))
     trajectory = ClosedForm(world, tracks.times, n_worlds=1).run().world(0)
-    assert trajectory_rmse(world, tracks, trajectory) == pytest.approx(np.sqrt((0.09 + 0.16) / 25.0))
+    assert accuracy(world, tracks, trajectory).position == pytest.approx(np.sqrt((0.09 + 0.16) / 25.0))
     report = accuracy(world, tracks, trajectory)
     assert report.worst_position == pytest.approx(0.4)
     assert report.position_by_object == pytest.approx({"ball": 0.1})
@@ -161,7 +167,7 @@ def test_rmse_of_samples_at_other_times_is_refused() -> None:
     world = thrown_ball()
     trajectory = ClosedForm(world, np.arange(25) * 0.05, n_worlds=1).run().world(0)
     with pytest.raises(ValueError, match="sample it at the tracks' frames"):
-        trajectory_rmse(world, observe(world), trajectory)
+        accuracy(world, observe(world), trajectory)
 
 
 def test_tracks_of_other_objects_are_named() -> None:
@@ -169,7 +175,9 @@ def test_tracks_of_other_objects_are_named() -> None:
     with pytest.raises(ValueError, match="'cup'"):
         Objective(world, replace(observe(world), names=("cup",)))
     two = World(objects=(*world.objects, RigidObject(name="cup", shape=Sphere(radius=0.1), position=(5, 0, 0))))
-    assert Objective(two, observe(world)).readout.unobserved == ("cup",)
+    spin = Unknown("spin", ("objects.ball.angular_velocity.z",), "rad/s", 0.0, -9.0, 9.0, 1.0)
+    found = refine(FitProblem(two, observe(world), [spin], make_simulator=ClosedForm), iterations=1)
+    assert (found.unobserved, found.unmodelled) == (("cup",), ())
 
 
 @pytest.mark.parametrize("size", [0.0, 0.5, 3.0, 7.0])

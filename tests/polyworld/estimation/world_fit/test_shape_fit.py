@@ -9,18 +9,18 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.camera import Camera
-from polyworld.identification import (
+from polyworld.estimation.world_fit import (
     CemSettings,
-    FitParameter,
-    FitSettings,
+    FitProblem,
     Objective,
-    RefineSettings,
+    SearchSettings,
+    Unknown,
     accuracy,
-    default_parameters,
+    default_unknowns,
     fit,
     refine,
 )
-from polyworld.identification.determinable import reasons_undeterminable
+from polyworld.estimation.world_fit.determinable import reasons_undeterminable
 from polyworld.readouts import (
     Centreline,
     Curve,
@@ -40,7 +40,7 @@ from polyworld.shape_series import ShapeSeries
 from polyworld.shapes import Sphere
 from polyworld.tracks import ObservedTracks, shapes_only
 from polyworld.world import Environment, MotionPlane, TimeBase, World
-from tests.polyworld.identification.closed_string import LENGTH, ClosedString
+from tests.polyworld.estimation.world_fit.closed_string import LENGTH, ClosedString
 from tests.polyworld.synthetic import camera_above
 
 Array = NDArray[np.float64]
@@ -78,10 +78,10 @@ def observed(readout: Readout, sigma: float, seed: int = 2, values: Array | None
 
 
 UNKNOWNS = [
-    FitParameter("EA", ("objects.string.stretch_stiffness",), 10.0, 1e4, 300.0, 1.2, scale="log"),
-    FitParameter("c", ("objects.string.linear_damping",), 0.0, 2.0, 0.5, 0.4),
+    Unknown("EA", ("objects.string.stretch_stiffness",), "", 300.0, 10.0, 1e4, 1.2, scale="log"),
+    Unknown("c", ("objects.string.linear_damping",), "", 0.5, 0.0, 2.0, 0.4),
 ]
-SETTINGS = FitSettings(generations=16, cem=CemSettings(population=32, elites=8), seed=1)
+SETTINGS = SearchSettings(generations=16, cem=CemSettings(population=32, elites=8), seed=1)
 
 
 @pytest.mark.parametrize(
@@ -99,9 +99,9 @@ SETTINGS = FitSettings(generations=16, cem=CemSettings(population=32, elites=8),
 def test_hidden_parameters_are_found_within_three_standard_errors(readout: Readout, sigma: float) -> None:
     tracks = observed(readout, sigma)
     world = string()
-    found = fit(world, tracks, UNKNOWNS, settings=SETTINGS, make_simulator=ClosedString)
-    start = {v.name: v.value for v in found.values}
-    polished = refine(world, tracks, UNKNOWNS, start, settings=RefineSettings(), make_simulator=ClosedString)
+    found = fit(FitProblem(world, tracks, UNKNOWNS, make_simulator=ClosedString), SETTINGS)
+    start = found.by_name
+    polished = refine(FitProblem(world, tracks, UNKNOWNS, make_simulator=ClosedString), start)
     best = polished if polished.loss < found.loss else found
     assert best.undetermined == ()
     stiffness, damping = best.value("EA"), best.value("c")
@@ -114,10 +114,10 @@ def test_hidden_parameters_are_found_within_three_standard_errors(readout: Reado
 def test_a_parameter_that_no_readout_shows_is_said_to_be_undetermined() -> None:
     unknowns = [
         *UNKNOWNS,
-        FitParameter("EI", ("objects.string.bending_stiffness",), 1e-6, 1e-1, 1e-3, 2.0, scale="log"),
+        Unknown("EI", ("objects.string.bending_stiffness",), "", 1e-3, 1e-6, 1e-1, 2.0, scale="log"),
     ]
     found = fit(
-        string(), observed(Front(object="string"), 0.01), unknowns, settings=SETTINGS, make_simulator=ClosedString
+        FitProblem(string(), observed(Front(object="string"), 0.01), unknowns, make_simulator=ClosedString), SETTINGS
     )
     assert [u.parameters for u in found.undetermined] == [("EI",)]
     assert "no observation" in found.undetermined[0].reason
@@ -126,11 +126,8 @@ def test_a_parameter_that_no_readout_shows_is_said_to_be_undetermined() -> None:
 def test_frames_held_out_are_judged_by_their_shapes() -> None:
     tracks = observed(Centreline(object="string", count=9), 0.01)
     found = fit(
-        string(),
-        tracks,
-        UNKNOWNS,
-        settings=FitSettings(generations=14, cem=CemSettings(population=32, elites=8), holdout_from=25),
-        make_simulator=ClosedString,
+        FitProblem(string(), tracks, UNKNOWNS, holdout_from=25, make_simulator=ClosedString),
+        SearchSettings(generations=14, cem=CemSettings(population=32, elites=8)),
     )
     assert found.accuracy_start is not None
     assert found.held_out is not None
@@ -202,18 +199,18 @@ def test_default_unknowns_suit_the_material_and_loads_on_a_rope_have_masses_to_t
         orientation_confidence=np.zeros((count, 2)),
         symmetry=(0, 0),
     )
-    names = [p.name for p in default_parameters(world, tracks, initial_conditions=False)]
+    names = [p.name for p in default_unknowns(world, tracks, initial_conditions=False)]
     assert "string.bending_stiffness" in names
     assert "string.linear_damping" in names
     assert "right.mass" in names
     assert "left.mass" not in names  # the unit
-    scales = {p.name: p.scale for p in default_parameters(world, tracks)}
+    scales = {p.name: p.scale for p in default_unknowns(world, tracks)}
     assert scales["string.bending_stiffness"] == "log"
     assert "objects.right.mass" not in reasons_undeterminable(world, tracks)
-    chosen = default_parameters(world, tracks, materials=("stretch_stiffness",), each=(), shared=())
+    chosen = default_unknowns(world, tracks, materials=("stretch_stiffness",), each=(), shared=())
     assert [p.name for p in chosen if p.name.startswith("string")] == ["string.stretch_stiffness"]
     with pytest.raises(ValueError, match="choices"):
-        default_parameters(world, tracks, materials=("colour",))
+        default_unknowns(world, tracks, materials=("colour",))
 
 
 def test_accuracy_of_shapes_is_in_their_own_unit() -> None:
@@ -249,6 +246,6 @@ def test_a_tracked_soft_body_beside_a_rigid_one_takes_part_in_the_default_unknow
         orientation_confidence=np.zeros((count, 2)),
         symmetry=(0, 0),
     )
-    names = {p.name for p in default_parameters(world, tracks)}
+    names = {p.name for p in default_unknowns(world, tracks)}
     assert {"ball.youngs_modulus", "ball.damping", "ball.shift.x", "ball.velocity.z", "stone.velocity.x"} <= names
     assert not {n for n in names if n.endswith(".y")}  # across the plane

@@ -8,23 +8,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld.identification import (
+from polyworld.estimation.world_fit import (
     CemSettings,
-    FitParameter,
-    FitProgress,
-    FitSettings,
+    FitProblem,
     ObjectiveSettings,
-    RefineSettings,
+    SearchProgress,
+    SearchSettings,
+    Unknown,
     fit,
     fit_by_random_search,
     refine,
 )
-from polyworld.identification.horizon import stages
+from polyworld.estimation.world_fit.cem import CemState
+from polyworld.estimation.world_fit.search import stages
 from polyworld.parameters import with_parameters
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Sphere
 from polyworld.world import World
-from tests.polyworld.identification.closed_form import ClosedForm, observe, thrown_ball
+from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
 TRUTH = {
     "position.x": 0.0,
@@ -36,15 +37,15 @@ TRUTH = {
 }
 
 
-def unknowns() -> list[FitParameter]:
+def unknowns() -> list[Unknown]:
     path = "objects.ball.".__add__
     return [
-        FitParameter("position.x", (path("position.x"),), -0.2, 0.2, 0.05, 0.05),
-        FitParameter("position.z", (path("position.z"),), 0.8, 1.2, 1.05, 0.05),
-        FitParameter("velocity.x", (path("velocity.x"),), 1.0, 3.0, 1.8, 0.3),
-        FitParameter("velocity.z", (path("velocity.z"),), 2.0, 4.0, 3.3, 0.3),
-        FitParameter("linear_damping", (path("linear_damping"),), 0.0, 2.0, 0.8, 0.5),
-        FitParameter("angular_velocity.z", (path("angular_velocity.z"),), 0.0, 4.0, 1.0, 1.0),
+        Unknown("position.x", (path("position.x"),), "", 0.05, -0.2, 0.2, 0.05),
+        Unknown("position.z", (path("position.z"),), "", 1.05, 0.8, 1.2, 0.05),
+        Unknown("velocity.x", (path("velocity.x"),), "", 1.8, 1.0, 3.0, 0.3),
+        Unknown("velocity.z", (path("velocity.z"),), "", 3.3, 2.0, 4.0, 0.3),
+        Unknown("linear_damping", (path("linear_damping"),), "", 0.8, 0.0, 2.0, 0.5),
+        Unknown("angular_velocity.z", (path("angular_velocity.z"),), "", 1.0, 0.0, 4.0, 1.0),
     ]
 
 
@@ -53,10 +54,12 @@ def wrong_world() -> World:
     return with_parameters(thrown_ball(), changed)
 
 
-def run(tracks, parameters=None, **settings):
-    return fit(
-        wrong_world(), tracks, parameters or unknowns(), settings=FitSettings(**settings), make_simulator=ClosedForm
-    )
+def problem(tracks, parameters=None, **given) -> FitProblem:
+    return FitProblem(wrong_world(), tracks, parameters or unknowns(), make_simulator=ClosedForm, **given)
+
+
+def run(tracks, parameters=None, *, generations=60, seed=0, **given):
+    return fit(problem(tracks, parameters, **given), SearchSettings(generations=generations, seed=seed))
 
 
 def test_cem_recovers_the_truth_within_its_stated_errors() -> None:
@@ -65,7 +68,7 @@ def test_cem_recovers_the_truth_within_its_stated_errors() -> None:
     for name, true in TRUTH.items():
         found = result.value(name)
         assert abs(found.value - true) < 4.0 * found.standard_error, name
-        assert found.standard_error < 0.2 * (found.upper - found.lower), name
+        assert found.standard_error < 0.2 * (found.bounds[1] - found.bounds[0]), name
     assert result.loss == pytest.approx(1.0, abs=0.3)
     assert result.loss < 0.1 * result.loss_start
     assert result.undetermined == () or all("not fitted" in u.reason for u in result.undetermined)
@@ -74,11 +77,9 @@ def test_cem_recovers_the_truth_within_its_stated_errors() -> None:
 
 def test_found_loss_is_no_worse_than_that_of_the_truth() -> None:
     tracks = observe(thrown_ball(), frames=60)
-    truth = refine(
-        thrown_ball(), tracks, unknowns(), TRUTH, settings=RefineSettings(iterations=1), make_simulator=ClosedForm
-    )
+    truth = refine(FitProblem(thrown_ball(), tracks, unknowns(), make_simulator=ClosedForm), TRUTH, iterations=1)
     at_truth = fit(
-        thrown_ball(), tracks, unknowns(), settings=FitSettings(generations=1), make_simulator=ClosedForm
+        FitProblem(thrown_ball(), tracks, unknowns(), make_simulator=ClosedForm), SearchSettings(generations=1)
     ).loss_start
     found = run(tracks, generations=60)
     assert truth.loss <= at_truth
@@ -91,7 +92,10 @@ def test_stated_errors_are_those_of_repeated_experiments() -> None:
     z = []
     for seed in range(24):
         result = refine(
-            thrown_ball(), observe(thrown_ball(), frames=40, seed=seed), unknowns(), TRUTH, make_simulator=ClosedForm
+            FitProblem(
+                thrown_ball(), observe(thrown_ball(), frames=40, seed=seed), unknowns(), make_simulator=ClosedForm
+            ),
+            TRUTH,
         )
         z.append([(v.value - TRUTH[v.name]) / v.standard_error for v in result.values])
     scatter = np.sqrt(np.mean(np.square(z), axis=0))
@@ -108,7 +112,7 @@ def test_correlated_noise_widens_the_errors() -> None:
     for t in range(1, len(noise)):  # first-order autoregression with the same variance
         slow[t] = 0.9 * slow[t - 1] + np.sqrt(1 - 0.81) * noise[t]
     coloured = replace(white, positions=truth + slow)
-    fits = [refine(world, t, unknowns(), TRUTH, make_simulator=ClosedForm) for t in (white, coloured)]
+    fits = [refine(FitProblem(world, t, unknowns(), make_simulator=ClosedForm), TRUTH) for t in (white, coloured)]
     assert fits[0].correlation_time < 2.0 < fits[1].correlation_time
     assert fits[1].value("velocity.x").standard_error > 1.5 * fits[0].value("velocity.x").standard_error
 
@@ -116,7 +120,7 @@ def test_correlated_noise_widens_the_errors() -> None:
 def test_refine_takes_fewer_rollouts_to_the_same_minimum() -> None:
     tracks = observe(thrown_ball(), frames=60)
     searched = run(tracks, generations=60)
-    polished = refine(wrong_world(), tracks, unknowns(), make_simulator=ClosedForm)
+    polished = refine(problem(tracks))
     assert polished.loss <= searched.loss
     assert polished.rollouts < 0.1 * searched.rollouts
     assert polished.method == "refine"
@@ -124,9 +128,9 @@ def test_refine_takes_fewer_rollouts_to_the_same_minimum() -> None:
 
 def test_random_search_spends_the_same_budget_and_does_worse() -> None:
     tracks = observe(thrown_ball(), frames=60)
-    settings = FitSettings(generations=30)
-    ours = fit(wrong_world(), tracks, unknowns(), settings=settings, make_simulator=ClosedForm)
-    theirs = fit_by_random_search(wrong_world(), tracks, unknowns(), settings=settings, make_simulator=ClosedForm)
+    settings = SearchSettings(generations=30)
+    ours = fit(problem(tracks), settings)
+    theirs = fit_by_random_search(problem(tracks), settings)
     assert theirs.rollouts <= ours.rollouts <= theirs.rollouts + 3  # CEM's contenders are judged once more
     assert ours.loss < theirs.loss < ours.loss_start
 
@@ -135,13 +139,9 @@ def test_seconds_per_frame_is_found_where_gravity_gives_the_scale() -> None:
     world = thrown_ball()
     tracks = replace(observe(world, frames=40), seconds_per_frame=1.0 / 25.0)
     guess = with_parameters(world, {"time.seconds_per_frame": 0.03})
-    time_base = FitParameter("seconds_per_frame", ("time.seconds_per_frame",), 0.01, 0.1, 0.03, 0.3, scale="log")
+    time_base = Unknown("seconds_per_frame", ("time.seconds_per_frame",), "", 0.03, 0.01, 0.1, 0.3, scale="log")
     result = fit(
-        guess,
-        tracks,
-        [*unknowns(), time_base],
-        settings=FitSettings(generations=80),
-        make_simulator=ClosedForm,
+        FitProblem(guess, tracks, [*unknowns(), time_base], make_simulator=ClosedForm), SearchSettings(generations=80)
     )
     found = result.value("seconds_per_frame")
     assert abs(found.value - 0.04) < 4.0 * found.standard_error
@@ -155,9 +155,9 @@ def test_one_value_is_given_to_all_its_paths() -> None:
         name="other", shape=Sphere(radius=0.1), position=(5, 0, 1), velocity=(1, 0, 3), linear_damping=0.5
     )
     world = World(objects=(ball, other), time=thrown_ball().time)
-    tied = FitParameter("damping", ("objects.ball.linear_damping", "objects.other.linear_damping"), 0.0, 2.0, 1.0, 0.5)
+    tied = Unknown("damping", ("objects.ball.linear_damping", "objects.other.linear_damping"), "", 1.0, 0.0, 2.0, 0.5)
     result = fit(
-        world, observe(world, frames=60), [tied], settings=FitSettings(generations=20), make_simulator=ClosedForm
+        FitProblem(world, observe(world, frames=60), [tied], make_simulator=ClosedForm), SearchSettings(generations=20)
     )
     assert [o.linear_damping for o in result.world.objects] == [result.value("damping").value] * 2
     assert result.value("damping").value == pytest.approx(0.5, abs=4 * result.value("damping").standard_error)
@@ -167,11 +167,12 @@ def test_a_prior_pulls_by_its_weight_against_the_data() -> None:
     # One parameter, linear in the data: the posterior mean is the precision-weighted mean.
     world = thrown_ball(linear_damping=0.0)
     tracks = observe(world, frames=10, turn_sigma=0.0)
-    free = FitParameter("v", ("objects.ball.velocity.x",), 0.0, 4.0, 2.0, 0.5)
+    free = Unknown("v", ("objects.ball.velocity.x",), "", 2.0, 0.0, 4.0, 0.5)
     held = replace(free, prior=(2.5, 0.02))
-    settings = RefineSettings(objective=ObjectiveSettings(huber=np.inf))
+    squares = ObjectiveSettings(huber=np.inf)
     alone, pulled = (
-        refine(world, tracks, [p], settings=settings, make_simulator=ClosedForm).value("v") for p in (free, held)
+        refine(FitProblem(world, tracks, [p], objective=squares, make_simulator=ClosedForm)).value("v")
+        for p in (free, held)
     )
     precision = (tracks.times**2).sum() / 0.01**2
     expected = (precision * alone.value + 2.5 / 0.02**2) / (precision + 1 / 0.02**2)
@@ -181,10 +182,10 @@ def test_a_prior_pulls_by_its_weight_against_the_data() -> None:
 
 def test_what_the_data_cannot_tell_is_named_with_the_reason() -> None:
     tracks = observe(thrown_ball(), frames=60)
-    blind = FitParameter("bounce", ("objects.ball.restitution",), 0.0, 1.0, 0.5, 0.2)
+    blind = Unknown("bounce", ("objects.ball.restitution",), "", 0.5, 0.0, 1.0, 0.2)
     both = [
-        FitParameter("gravity", ("environment.gravity.y",), -1.0, 1.0, 0.1, 0.3),
-        FitParameter("vy", ("objects.ball.velocity.y",), 0.0, 2.0, 1.0, 0.2),
+        Unknown("gravity", ("environment.gravity.y",), "", 0.1, -1.0, 1.0, 0.3),
+        Unknown("vy", ("objects.ball.velocity.y",), "", 1.0, 0.0, 2.0, 0.2),
     ]
     result = run(tracks, [*unknowns(), blind, *both], generations=30)
     reasons = {u.parameters: u.reason for u in result.undetermined}
@@ -192,7 +193,7 @@ def test_what_the_data_cannot_tell_is_named_with_the_reason() -> None:
     assert not any("vy" in names for names in reasons)
     # Two frames tell a displacement: of velocity and acceleration only a combination.
     short = observe(thrown_ball(), frames=2, sigma=0.001)
-    result = fit(thrown_ball(), short, both, settings=FitSettings(generations=5), make_simulator=ClosedForm)
+    result = fit(FitProblem(thrown_ball(), short, both, make_simulator=ClosedForm), SearchSettings(generations=5))
     assert ("gravity",) in {u.parameters for u in result.undetermined}
 
 
@@ -201,13 +202,13 @@ def test_a_pair_known_only_together_is_reported_as_a_pair() -> None:
     world = thrown_ball(linear_damping=0.0, angular_damping=0.0)
     world = world.model_copy(update={"environment": world.environment.model_copy(update={"gravity": (0.0, 0.0, 0.0)})})
     parameters = [
-        FitParameter("seconds_per_frame", ("time.seconds_per_frame",), 0.02, 0.08, 0.04, 0.2, scale="log"),
+        Unknown("seconds_per_frame", ("time.seconds_per_frame",), "", 0.04, 0.02, 0.08, 0.2, scale="log"),
         *(
-            FitParameter(f"{kind}.{a}", (f"objects.ball.{kind}.{a}",), 0.5, 6.0, 2.0, 0.5)
+            Unknown(f"{kind}.{a}", (f"objects.ball.{kind}.{a}",), "", 2.0, 0.5, 6.0, 0.5)
             for kind, a in (("velocity", "x"), ("velocity", "y"), ("velocity", "z"), ("angular_velocity", "z"))
         ),
     ]
-    result = refine(world, observe(world, frames=60), parameters, make_simulator=ClosedForm)
+    result = refine(FitProblem(world, observe(world, frames=60), parameters, make_simulator=ClosedForm))
     groups = [u.parameters for u in result.undetermined if "combination" in u.reason]
     assert any("seconds_per_frame" in g and len(g) >= 3 for g in groups), result.undetermined
 
@@ -225,26 +226,20 @@ def test_held_out_frames_judge_and_do_not_inform() -> None:
     assert fits[1].held_out.position == pytest.approx(100.0 * np.sqrt(3.0), rel=0.01)
 
 
-def test_a_fit_resumed_from_its_checkpoint_ends_where_the_uninterrupted_one_does() -> None:
-    tracks = observe(thrown_ball())
-    whole = run(tracks, generations=12, restarts=2)
-    kept: list[FitProgress] = []
-    arguments = {
-        "settings": FitSettings(generations=12, restarts=2),
-        "make_simulator": ClosedForm,
-    }
-    stopped = fit(
-        wrong_world(), tracks, unknowns(), progress=kept.append, cancelled=lambda: len(kept) >= 7, **arguments
-    )
+def test_a_fit_resumed_from_its_state_ends_where_the_uninterrupted_one_does() -> None:
+    settings = SearchSettings(generations=12)
+    own = problem(observe(thrown_ball()))
+    whole = fit(own, settings)
+    kept: list[SearchProgress] = []
+    stopped = fit(own, settings, progress=kept.append, cancelled=lambda: len(kept) >= 7)
     assert stopped.status == "cancelled"
-    assert np.isfinite(stopped.loss)
     assert stopped.loss <= stopped.loss_start
-    checkpoint = json.loads(json.dumps(kept[-1].checkpoint))
-    resumed = fit(wrong_world(), tracks, unknowns(), resume=checkpoint, **arguments)
+    assert kept[-1].state is not None
+    state = CemState.from_dict(json.loads(json.dumps(kept[-1].state.to_dict())))
+    resumed = fit(own, settings, resume=state)
     assert resumed.status == "completed"
     assert resumed.world.id == whole.world.id
-    assert resumed.rollouts == whole.rollouts
-    assert resumed.history == whole.history
+    assert stopped.history + resumed.history == whole.history
 
 
 def test_equal_seeds_give_equal_worlds_and_results_are_json() -> None:
@@ -267,47 +262,44 @@ def test_the_search_starts_short_and_ends_on_the_whole_horizon() -> None:
 def test_a_parameter_waits_for_the_horizon_in_which_it_shows() -> None:
     tracks = observe(thrown_ball(), frames=40)
     late = [replace(p, enters=1.0) if p.name == "linear_damping" else p for p in unknowns()]
-    kept: list[FitProgress] = []
+    kept: list[SearchProgress] = []
     fit(
-        wrong_world(),
-        tracks,
-        late,
-        settings=FitSettings(generations=20),
+        FitProblem(wrong_world(), tracks, late, make_simulator=ClosedForm),
+        SearchSettings(generations=20),
         progress=kept.append,
-        make_simulator=ClosedForm,
     )
     index = [p.name for p in late].index("linear_damping")
-    means = [(k.samples, k.checkpoint["state"]["mean"][index]) for k in kept]
+    means = [(k.samples, k.state.mean[index]) for k in kept]
     assert {m for samples, m in means if samples <= 20} == {0.8}
     assert len({m for samples, m in means if samples > 30}) > 1
 
 
 def test_stages_share_all_generations() -> None:
     for count in (1, 2, 5, 60):
-        plan = stages(128, (0.25, 0.5, 0.75, 1.0), count, 0.4)
-        assert sum(s.generations for s in plan) == count
-        assert plan[-1].samples == 128
-        assert all(s.generations >= 1 for s in plan)
+        plan = stages(128, SearchSettings(generations=count, horizon=(0.25, 0.5, 0.75, 1.0)))
+        assert len(plan) == count
+        assert plan == sorted(plan)
+        assert plan[-1] == 128
 
 
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
         ([], "at least one parameter"),
-        ([FitParameter("a", ("objects.ball.friction",), 0.0, 1.0, 0.5, 0.1)] * 2, "repeated"),
-        ([FitParameter("a", ("objects.ball.friction",), -1.0, 1.0, 0.5, 0.1)], "exceed those of"),
+        ([Unknown("a", ("objects.ball.friction",), "", 0.5, 0.0, 1.0, 0.1)] * 2, "repeated"),
+        ([Unknown("a", ("objects.ball.friction",), "", 0.5, -1.0, 1.0, 0.1)], "exceed those of"),
     ],
 )
-def test_unsuitable_parameters_are_refused(parameters: list[FitParameter], message: str) -> None:
+def test_unsuitable_parameters_are_refused(parameters: list[Unknown], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         run(observe(thrown_ball()), parameters or [], generations=1) if parameters else fit(
-            thrown_ball(), observe(thrown_ball()), [], make_simulator=ClosedForm
+            FitProblem(thrown_ball(), observe(thrown_ball()), [], make_simulator=ClosedForm)
         )
 
 
 def test_an_unknown_path_names_the_choices() -> None:
     with pytest.raises(KeyError, match=r"objects\.ball\.friction"):
-        run(observe(thrown_ball()), [FitParameter("a", ("objects.ball.colour",), 0.0, 1.0, 0.5, 0.1)])
+        run(observe(thrown_ball()), [Unknown("a", ("objects.ball.colour",), "", 0.5, 0.0, 1.0, 0.1)])
 
 
 def test_a_holdout_outside_the_frames_is_refused() -> None:
@@ -315,16 +307,15 @@ def test_a_holdout_outside_the_frames_is_refused() -> None:
         run(observe(thrown_ball()), holdout_from=25)
 
 
-def test_candidate_batches_do_not_change_the_result() -> None:
-    tracks = observe(thrown_ball())
-    fits = [
-        refine(wrong_world(), tracks, unknowns(), settings=RefineSettings(batch=b), make_simulator=ClosedForm)
-        for b in (3, 64)
-    ]
-    assert fits[0].world.id == fits[1].world.id
-    assert fits[0].rollouts == fits[1].rollouts
+def test_a_candidate_has_the_same_loss_alone_as_among_others() -> None:
+    own = problem(observe(thrown_ball()))
+    space = own.space
+    drawn = np.random.default_rng(0).uniform(space.lower, space.upper, size=(9, len(space.mean)))
+    alone = [own.losses(one[None], 20)[0] for one in drawn]
+    assert own.losses(drawn, 20) == pytest.approx(alone, rel=1e-12)
+    assert own.rollouts == 18
 
 
 def test_fewer_elites_than_asked_cannot_be() -> None:
     with pytest.raises(ValueError, match="elites"):
-        FitSettings(cem=CemSettings(population=4, elites=8))
+        SearchSettings(cem=CemSettings(population=4, elites=8))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
-from polyworld.identification.accuracy import Accuracy
+from polyworld.estimation.world_fit.accuracy import Accuracy, json_ready
 from polyworld.world import World
 
 Method = Literal["cem", "random_search", "refine"]
+Status = Literal["completed", "cancelled"]
 
 
 @dataclass(frozen=True)
@@ -19,14 +18,13 @@ class FittedValue:
 
     spread: standard deviation of the last elite set (None for methods without one); standard_error: from the
     sensitivity of the observations around the optimum. at_bound: the value lies within one standard error,
-    or a hundredth of the range, of a bound of the search.
+    or a hundredth of the range, of one of the bounds of the search.
     """
 
     name: str
     value: float
     unit: str
-    lower: float
-    upper: float
+    bounds: tuple[float, float]
     spread: float | None
     standard_error: float
     at_bound: bool
@@ -58,11 +56,12 @@ class FitResult:
 
     accuracy_* compare with the fitted frames; held_out_* with the frames after them, and are None when the fit
     left none out or the rollout diverged. noise_factor and correlation_time: see `Sensitivity`. seconds is wall
-    time; everything else is reproducible from the inputs and the seed.
+    time; everything else is reproducible from the inputs and the seed. unobserved: objects without observations;
+    unmodelled: observed objects that the world lacks.
     """
 
     method: Method
-    status: Literal["completed", "cancelled"]
+    status: Status
     world: World
     loss: float
     loss_start: float
@@ -90,45 +89,17 @@ class FitResult:
                 return candidate
         raise KeyError(f"unknown parameter {name!r}; fitted: {[v.name for v in self.values]}")
 
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Fitted values by parameter name, from which another fit can start."""
+        return {value.name: value.value for value in self.values}
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values; the world by its id only."""
-        return {
-            "method": self.method,
-            "status": self.status,
-            "world": self.world.id,
-            "loss": self.loss,
-            "loss_start": self.loss_start,
-            "values": [
-                {
-                    "name": v.name,
-                    "value": v.value,
-                    "unit": v.unit,
-                    "bounds": [v.lower, v.upper],
-                    "spread": v.spread,
-                    "standard_error": v.standard_error if np.isfinite(v.standard_error) else None,
-                    "at_bound": v.at_bound,
-                    "paths": list(v.paths),
-                }
-                for v in self.values
-            ],
-            "undetermined": [{"parameters": list(u.parameters), "reason": u.reason} for u in self.undetermined],
-            **{
-                key: None if item is None else item.to_dict()
-                for key, item in (
-                    ("accuracy_start", self.accuracy_start),
-                    ("accuracy", self.accuracy),
-                    ("held_out_start", self.held_out_start),
-                    ("held_out", self.held_out),
-                )
-            },
-            "noise_factor": self.noise_factor if np.isfinite(self.noise_factor) else None,
-            "correlation_time": self.correlation_time if np.isfinite(self.correlation_time) else None,
-            "rollouts": self.rollouts,
-            "rollouts_for_errors": self.rollouts_for_errors,
-            "seconds": self.seconds,
-            "seed": self.seed,
-            "history": [vars(point).copy() for point in self.history],
-            "fitted_frames": list(self.fitted_frames),
-            "unobserved": list(self.unobserved),
-            "unmodelled": list(self.unmodelled),
-        }
+        found = dict(vars(self)) | {"world": self.world.id}
+        for key in ("values", "undetermined", "history"):
+            found[key] = [vars(item) for item in found[key]]
+        for key in ("accuracy_start", "accuracy", "held_out_start", "held_out"):
+            found[key] = None if found[key] is None else found[key].to_dict()
+        ready: dict[str, Any] = json_ready(found)
+        return ready
