@@ -171,11 +171,11 @@ def roughness(run: Run) -> Array:
     return rough
 
 
-def is_seen(run: Run, piece: Run) -> bool:
-    """Whether all that was measured in a run was measured often enough in a piece of it."""
+def is_seen(run: Run, piece: Run, fewest: int = FEWEST // 2) -> bool:
+    """Whether all that was measured in a run was measured at no fewer instants in a piece of it."""
     for whole, part in ((run.positions, piece.positions), (run.orientations, piece.orientations)):
         needed: Sequence[int] = np.flatnonzero(np.isfinite(whole).any(axis=0)).tolist()
         there = np.isfinite(part).sum(axis=0).ravel()
-        if any(there[i] < FEWEST // 2 for i in needed):
+        if any(there[i] < fewest for i in needed):
             return False
     return True

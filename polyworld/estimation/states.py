@@ -89,6 +89,33 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
     return tuple(found)
 
 
+def with_unobserved_spins(world: World, states: tuple[StateCoordinates, ...]) -> tuple[StateCoordinates, ...]:
+    """Return coordinates with the spins of balls that nobody measured among them: within a run these are not what a
+    run's description says, and show where the balls touch something."""
+    if world.planar or not (world.statics or len(world.objects) > 1):
+        return states
+    found = []
+    for own in states:
+        item = world.item(own.name)
+        known = any(label.startswith("angular_velocity") for label in own.labels)
+        if own.linkage is not None or known or not isinstance(item, RigidObject) or not item.friction:
+            found.append(own)
+            continue
+        none, spread = np.zeros(3), np.full(3, SPIN)
+        found.append(
+            replace(
+                own,
+                labels=(*own.labels, *(f"angular_velocity.{a}" for a in "xyz")),
+                start=np.concatenate([own.start, none]),
+                typical=np.concatenate([own.typical, spread / 6.0]),
+                spread=np.concatenate([own.spread, spread]),
+                reach=np.concatenate([own.reach, none]),
+                hasty=np.concatenate([own.hasty, np.zeros((len(own.hasty), 3))], axis=1),
+            )
+        )
+    return tuple(found)
+
+
 def _free(world: World, item: RigidObject, run: Run, column: int, early: int) -> StateCoordinates:
     labels: list[str] = []
     start: list[float] = []

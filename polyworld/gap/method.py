@@ -33,10 +33,9 @@ from polyworld.gap.held_out_gap import NullControl, SealedGap, sealed_gap, simul
 from polyworld.gap.outlying import (
     OutlyingRun,
     bearing_run,
+    event_runs,
     explained_runs,
     misfitting_runs,
-    outlying_runs,
-    segment_fits,
     without_runs,
 )
 from polyworld.gap.remainder import Remainder, remainder_of
@@ -216,7 +215,7 @@ def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[O
     aside: tuple[OutlyingRun, ...] = ()
     found: Searched | None = None
     try:
-        aside = _events(work, recording) if room else ()
+        aside = event_runs(work.world, recording, work.settings.outliers, work.clock) if room else ()
         while True:
             if aside:
                 work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
@@ -247,12 +246,6 @@ def _search_without_outliers(work: _Work, recording: Recording) -> tuple[tuple[O
         kept_names = {r.run.part_of or r.run.name for r in found.bench.design.runs}
         return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
     return aside, found
-
-
-def _events(work: _Work, recording: Recording) -> tuple[OutlyingRun, ...]:
-    """Runs that hold an event of their own."""
-    fits = segment_fits(work.world, recording, work.base, work.clock)
-    return () if fits is None else outlying_runs(fits, work.settings.outliers)
 
 
 def _bearing(work: _Work, found: Searched) -> tuple[OutlyingRun, ...]:

@@ -1,9 +1,8 @@
 """Find runs, and when within them, that behave unlike the rest before any law is blamed for it.
 
 Every segment of every run is fitted by itself with the base world. A force that the base lacks hardly shows over a
-dozen samples, so a segment that cannot be fitted holds an event: a bounce nobody mentioned, a hand, a wrong track. An
-event between two segments shows as a jump of the state, and one that shows alone in its run, far beyond what is
-ordinary in all runs, makes the run an exception.
+dozen samples, so a segment that cannot be fitted holds an event: a bounce nobody mentioned, a hand, a wrong track. One
+that shows alone in its run, far beyond what is ordinary in all runs, makes the run an exception.
 """
 
 from __future__ import annotations
@@ -15,18 +14,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation import forward as whole_runs
 from polyworld.estimation import profile
-from polyworld.estimation.continuity import QUANTITIES, Boundary, jumps
 from polyworld.estimation.design import design
-from polyworld.estimation.guesses import best_guesses, flipped, propagated
-from polyworld.estimation.least_squares import Chains, Point
+from polyworld.estimation.forward import Forward
+from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.problem import Problem, apart, problem_of
-from polyworld.estimation.segment_forward import Forward, Settings
-from polyworld.estimation.shooting import Fit, set_scales
-from polyworld.estimation.trial import FittedHypothesis
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.segments import Segments, short_segments
+from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.settings import OutlierSettings
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -35,7 +29,9 @@ Array = NDArray[np.float64]
 
 LEADERS = 3  # laws that are refitted without the runs that they explain worst
 LIGHT = 30.0  # times the noise at which a run still has a state of its own and no say in what is shared
-ITERATIONS = 5  # of the fits of single segments, twice
+ITERATIONS = 5  # of fits of segments
+SAMPLES = 12  # of a segment: a state has about six coordinates a body, and twice as many instants determine it
+SHIFTS = (0.0, 0.5)  # of a segment, between the two sets
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,7 @@ class OutlyingRun:
     run: str
     when: float | None
     how: str
-    kind: Literal["event", "jump", "whole"]
+    kind: Literal["event", "whole"]
     times: float
 
     def to_json(self) -> dict[str, Any]:
@@ -63,82 +59,76 @@ class OutlyingRun:
 
 
 @dataclass(frozen=True)
-class SegmentFits:
-    """Segments fitted by themselves: chi2 per measurement (K,) of each, and jumps between them in standard errors."""
+class _SegmentFits:
+    """Segments of all runs fitted by themselves, and chi2 per measurement (K,) of each."""
 
-    problem: Problem
+    segments: Segments
+    context: FitContext
     misfit: Array
-    boundaries: tuple[Boundary, ...]
-    jump: tuple[Array, ...]
+
+    def again(self, k: int) -> None:
+        """Fit a segment again, begun earlier: just before an impact its own samples hardly determine its state."""
+        plan, first = self.segments.whole, self.segments.first[k]
+        run = plan.runs[int(self.segments.run[k])].run
+        since = run.times - run.times[0]
+        last = first + float(self.context.design.runs[k].times[-1])
+        begin = max(int(np.searchsorted(since, first - 1e-9)) - SAMPLES // 2, 0)
+        chosen = (np.arange(len(since)) >= begin) & (since <= last + 1e-9)
+        piece = replace(run.rows(chosen), name=f"{run.name} from {begin}", window_of=run.name)
+        laid = design(plan.world, Recording((piece,)))
+        context = FitContext(laid, measured_noise(laid), 1, self.context.cancelled)
+        states, horizons = profile.start_states(laid), profile.FINE_HORIZONS
+        fit = context.fit(Hypothesis(plan.world, ()), np.zeros(0), states, horizons=horizons, iterations=ITERATIONS)
+        self.misfit[k] = min(self.misfit[k], fit.misfits[0])
 
 
-def segment_fits(
-    world: World, recording: Recording, base: Sequence[Unknown], cancelled: Callable[[], bool] | None = None
-) -> SegmentFits | None:
-    """Fit every segment by itself; None where runs cannot be cut."""
-    problem = problem_of(world, recording)
-    if len(problem.segments) <= len(problem.chains):
-        return None
-    single = apart(problem)
-    values = np.array([u.start for u in base])  # a segment determines little of what all runs share
-    whole = Chains(Forward(problem, world, tuple(base), cancelled), measured_noise(problem.whole))
-    chains = Chains(Forward(single, world, (), cancelled), measured_noise(single.whole))
-    fit = Fit(chains, Point(np.zeros(0), best_guesses(whole, values)))
-    fit.stage(1.0, ITERATIONS, 1.0)
-    at = propagated(whole, flipped(whole, Point(values, fit.at.states)))
-    fit.at = Point(np.zeros(0), at.states)
-    fit.stage(1.0, ITERATIONS, 1.0)
-    costs, _ = chains.costs([fit.at])
-    counts = np.array([max(int(k.sum()), 1) for k in chains.noise.kept])
-    set_scales(whole, Point(values, fit.at.states))
-    settings = [Settings(s.index, values[None], fit.at.states[s.index][None]) for s in problem.segments]
-    outcomes = whole.forward.outcomes(settings)
-    found = jumps(whole.continuity, outcomes, [s.states for s in settings])
-    scaled = tuple(j[0] / scale for j, scale in zip(found, whole.scale, strict=True))
-    return SegmentFits(problem, costs[0] / counts, whole.continuity.boundaries, scaled)
+def event_runs(
+    world: World, recording: Recording, settings: OutlierSettings, cancelled: Callable[[], bool] | None = None
+) -> tuple[OutlyingRun, ...]:
+    """Return runs that hold an event which is no ordinary one, those that stand out most first.
 
+    None where such runs are many, or runs cannot be cut into segments.
+    """
+    fits = _segment_fits(world, recording, cancelled)
+    if not fits:
+        return ()
+    names = [r.name for r in recording.runs]
 
-def outlying_runs(fits: SegmentFits, settings: OutlierSettings) -> tuple[OutlyingRun, ...]:
-    """Return runs with an event that is no ordinary one, those that stand out most first; none where they are many."""
-    problem = fits.problem
-    count = len(problem.chains)
-    run_of = np.array([s.run for s in problem.segments])
-    worst = np.array([fits.misfit[run_of == r].max() for r in range(count)])
-    ordinary = max(float(np.quantile(worst, 1.0 - settings.most)), 1.0)
+    every = np.concatenate([f.misfit for f in fits])
+    limit = max(settings.misfit, settings.apart * float(np.quantile(every, 1.0 - settings.most)))
+    beyond = [(f, int(k)) for f in fits for k in np.flatnonzero(f.misfit > limit)]
+    for f, k in beyond:
+        f.again(k)
+    worst = [max(float(f.misfit[f.segments.run == r].max(initial=0.0)) for f in fits) for r in range(len(names))]
+    usual = max(float(np.quantile(worst, 1.0 - settings.most)), 1.0)
     found: dict[str, OutlyingRun] = {}
-    for s in problem.segments:
-        excess = float(fits.misfit[s.index])
-        if excess > max(settings.misfit, settings.apart * ordinary):
-            name = problem.whole.runs[s.run].run.name
+    for f, k in beyond:
+        excess = float(f.misfit[k])
+        if excess > max(settings.misfit, settings.apart * usual):
+            length = float(f.context.design.runs[k].times[-1])
             how = (
-                f"over {float(s.layout.times[-1]):.2g} s no motion of this world fits (chi2 per measurement "
-                f"{excess:.3g}, in the other runs at most {ordinary:.2g}), as after an impact or a push that nobody "
-                "mentioned, or on a wrong track"
+                f"over {length:.2g} s no motion of this world fits (chi2 per measurement {excess:.3g}, in the other "
+                f"runs at most {usual:.2g}), as after an impact or a push that nobody mentioned, or on a wrong track"
             )
-            _keep(found, OutlyingRun(name, s.offset, how, "event", excess / ordinary))
-    moving = [_translation(b, problem.world.planar) for b in fits.boundaries]  # turns may be counted differently
-    size = np.array([float(np.max(np.abs(j[m]), initial=0.0)) for j, m in zip(fits.jump, moving, strict=True)])
-    owner = np.array([problem.segments[b.after].run for b in fits.boundaries])
-    largest = np.array([size[owner == r].max(initial=0.0) for r in range(count)])
-    usual = max(float(np.quantile(largest, 1.0 - settings.most)), 1.0)
-    for boundary, jump, own, value in zip(fits.boundaries, fits.jump, moving, size, strict=True):
-        if value > max(settings.jump, settings.apart * usual):
-            s = problem.segments[boundary.after]
-            name = problem.whole.runs[s.run].run.name
-            component = int(own[np.argmax(np.abs(jump[own]))])
-            what = QUANTITIES[int(boundary.kind[component])]
-            how = f"its {what} jumps by {value:.3g} standard errors (in the other runs by at most {usual:.2g})"
-            _keep(found, OutlyingRun(name, s.offset, how, "jump", float(value) / usual))
+            name = names[int(f.segments.run[k])]
+            _keep(found, OutlyingRun(name, float(f.segments.first[k]), how, "event", excess / usual))
     ranked = sorted(found.values(), key=lambda o: -o.times)
-    return tuple(ranked) if len(ranked) <= settings.most * count else ()
+    return tuple(ranked) if len(ranked) <= settings.most * len(names) else ()
 
 
-def _translation(boundary: Boundary, planar: bool) -> NDArray[np.int64]:
-    """Components of a jump that are of places and velocities of bodies' centres."""
-    moving = boundary.kind < 2
-    if planar:
-        moving = moving & (boundary.axis < 2)
-    return np.flatnonzero(moving)
+def _segment_fits(world: World, recording: Recording, cancelled: Callable[[], bool] | None) -> tuple[_SegmentFits, ...]:
+    """Fit every segment of two sets by itself. What lies between two segments of one set is inside one of the other."""
+    plan = design(world, recording)
+    found = []
+    for shift in SHIFTS:
+        cut = short_segments(plan, SAMPLES, shift)
+        if cut is None:
+            return ()
+        context = FitContext(cut.parts, measured_noise(cut.parts), 1, cancelled)
+        states = profile.start_states(cut.parts)
+        fit = context.fit(Hypothesis(world, ()), np.zeros(0), states, iterations=2 * ITERATIONS)
+        found.append(_SegmentFits(cut, context, fit.misfits))
+    return tuple(found)
 
 
 def explained_runs(trial: FittedHypothesis, recording: Recording, settings: OutlierSettings) -> tuple[str, ...]:
@@ -146,7 +136,7 @@ def explained_runs(trial: FittedHypothesis, recording: Recording, settings: Outl
     world = trial.hypothesis.fitted_world(trial.values)
     plan = design(world, recording)
     noise = measured_noise(plan)
-    forward = whole_runs.Forward(plan, world, ())
+    forward = Forward(plan, world, ())
     fit = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan), horizons=profile.horizons_for(plan))
     ordinary = max(float(np.median(trial.misfits)), 1.0)
     found = []

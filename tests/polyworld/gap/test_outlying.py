@@ -7,7 +7,7 @@ import pytest
 
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
-from polyworld.gap.outlying import outlying_runs, segment_fits, without_runs
+from polyworld.gap.outlying import event_runs, without_runs
 from polyworld.gap.settings import OutlierSettings
 from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
@@ -33,9 +33,7 @@ def pushed(recording: Recording, run: int, instant: int, speed: float = 3.0) -> 
 
 
 def found_in(recording: Recording) -> tuple[str, ...]:
-    fits = segment_fits(ball_world(), recording, ())
-    assert fits is not None
-    return tuple(o.run for o in outlying_runs(fits, OutlierSettings()))
+    return tuple(o.run for o in event_runs(ball_world(), recording, OutlierSettings()))
 
 
 @pytest.mark.parametrize("instant", [37, 52, 80])
