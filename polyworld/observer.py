@@ -29,7 +29,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from polyworld.description import ORIGIN, Description, Positive, Vec3
-from polyworld.resampling import resample
+from polyworld.resampling import resample, resample_spins
 
 Array = NDArray[np.float64]
 
@@ -176,6 +176,27 @@ def observe(
         radial = bend[:, None, None, None] * (across**2).sum(axis=-1, keepdims=True)
         seen = centre[:, None, None] + scale[:, None, None, None] * (about + radial * across)
     return seen, turned
+
+
+def observed_spins(
+    spins: Array,
+    times: Array,
+    wanted_times: Array,
+    parameters: Mapping[str, Array],
+    observer: Observer | None = None,
+    run: str | None = None,
+) -> Array:
+    """Return the angular velocities (W, T', n, 3) [rad/s] that the observer reports of spins (W, T, n, 3).
+
+    They are turned by the tilt and counted by the observer's clock; arguments as for `observe`.
+    """
+    value = _Values(parameters, observer)
+    wanted = physical_times(wanted_times, parameters, observer, run)
+    seen = resample_spins(spins, times, np.broadcast_to(wanted, (len(spins), wanted.shape[1])))
+    if np.any(tilt := value.vector("tilt")):
+        seen = (Rotation.from_rotvec(tilt).inv().as_matrix()[:, None, None] @ seen[..., None])[..., 0]
+    reported: Array = seen / value["clock"][:, None, None, None]
+    return reported
 
 
 class _Values:

@@ -62,6 +62,19 @@ def resample(
     return place, np.asarray(turned)
 
 
+def resample_spins(spins: Array, times: Array, wanted: Array) -> Array:
+    """Angular velocities (W, T', n, 3) at the instants wanted (W, T'), linear between samples (W, T, n, 3) at times
+    (W, T) [s] and constant beyond them."""
+    if times.shape == wanted.shape and np.all(np.abs(times - wanted) <= 1e-9):
+        return spins
+    rows = np.arange(len(times))[:, None]
+    left = np.clip(_before(times, wanted), 0, times.shape[1] - 2)
+    part = (wanted - times[rows, left]) / np.diff(times, axis=1)[rows, left]
+    part = np.clip(part, 0.0, 1.0)[..., None, None]
+    between: Array = spins[rows, left] * (1.0 - part) + spins[rows, left + 1] * part
+    return between
+
+
 def _nearest(times: Array, wanted: Array) -> NDArray[np.int64]:
     before = np.clip(_before(times, wanted), 0, times.shape[1] - 1)
     after = np.minimum(before + 1, times.shape[1] - 1)

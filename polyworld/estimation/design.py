@@ -26,14 +26,15 @@ POSITION_AXES = ("x", "y", "z")
 class Series:
     """One component of one object's motion in one run, a stretch of the run's residual vector.
 
-    run: index. name: object, or marker. axis: 0 to 2 of world axes. kind: position [m] or rotation [rad] (rotation
-    vector from the observed to the simulated orientation; in planar worlds only the turn about the normal, axis 2).
+    run: index. name: object, or marker. axis: 0 to 2 of world axes. kind: position [m], rotation [rad] (rotation
+    vector from the observed to the simulated orientation; in planar worlds only the turn about the normal, axis 2) or
+    spin [rad/s] (angular velocity; in planar worlds only components along which the normal extends).
     rows (m,): instants at which it was measured. where: its place in the residual vector.
     """
 
     run: int
     name: str
-    kind: Literal["position", "rotation"]
+    kind: Literal["position", "rotation", "spin"]
     axis: int
     rows: Ints
     where: slice
@@ -194,10 +195,12 @@ def owner(name: str) -> str:
 def _series(world: World, run: Run, index: int) -> tuple[tuple[Series, ...], int]:
     found: list[Series] = []
     at = 0
+    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if world.planar else np.zeros(3)
+    spins = _spins(run)
     for column, name in enumerate(run.names):
         for axis in range(3):
             rows = np.flatnonzero(np.isfinite(run.positions[:, column, axis]))
-            if world.planar and abs(geometry.plane_axes(world.environment.motion_plane)[2][axis]) > 1.0 - 1e-9:
+            if normal[axis] > 1.0 - 1e-9:
                 continue  # the height above a motion plane cannot change
             if len(rows):
                 found.append(Series(index, name, "position", axis, rows, slice(at, at + len(rows))))
@@ -207,4 +210,18 @@ def _series(world: World, run: Run, index: int) -> tuple[tuple[Series, ...], int
             for axis in (2,) if world.planar else range(3):
                 found.append(Series(index, name, "rotation", axis, rows, slice(at, at + len(rows))))
                 at += len(rows)
+        for axis in range(3):
+            rows = np.flatnonzero(np.isfinite(spins[:, column, axis]))
+            if len(rows) and "#" not in name and (not world.planar or normal[axis] > 1e-9):
+                found.append(Series(index, name, "spin", axis, rows, slice(at, at + len(rows))))
+                at += len(rows)
     return tuple(found), at
+
+
+def _spins(run: Run) -> Array:
+    """Measured spins (T, n, 3) [rad/s]; none at the last instant of a segment, which belongs to the next one."""
+    if run.window_of is None or np.isfinite(run.positions[-1]).any() or np.isfinite(run.orientations[-1]).any():
+        return run.angular_velocities
+    spins = run.angular_velocities.copy()
+    spins[-1] = np.nan
+    return spins

@@ -14,7 +14,7 @@ from polyworld.estimation.in_plane import InPlane
 from polyworld.estimation.rotation_counting import counted_angles, counted_vectors
 from polyworld.estimation.unknown import Unknown
 from polyworld.meshing import mesh_of
-from polyworld.observer import clock_ratio, observe, sampling_times
+from polyworld.observer import clock_ratio, observe, observed_spins, sampling_times
 from polyworld.parameters import parameter_paths, read_parameter
 from polyworld.readouts.material_points import MaterialPoints, material_points
 from polyworld.rollout import Simulator, simulator
@@ -70,7 +70,7 @@ class Outcome:
 class Forward:
     """The forward model of one world with S unknowns on a design.
 
-    `residuals` gives simulated less observed, raw, in metres and radians; NaN rows where a rollout diverged.
+    `residuals` gives simulated less observed, raw, in m, rad and rad/s; NaN rows where a rollout diverged.
     rollouts counts worlds simulated. cancelled: asked between batches; where it says so `InterruptedError` is raised.
     """
 
@@ -282,29 +282,25 @@ class _Group:
         positions, velocities = self._motion(designs, batch, worlds)
         columns = [batch.names.index(owner(n)) for n in names]
         orientations = batch.orientations[worlds][:, :, columns]
+        spins = batch.angular_velocities[worlds][:, :, columns]
         if self.observer is not None:
-            positions, orientations = observe(
-                positions,
-                orientations,
-                velocities,
-                batch.angular_velocities[worlds][:, :, columns],
-                batch.times[worlds],
-                self.times,
-                {path: v[worlds] for path, v in observer.items()},
-                self.observer,
-                design.run.name,
-            )
+            own, times, stamps = {path: v[worlds] for path, v in observer.items()}, batch.times[worlds], self.times
+            of_run = self.observer, design.run.name
+            positions, orientations = observe(positions, orientations, velocities, spins, times, stamps, own, *of_run)
+            spins = observed_spins(spins, times, stamps, own, *of_run)
         instants = positions.shape[1]
         positions = positions.reshape(len(designs), -1, *positions.shape[1:])
+        spins = spins.reshape(positions.shape)
         residual = np.zeros((*positions.shape[:2], design.length))
         turns: dict[str, Array] = {}
         for s in design.series:
             column = names.index(s.name)
             rows = s.rows[s.rows < instants]
             where = slice(s.where.start, s.where.start + len(rows))
-            if s.kind == "position":
-                seen = np.array([d.run.positions[rows, column, s.axis] for d in designs])
-                residual[..., where] = positions[:, :, rows, column, s.axis] - seen[:, None]
+            if s.kind != "rotation":
+                measured, moved = ("positions", positions) if s.kind == "position" else ("angular_velocities", spins)
+                seen = np.array([getattr(d.run, measured)[rows, column, s.axis] for d in designs])
+                residual[..., where] = moved[:, :, rows, column, s.axis] - seen[:, None]
                 continue
             if s.name not in turns:
                 turns[s.name] = self._turned(designs, orientations[:, rows, column], rows, column)

@@ -34,9 +34,9 @@ class _Turn:
 class _Table:
     """Where the residuals of a run come from, up to some instant.
 
-    where (P,): entries of the residual that are simulated. take (P,): where a pose (T n 3,) has them; of a coordinate
-    along a world's axis, the one along the plane's axis nearest to it. factor (P,): what they count. across: what else
-    counts, None where the plane's axes are the world's. turns: series of angles.
+    where (P,): entries of the residual that are simulated. take (P,): where poses (T n 3,), followed by their rates if
+    `rates`, have them; of a coordinate along a world's axis, the one along the plane's axis nearest to it. factor (P,):
+    what they count. across: what else counts, None where the plane's axes are the world's. turns: series of angles.
     """
 
     where: Ints
@@ -44,6 +44,7 @@ class _Table:
     factor: Array
     across: _Across | None
     turns: tuple[_Turn, ...]
+    rates: bool
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,9 @@ class InPlane:
         table = self._tables[key]
         seen = np.array([self._observed(d, motion) for d in designs])
         all_worlds = np.array_equal(worlds, np.arange(len(motion.pose)))  # most often; then none need be picked
-        pose = motion.pose if all_worlds else motion.pose[worlds]
-        flat = np.ascontiguousarray(pose).reshape(len(worlds), -1)
+        moved = (motion.pose, motion.rate) if table.rates else (motion.pose,)
+        parts = [np.ascontiguousarray(m if all_worlds else m[worlds]).reshape(len(worlds), -1) for m in moved]
+        flat = np.concatenate(parts, axis=1) if table.rates else parts[0]
         found = np.take(flat, table.take, axis=1) * table.factor
         if table.across is not None:
             found += flat[:, table.across.take] * table.across.factor
@@ -96,13 +98,16 @@ class InPlane:
         return residual
 
     def _observed(self, design: RunDesign, motion: PlaneMotion) -> Array:
-        """What a run measured (m,): places, and angles from the described orientation to the measured one."""
+        """What a run measured (m,): places, angles from the described orientation to the measured one, and spins."""
         if design.index not in self._seen:
             own, run = np.zeros(design.length), design.run
             for s in design.series:
                 column = run.names.index(s.name)
                 if s.kind == "position":
                     own[s.where] = run.positions[s.rows, column, s.axis]
+                    continue
+                if s.kind == "spin":
+                    own[s.where] = run.angular_velocities[s.rows, column, s.axis]
                     continue
                 measured = run.orientations[s.rows, column]
                 described = np.broadcast_to(motion.described[:, motion.names.index(s.name)], measured.shape)
@@ -115,6 +120,7 @@ class InPlane:
 def _table(design: RunDesign, motion: PlaneMotion, count: int) -> _Table:
     parts: list[tuple[Ints, Ints, Array, Ints, Array, Ints, Array]] = []
     turns = []
+    rates_from = count * len(motion.names) * 3
     for s in design.series:
         own = motion.names.index(s.name)
         rows = s.rows[s.rows < count]
@@ -122,7 +128,9 @@ def _table(design: RunDesign, motion: PlaneMotion, count: int) -> _Table:
         where = np.arange(s.where.start, s.where.start + len(rows))
         x, y, height = (np.full(len(rows), part) for part in motion.axes[:, s.axis])
         bodies, none = np.full(len(rows), own), np.zeros(len(rows))
-        if s.kind == "rotation":
+        if s.kind == "spin":
+            parts.append((where, rates_from + first + 2, height, first, none, bodies, none))
+        elif s.kind == "rotation":
             order = design.run.symmetry[design.run.names.index(s.name)]
             turns.append(_Turn(slice(s.where.start, s.where.start + len(rows)), int(order)))
             parts.append((where, first + 2, none + 1.0, first, none, bodies, none))
@@ -132,4 +140,5 @@ def _table(design: RunDesign, motion: PlaneMotion, count: int) -> _Table:
             parts.append((where, first + 1, y, first, x, bodies, height))
     where, take, factor, other, least, body, heights = (np.concatenate(p) for p in zip(*parts, strict=True))
     oblique = bool(np.any(least) or np.any(heights))
-    return _Table(where, take, factor, _Across(other, least, body, heights) if oblique else None, tuple(turns))
+    across = _Across(other, least, body, heights) if oblique else None
+    return _Table(where, take, factor, across, tuple(turns), any(s.kind == "spin" for s in design.series))

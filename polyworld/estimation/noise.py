@@ -1,7 +1,7 @@
 """How noisy the measurements are: level, correlation in time, outliers; and residuals freed of all three.
 
 Noise of a component is taken for a first-order autoregressive process (AR(1)) in continuous time: its correlation over
-dt is exp(-dt / tau). tau is shared by all positions, and by all rotations; levels by the axes of an object.
+dt is exp(-dt / tau). tau is shared by all positions, all rotations and all spins; levels by the axes of an object.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from polyworld.symmetry import rotation_vector
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
-Kind = Literal["position", "rotation"]
+Kind = Literal["position", "rotation", "spin"]
 
-KINDS: tuple[Kind, ...] = ("position", "rotation")
-UNKNOWN_TURN = 0.01  # [rad] noise of rotations that are too few to tell
-UNKNOWN_PLACE = 1e-3  # [m] the same of positions
+KINDS: tuple[Kind, ...] = ("position", "rotation", "spin")
+UNITS: dict[Kind, str] = {"position": "m", "rotation": "rad", "spin": "rad/s"}
+SUPPOSED: dict[Kind, float] = {"position": 1e-3, "rotation": 0.01, "spin": 0.1}  # [unit] noise of too few samples
 RESOLUTION = 1e-5  # least noise, as a part of the extent of the motion: simulations are no better
 RELATIVE_ERROR = 1.3  # relative standard error of a level from n samples, times sqrt(n)
 BELIEVED = 1.5  # factor by which the data may be noisier than was said before they are believed instead
@@ -58,7 +58,7 @@ WHITE = Correlation(0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class NoiseLevel:
-    """Standard deviation [unit] of one object's positions or rotations, root mean square over runs and axes."""
+    """Standard deviation [unit] of one object's positions, rotations or spins, root mean square over runs and axes."""
 
     name: str
     kind: Kind
@@ -70,7 +70,7 @@ class NoiseLevel:
 class Noise:
     """Noise of every measured component of every run.
 
-    sigma[r] (m_r,): standard deviation [m or rad]. kept[r] (m_r,): False for outliers, which count for nothing.
+    sigma[r] (m_r,): standard deviation [m, rad or rad/s]. kept[r] (m_r,): False for outliers, which count for nothing.
     previous[r] (m_r,): the entry before in the same series (itself where there is none), rho[r] (m_r,): the
     correlation with it. correlation: by kind. repeated: rows that were shown twice. notes: what was not as told.
     """
@@ -143,6 +143,12 @@ class Noise:
         }
 
 
+def first_kind(series: Sequence[Series]) -> Kind:
+    """Return the kind that stands for all: positions where any was measured, else rotations, else spins."""
+    there = {s.kind for s in series}
+    return next(kind for kind in KINDS if kind in there)
+
+
 def measured_noise(design: Design) -> Noise:
     """The noise as the data themselves tell it, before any model: from third differences of every series.
 
@@ -154,7 +160,7 @@ def measured_noise(design: Design) -> Noise:
 
 
 def refined_noise(design: Design, noise: Noise, residuals: Sequence[Array]) -> Noise:
-    """The noise after a fit, from raw residuals (m,) of every run [m, rad] at its best values.
+    """The noise after a fit, from raw residuals (m,) of every run [m, rad, rad/s] at its best values.
 
     Outliers are set aside; levels are the smaller of those of data and residuals; the correlation is put right by the
     residuals' spectrum, as far as third differences leave it open, so that a model that is wrong does not pass for
@@ -195,7 +201,7 @@ def _from_spectrum(design: Design, noise: Noise, residuals: Sequence[Array], kin
 
 def _repeated(run: RunDesign) -> Bools:
     again = np.zeros(run.length, dtype=bool)
-    shown = np.concatenate([run.run.positions, run.run.orientations], axis=-1)
+    shown = np.concatenate([run.run.positions, run.run.orientations, run.run.angular_velocities], axis=-1)
     for column, name in enumerate(run.run.names):
         own = [s for s in run.series if s.name == name]
         if not own:
@@ -227,6 +233,9 @@ def _raw(run: RunDesign, s: Series) -> Array:
     if s.kind == "position":
         places: Array = run.run.positions[s.rows, column, s.axis]
         return places
+    if s.kind == "spin":
+        spins: Array = run.run.angular_velocities[s.rows, column, s.axis]
+        return spins
     turns = run.run.orientations[s.rows, column]
     steps = np.zeros((len(turns), 3))
     steps[1:] = rotation_vector(turns[1:], turns[:-1])
@@ -316,7 +325,7 @@ def _levels(
     floors = np.array([resolution(design, s) for s in series])
     known = np.isfinite(measured)
     if not known.any():
-        measured = np.full(len(series), UNKNOWN_PLACE if series[0].kind == "position" else UNKNOWN_TURN)
+        measured = np.full(len(series), SUPPOSED[series[0].kind])
         notes.append(f"too few samples to tell the noise of {series[0].kind}s: supposed")
     logs = np.log(np.maximum(np.where(known, measured, 1.0), floors))
     variance = np.where(known, RELATIVE_ERROR**2 / np.maximum([d.count for d in spreads], 1), np.inf)
@@ -373,6 +382,8 @@ def resolution(design: Design, s: Series) -> float:
     values = _raw(design.runs[s.run], s)
     if s.kind == "rotation":
         return RESOLUTION * np.pi
+    if s.kind == "spin":
+        return max(RESOLUTION * float(np.abs(values).max()), _rounding(values) / float(np.sqrt(12.0)), 1e-9)
     places = design.runs[s.run].run.positions[:, design.runs[s.run].run.names.index(s.name)]
     spans = [np.ptp(v[np.isfinite(v)]) for v in places.T if np.isfinite(v).any()]
     extent = float(max(spans, default=0.0))
@@ -391,7 +402,4 @@ def _told(design: Design, sigma: Sequence[Array]) -> tuple[NoiseLevel, ...]:
     squares: dict[tuple[str, Kind], list[float]] = {}
     for s in design.series:
         squares.setdefault((s.name, s.kind), []).append(float((sigma[s.run][s.where] ** 2).mean()))
-    return tuple(
-        NoiseLevel(name, kind, float(np.sqrt(np.mean(v))), "m" if kind == "position" else "rad")
-        for (name, kind), v in squares.items()
-    )
+    return tuple(NoiseLevel(name, kind, float(np.sqrt(np.mean(v))), UNITS[kind]) for (name, kind), v in squares.items())

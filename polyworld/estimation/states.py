@@ -1,6 +1,7 @@
 """Coordinates of the initial states of a run, and how they become parameters of the world.
 
-A free body has its position and velocity, and its turn and spin where its orientation was measured. Bodies that joints
+A free body has its position and velocity, its turn where its orientation was measured, and its spin where that or the
+orientation was measured. Bodies that joints
 hold to the world and to each other have one coordinate and one rate a joint: places and velocities follow.
 """
 
@@ -135,17 +136,22 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             labels += [f"rotation.{letter}", f"angular_velocity.{letter}"]
             start += [float(turn[axis]), float(spin[axis])]
             typical += [TURN, 10.0 * TURN]
+    else:
+        for axis in _measured_axes(run, column, normal):
+            labels.append(f"angular_velocity.{'xyz'[axis]}")
+            start.append(float(_measured_spin(run, column, np.zeros(3))[axis]))
+            typical.append(10.0 * TURN)
     for effect in world.effects:
         if effect.kind == "unseen_spin_lift" and effect.enabled and item.name in (effect.objects or (item.name,)):
             labels += [f"effects.{effect.name}.rate_{letter}" for letter in "xyz"]
             start += [effect.parameters.get(f"rate_{letter}", 0.0) for letter in "xyz"]
             typical += [10.0 * TURN] * 3
     spread = np.zeros(len(labels))
-    if len(rows) < 2 and planar and _spin_shows(world, item):
-        axis = int(np.argmax(normal))
-        labels.append(f"angular_velocity.{'xyz'[axis]}")
-        described = item.angular_velocity[axis] or 10.0 * TURN  # at rest nothing tells which way to go
-        start.append(float(_measured_spin(run, column, np.full(3, described))[axis]))
+    axis = int(np.argmax(normal))
+    label = f"angular_velocity.{'xyz'[axis]}"
+    if len(rows) < 2 and planar and label not in labels and _spin_shows(world, item):
+        labels.append(label)
+        start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest nothing tells which way to go
         typical.append(10.0 * TURN)
         spread = np.append(spread, SPIN)
     return StateCoordinates(
@@ -159,6 +165,13 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
         at_rest,
     )
+
+
+def _measured_axes(run: Run, column: int, normal: Array) -> list[int]:
+    """Axes along which the spin of an object was measured and may differ from zero; normal (3,): of its motion plane,
+    zero for bodies that move in space."""
+    axes = np.flatnonzero(np.isfinite(run.angular_velocities[:, column]).any(axis=0)).tolist()
+    return [a for a in axes if not normal.any() or a == int(np.argmax(normal))]
 
 
 def _measured_spin(run: Run, column: int, otherwise: Array) -> Array:

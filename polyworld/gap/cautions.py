@@ -16,7 +16,7 @@ def cautions(plan: Design) -> tuple[str, ...]:
     """In words: what no run measured and starts as the world says, and series too short to tell noise from motion."""
     found = []
     measured = {(owner(s.name), s.axis) for s in plan.series if s.kind == "position"}
-    turned = {owner(s.name) for s in plan.series if s.kind == "rotation"}
+    turned = {owner(s.name) for s in plan.series if s.kind != "position"}
     names = sorted({name for name, _ in measured})
     held = {name for name in names if is_held(plan.world, name)}
     for name in () if plan.world.planar else [n for n in names if n not in held]:
@@ -27,8 +27,8 @@ def cautions(plan: Design) -> tuple[str, ...]:
         if len(missing) < 2 and isinstance(item, RigidObject) and name not in turned:
             spin = ", ".join(f"{v:g}" for v in item.angular_velocity)
             found.append(
-                f"turns of {name} were never measured: it starts with the spin the world says, ({spin}) rad/s, and "
-                "what spin does, lift in flight or grip at a bounce, is right only as far as that is"
+                f"neither turns nor spins of {name} were measured: it starts with the described spin, ({spin}) rad/s, "
+                "and what spin does, lift in flight or grip at a bounce, is right only as far as that is"
             )
     trees = linkages(plan.world)
     known = {link.item.name for tree in trees for link in tree.links}

@@ -42,10 +42,10 @@ class Conditions:
 
     lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
     mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move
-    and were measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where no orientation
-    was measured and the world gives no spin. duration: of the longest run [s]. span: likewise, of runs before they were
-    cut into parts. acceleration: ordinary one [m/s^2]:
-    gravity, or what friction on a supporting plane gives. mass, radius: medians over rigid bodies. supported: bodies
+    and were measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where neither
+    orientations nor spins were measured and the world gives none. duration: of the longest run [s]. span: likewise, of
+    runs before they were cut into parts. acceleration: ordinary one [m/s^2]: gravity, or what friction on a supporting
+    plane gives. mass, radius: medians over rigid bodies. supported: bodies
     lie on a motion plane that gravity presses them on. bounces: some body comes within reach of a static. meetings:
     pairs of bodies that come within reach of each other. slides: some body stays in contact with a static or plane.
     """
@@ -202,9 +202,16 @@ def _spin(world: World, recording: Recording) -> float:
     rigid = {o.name for o in world.objects}
     for run in recording.runs:
         for column, name in enumerate(run.names):
+            if name not in rigid:
+                continue
+            measured = run.angular_velocities[:, column]
+            spun = np.isfinite(measured).any(axis=-1)
+            if spun.any():
+                found.append(float(np.median(np.sqrt(np.nansum(measured[spun] ** 2, axis=-1)))))
+                continue
             q = run.orientations[:, column]
             rows = np.flatnonzero(np.all(np.isfinite(q), axis=-1))
-            if name not in rigid or len(rows) < 2:
+            if len(rows) < 2:
                 continue
             cosine = np.abs(np.einsum("tk,tk->t", q[rows[1:]], q[rows[:-1]]))
             rate = 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0)) / np.diff(run.times[rows])

@@ -172,6 +172,8 @@ def _with_measured_axes(blank: Run, own: RunDesign) -> Run:
         blank.positions[:, column, [a for a in range(3) if a not in axes]] = np.nan
         if not any(s.name == name and s.kind == "rotation" for s in own.series):
             blank.orientations[:, column] = np.nan
+        spins = [s.axis for s in own.series if s.name == name and s.kind == "spin"]
+        blank.angular_velocities[:, column, spins] = 0.0
     return blank
 
 

@@ -13,7 +13,7 @@ from polyworld import geometry
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
-from polyworld.estimation.noise import Noise, measured_noise
+from polyworld.estimation.noise import UNITS, Noise, first_kind, measured_noise
 from polyworld.estimation.parts import in_parts
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -25,7 +25,7 @@ STILL_OPEN = 0.5  # share of the gap before, beyond which one has hardly been cl
 
 @dataclass(frozen=True)
 class SealedGap:
-    """Root-mean-square residuals of positions [m] (of orientations [rad] where none was measured) beyond the noise.
+    """Root-mean-square residuals of positions [m] (else of orientations [rad] or spins [rad/s]) beyond the noise.
 
     noise_floor: the noise itself. closed: share of the gap that the effect closes, 1 - gap_after / gap_before; None
     where there was none to close.
@@ -63,7 +63,7 @@ def sealed_gap(before: World, after: World, recording: Recording, known: Noise |
     plans = [design(world, cut) for world in worlds]
     plan = plans[0]
     noise = measured_noise(plan)
-    kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
+    kind = first_kind(plan.series)
     floor = _noise_level(plan, noise, kind)
     if known is not None:
         levels = [level.sigma**2 for level in known.levels if level.kind == kind]
@@ -77,7 +77,7 @@ def sealed_gap(before: World, after: World, recording: Recording, known: Noise |
         again = profile.fit(forward, noise, none, _carried(forward.design, theirs, other.states))
         gaps.append(_beyond_noise(forward.design, forward, min(own, again, key=lambda f: f.chi2), kind, floor))
     closed = 1.0 - gaps[1] / gaps[0] if gaps[0] > 0.0 else None
-    return SealedGap(gaps[0], gaps[1], floor, closed, "m" if kind == "position" else "rad")
+    return SealedGap(gaps[0], gaps[1], floor, closed, UNITS[kind])
 
 
 def _carried(plan: Design, other: Design, states: Sequence[Array]) -> tuple[Array, ...]:
@@ -138,11 +138,14 @@ def simulated_recording(forward: Forward, values: Array, states: Sequence[Array]
     for r, raw in zip(plan.runs, forward.residuals(settings), strict=True):
         change = raw[0] + _drawn(plan, noise, r.index, rng)
         positions, orientations = r.run.positions.copy(), r.run.orientations.copy()
+        spins = r.run.angular_velocities.copy()
         turns: dict[str, Array] = {}
         for s in r.series:
             column = r.run.names.index(s.name)
             if s.kind == "position":
                 positions[s.rows, column, s.axis] += change[s.where]
+            elif s.kind == "spin":
+                spins[s.rows, column, s.axis] += change[s.where]
             else:
                 turns.setdefault(s.name, np.zeros((len(s.rows), 3)))[:, s.axis] = change[s.where]
         for name, vectors in turns.items():
@@ -151,7 +154,7 @@ def simulated_recording(forward: Forward, values: Array, states: Sequence[Array]
             orientations[rows, column] = geometry.quaternion_product(
                 geometry.rotation_quaternion(vectors), orientations[rows, column]
             )
-        runs.append(replace(r.run, positions=positions, orientations=orientations))
+        runs.append(replace(r.run, positions=positions, orientations=orientations, angular_velocities=spins))
     return Recording(tuple(runs))
 
 

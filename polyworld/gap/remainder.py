@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.noise import UNITS, first_kind
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.localise import Localisation, localise
 
@@ -20,7 +21,7 @@ CLEAR = 0.2  # absolute correlation from which on a quantity is named; explains 
 class Remainder:
     """Residuals of an answer beyond the noise.
 
-    rms, noise: of positions [m] (of rotations [rad] where none was measured), and of their noise. before: rms of the
+    rms, noise: of positions [m] (else of rotations [rad] or spins [rad/s]), and of their noise. before: rms of the
     base without effects. where: by run, object, time, phase, region, speed and axis. correlation: quantity -> Pearson
     correlation of the residual's size with it, over all samples.
     """
@@ -66,13 +67,12 @@ class Remainder:
 def remainder_of(trial: FittedHypothesis, base: FittedHypothesis) -> Remainder:
     """Describe the residuals of a fit, held against those of the base."""
     design, noise = trial.bench.design, trial.bench.noise
-    kind = "position" if any(s.kind == "position" for s in design.series) else "rotation"
+    kind = first_kind(design.series)
     left, size = _rms(trial, kind)
     before, _ = _rms(base, kind)
     sigma = np.concatenate([noise.sigma[s.run][s.where] for s in design.series if s.kind == kind])
     where = localise(design, noise, trial.fit, unknowns=trial.hypothesis.unknowns)
-    unit = "m" if kind == "position" else "rad"
-    return Remainder(left, float(np.sqrt(np.mean(sigma**2))), before, unit, where, _correlations(trial, size))
+    return Remainder(left, float(np.sqrt(np.mean(sigma**2))), before, UNITS[kind], where, _correlations(trial, size))
 
 
 def _rms(trial: FittedHypothesis, kind: str) -> tuple[float, list[Array]]:

@@ -211,7 +211,7 @@ def _buoyancy(world: World, recording: Recording) -> tuple[Variant, ...]:
 def _spin_damping(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
     rubs = found.touches and any(o.friction > 0.0 for o in world.objects)
-    measured = any(np.isfinite(run.orientations).any() for run in recording.runs)
+    measured = any(np.isfinite(m).any() for run in recording.runs for m in (run.orientations, run.angular_velocities))
     if not world.objects or found.spin <= 0.0 or not (measured or rubs):
         return ()
     inertia = 0.4 * found.mass * max(found.radius, 1e-6) ** 2

@@ -34,7 +34,7 @@ def test_turns_that_are_seen_late_are_none_before() -> None:
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.36, -0.48, 0.8)])
-def test_planar_residuals_are_places_and_turns_from_what_was_measured(normal: tuple[float, float, float]) -> None:
+def test_planar_residuals_are_places_turns_and_spins_from_what_was_measured(normal: tuple[float, float, float]) -> None:
     """Two discs that collide in any plane, one of which looks the same after a third of a turn, with gaps in the data:
     against differences of the rollout's own motion, its turns by SciPy."""
     rng = np.random.default_rng(5)
@@ -65,7 +65,9 @@ def test_planar_residuals_are_places_and_turns_from_what_was_measured(normal: tu
     orientations = turned.as_quat(scalar_first=True).reshape(31, 2, 4)
     orientations[7:9, 1] = np.nan
     places[3, 0] = np.nan
-    run = Run(name="r", times=times, names=("a", "b"), positions=places, orientations=orientations, symmetry=(1, 3))
+    spins = moved.angular_velocities[0] + rng.normal(0.0, 0.3, (31, 2, 3))
+    spins[12:15, 1] = np.nan
+    run = Run("r", ("a", "b"), times, places, orientations, symmetry=(1, 3), angular_velocities=spins)
     plan = design(world, Recording((run,)), initial="given")
     shared = np.array([[1.0], [1.002]])
     unknown = Unknown("mass", ("objects.a.mass",), "kg", 1.0, 0.1, 10.0, 0.1)
@@ -76,7 +78,9 @@ def test_planar_residuals_are_places_and_turns_from_what_was_measured(normal: tu
         rows = times <= horizon * (1.0 + 1e-9)
         for s in plan.runs[0].series:
             column, keep = run.names.index(s.name), rows[s.rows]
-            if s.kind == "position":
+            if s.kind == "spin":
+                expected = batch.angular_velocities[:, s.rows, column, s.axis] - spins[s.rows, column, s.axis]
+            elif s.kind == "position":
                 expected = batch.positions[:, s.rows, column, s.axis] - places[s.rows, column, s.axis]
             else:
                 told = Rotation.from_quat(batch.orientations[:, s.rows, column].reshape(-1, 4), scalar_first=True)
@@ -86,3 +90,21 @@ def test_planar_residuals_are_places_and_turns_from_what_was_measured(normal: tu
                 expected = angle - period * np.round(angle / period)
             np.testing.assert_allclose(found[:, s.where][:, keep], expected[:, keep], atol=1e-12)
             assert np.all(found[:, s.where][:, ~keep] == 0.0)
+        measured = {(s.name, s.axis) for s in plan.runs[0].series if s.kind == "spin"}
+        assert measured == {(name, axis) for name in "ab" for axis in np.flatnonzero(n)}
+
+
+def test_spins_are_compared_as_an_observer_with_a_tilt_and_a_fast_clock_reports_them() -> None:
+    """A top in free flight, seen by a camera that is turned and counts 1.1 s a second: against SciPy's rotation."""
+    spin, tilt, clock = np.array([3.0, -20.0, 7.0]), np.array([0.2, -0.4, 0.1]), 1.1
+    observer = {"tilt": tuple(tilt), "clock": clock}
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0.0, 0.0, 1.0]}
+    world = World.model_validate({"objects": [ball | {"angular_velocity": tuple(spin)}], "observer": observer})
+    times = np.arange(20) / 30.0
+    seen = np.tile(Rotation.from_rotvec(tilt).inv().apply(spin) / clock, (20, 1, 1))
+    seen[4, 0, 1] = np.nan
+    nothing = np.full((20, 1, 3), np.nan), np.full((20, 1, 4), np.nan)
+    plan = design(world, Recording((Run("r", ("ball",), times, *nothing, angular_velocities=seen),)), initial="given")
+    (found,) = Forward(plan, world, ()).residuals([Settings(0, np.zeros((1, 0)), np.zeros((1, 0)))])
+    assert found.shape == (1, 59)
+    np.testing.assert_allclose(found, 0.0, atol=1e-9)

@@ -39,7 +39,7 @@ def test_a_whole_recording_calls_for_no_caution() -> None:
 
 def test_a_spin_that_nobody_measured_is_told_with_what_it_is_taken_for() -> None:
     (said,) = cautions(design(ball_world(), seen(0, 1, 2)))
-    assert said.startswith("turns of ball were never measured")
+    assert said.startswith("neither turns nor spins of ball were measured")
     assert "(0, 0, 0) rad/s" in said
 
 
