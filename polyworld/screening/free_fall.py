@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding, Severity
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_statics import touching
-from polyworld.gap.screen_times import counts_frames, usual_rate
-from polyworld.gap.screen_tracks import Track
+from polyworld.screening.clearance import touching
+from polyworld.screening.finding import Finding, Severity
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.time_stamps import counts_frames, usual_rate
+from polyworld.screening.tracks import Track
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from polyworld.effects import CATALOGUE
-from polyworld.gap import Finding, Screening, ScreenSettings, screen
-from polyworld.gap.screen_flight import RESISTING
 from polyworld.recording import Recording
+from polyworld.screening import Finding, Screening, ScreenSettings, screen
+from polyworld.screening.free_fall import RESISTING
 from polyworld.world import World
 from tests import real_data
-from tests.polyworld import screen_cases as cases
+from tests.polyworld.screening import cases
 from tests.real_data import needs
 
 LAWS = {

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_tracks import Track
+from polyworld.screening.finding import Finding
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.tracks import Track
 
 Array = NDArray[np.float64]
 

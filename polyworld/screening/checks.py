@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from polyworld.gap.screen_courses import course_findings, courses
-from polyworld.gap.screen_finding import Finding
-from polyworld.gap.screen_flight import common_fall, fall_findings
-from polyworld.gap.screen_grid import at_rest, constant_findings, grid_findings, grid_steps
-from polyworld.gap.screen_samples import sample_findings
-from polyworld.gap.screen_settings import DEFAULT, ScreenSettings
-from polyworld.gap.screen_statics import penetration_findings
-from polyworld.gap.screen_times import counts_frames, repeat_findings, time_findings
-from polyworld.gap.screen_tracks import tracks_of, with_noise
 from polyworld.recording import Recording
+from polyworld.screening.clearance import penetration_findings
+from polyworld.screening.courses import course_findings, courses
+from polyworld.screening.finding import Finding
+from polyworld.screening.free_fall import common_fall, fall_findings
+from polyworld.screening.grid import at_rest, constant_findings, grid_findings, grid_steps
+from polyworld.screening.samples import sample_findings
+from polyworld.screening.settings import DEFAULT, ScreenSettings
+from polyworld.screening.time_stamps import counts_frames, repeat_findings, time_findings
+from polyworld.screening.tracks import tracks_of, with_noise
 from polyworld.world import World
 
 

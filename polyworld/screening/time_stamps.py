@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding, length, runs_listed
-from polyworld.gap.screen_settings import DEFAULT, ScreenSettings
-from polyworld.gap.screen_tracks import Track, scatter
+from polyworld.screening.finding import Finding, length, runs_listed
+from polyworld.screening.settings import DEFAULT, ScreenSettings
+from polyworld.screening.tracks import Track, scatter
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

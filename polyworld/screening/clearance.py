@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.gap.screen_finding import Finding, length, runs_listed
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_tracks import Track
 from polyworld.identification.contacts import distance_to_static
 from polyworld.representations.rigid import RigidObject
+from polyworld.screening.finding import Finding, length, runs_listed
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.tracks import Track
 from polyworld.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
 from polyworld.world import StaticObject, World
 

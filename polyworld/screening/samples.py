@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding, length, listed, runs_listed
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_statics import clearance, inner_radius, plane_normal
-from polyworld.gap.screen_tracks import Track
 from polyworld.recording import Recording
+from polyworld.screening.clearance import clearance, inner_radius, plane_normal
+from polyworld.screening.finding import Finding, length, listed, runs_listed
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.tracks import Track
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -8,15 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polyworld.gap import Screening, screen
-from polyworld.gap.screen_grid import grid_step
-from polyworld.gap.screen_times import repeated_rows
-from polyworld.gap.screen_tracks import scatter
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
+from polyworld.screening import Screening, screen
+from polyworld.screening.grid import grid_step
+from polyworld.screening.time_stamps import repeated_rows
+from polyworld.screening.tracks import scatter
 from polyworld.shapes import Box, Sphere
 from polyworld.world import StaticObject, World
-from tests.polyworld import screen_cases as cases
+from tests.polyworld.screening import cases
 
 WORLD = cases.ball_world()
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from polyworld.gap import Screening, screen
 from polyworld.recording import Recording
-from tests.polyworld import screen_cases as cases
+from polyworld.screening import Screening, screen
+from tests.polyworld.screening import cases
 
 Launch = tuple[tuple[float, float, float], tuple[float, float, float]]
 
