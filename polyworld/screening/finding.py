@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 Severity = Literal["refuse", "caution"]
@@ -27,15 +27,14 @@ class Finding:
     runs: tuple[str, ...] = ()
     figures: dict[str, float] = field(default_factory=dict)
 
+    @classmethod
+    def of(cls, kind: str, severity: Severity, message: str, runs: Iterable[str], **figures: float) -> Finding:
+        """Return a finding on runs, each named once."""
+        return cls(kind, severity, message, tuple(dict.fromkeys(runs)), figures)
+
     def to_json(self) -> dict[str, object]:
         """Return the finding as plain data."""
-        return {
-            "kind": self.kind,
-            "severity": self.severity,
-            "message": self.message,
-            "runs": list(self.runs),
-            "figures": dict(self.figures),
-        }
+        return asdict(self) | {"runs": list(self.runs)}
 
 
 def listed(names: Iterable[str]) -> str:

@@ -36,8 +36,8 @@ def time_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Fin
     runs = tuple(dict.fromkeys(t.run for t in tracks))
     if counts_frames(tracks, settings):
         sentence = (
-            "Times are 0, 1, 2, ... and look like frame numbers, not seconds: give the frames per second with --fps, "
-            "or with --fps 1 if there really is a second between samples."
+            "Times are 0, 1, 2, ... and look like frame numbers, not seconds: call their column frame and give the "
+            "frames per second with --fps, unless there really is a second between samples."
         )
         return [Finding("frame_numbers", "caution", sentence, runs, {"interval": 1.0})]
     moving = [t for t in tracks if t.moves(settings.moved) and len(t.times) >= settings.few_samples]
@@ -45,7 +45,7 @@ def time_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Fin
     if interval > settings.slow and (rate := usual_rate(1000.0 / interval, settings.same_rate)) is not None:
         sentence = (
             f"There are {interval:.4g} s between samples, which would be {rate:.4g} frames per second if times were "
-            f"milliseconds: divide them by 1000, or give --fps {rate:.4g}, unless they are seconds."
+            "milliseconds: state --units ms, unless they are seconds."
         )
         return [Finding("milliseconds", "caution", sentence, runs, {"interval": interval, "rate": rate})]
     return _rounded(moving, settings) or _irregular(moving, settings)
@@ -72,8 +72,8 @@ def _rounded(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]
         return []
     sentence = (
         f"Time stamps of {runs_listed(concerned)} are rounded to {digit:g} s, which at the speeds measured shifts "
-        f"positions by {length(worst)} and is a large part of the noise: write times with more digits, or give the "
-        f"frame rate ({1.0 / regular:.4g} frames per second) with --fps."
+        f"positions by {length(worst)} and is a large part of the noise: write times with more digits, or number "
+        f"the frames in a column frame and give --fps {1.0 / regular:.4g}."
     )
     figures = {"rounding": digit, "error": worst, "rate": 1.0 / regular}
     return [Finding("rounded_times", "caution", sentence, tuple(dict.fromkeys(concerned)), figures)]
@@ -92,8 +92,8 @@ def _irregular(tracks: Sequence[Track], settings: ScreenSettings) -> list[Findin
         return []
     sentence = (
         f"Intervals between samples of {runs_listed(concerned)} vary irregularly ({100.0 * share:.0f}% differ from the "
-        "median interval): if the camera ran at a constant rate, give it with --fps; if the times are right, nothing "
-        "has to be done."
+        "median interval): if the camera ran at a constant rate, number the frames in a column frame and give the rate "
+        "with --fps; if the times are right, nothing has to be done."
     )
     return [Finding("irregular_times", "caution", sentence, tuple(dict.fromkeys(concerned)), {"share": share})]
 
