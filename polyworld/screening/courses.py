@@ -69,7 +69,7 @@ def course_findings(
             "effects that depend on different ones of them are indistinguishable from these data"
         )
     sentence = f"{subject}, {what}: add runs from other places, at other speeds or in other directions."
-    return [Finding("one_course", "caution", sentence, tuple(runs), {"distinct_courses": 1.0})]
+    return [Finding.of("one_course", "caution", sentence, runs, distinct_courses=1)]
 
 
 def _returns(track: Track, settings: ScreenSettings) -> bool:

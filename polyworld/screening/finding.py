@@ -30,7 +30,7 @@ class Finding:
     @classmethod
     def of(cls, kind: str, severity: Severity, message: str, runs: Iterable[str], **figures: float) -> Finding:
         """Return a finding on runs, each named once."""
-        return cls(kind, severity, message, tuple(dict.fromkeys(runs)), figures)
+        return cls(kind, severity, message, tuple(dict.fromkeys(runs)), {k: float(v) for k, v in figures.items()})
 
     def to_json(self) -> dict[str, object]:
         """Return the finding as plain data."""
