@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Literal
 
 Severity = Literal["refuse", "caution"]
@@ -31,10 +31,6 @@ class Finding:
     def of(cls, kind: str, severity: Severity, message: str, runs: Iterable[str], **figures: float) -> Finding:
         """Return a finding on runs, each named once."""
         return cls(kind, severity, message, tuple(dict.fromkeys(runs)), {k: float(v) for k, v in figures.items()})
-
-    def to_json(self) -> dict[str, object]:
-        """Return the finding as plain data."""
-        return asdict(self) | {"runs": list(self.runs)}
 
 
 def listed(names: Iterable[str]) -> str:
