@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evidence_store import Evidence
-from polyworld.identification.readout import gyration_radius
+from polyworld.estimation.world_fit.objective import gyration_radius
 from polyworld.world import World
 
 NEAR = 1.2  # losses within this factor of the lowest are taken for the same basin
@@ -37,7 +37,7 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
     accuracy = document["accuracy"]
     turn, shift = (accuracy["rotation_rmse"], accuracy["position_rmse"]) if accuracy else (None, None)
     if turn is not None and shift is not None and world.objects:
-        radius = float(np.median([gyration_radius(item, None) for item in world.objects]))
+        radius = float(np.median([gyration_radius(world, item.name, None) for item in world.objects]))
         if turn > TURNED and turn * radius > 1.5 * shift:
             found.append(
                 f"rotation_rmse {turn:.2g} rad is large beside position_rmse (it moves an object's substance by "

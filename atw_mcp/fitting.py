@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from atw_mcp.jobs import Progress
-from polyworld.identification import (
+from polyworld.estimation.world_fit import (
     CemSettings,
-    FitParameter,
-    FitProgress,
+    FitProblem,
     FitResult,
-    FitSettings,
-    MultistartSettings,
     ObjectiveSettings,
-    RefineSettings,
+    SearchProgress,
+    SearchSettings,
     Start,
-    default_parameters,
-    fit,
+    Unknown,
+    default_unknowns,
     fit_by_random_search,
-    fit_refined,
+    in_order,
+    multistart,
     refine,
+    restarts,
 )
 from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
@@ -83,14 +83,14 @@ def observed_of(world: World, tracks: ObservedTracks) -> ObservedTracks:
     return replace(chosen, shapes=tuple(item for item in chosen.shapes if item.object in soft))
 
 
-def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest) -> list[FitParameter]:
+def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest) -> list[Unknown]:
     """The unknowns of a fit: those the tracks can show, changed as the agent asked.
 
     Raises KeyError for an unknown path, ValueError for bounds that do not suit it or when nothing is left.
     """
     # What is held out must not tell where to begin the search.
     seen = tracks if request.holdout_from is None else tracks.window(int(tracks.frames[0]), request.holdout_from - 1)
-    parameters = default_parameters(
+    parameters = default_unknowns(
         world,
         seen,
         shared=request.shared,
@@ -127,55 +127,51 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
 
 @dataclass(frozen=True)
 class FitRun:
-    """What a fit did: its result, the search it came from (None for a method of one stage), all its starts, and the
-    seed that was asked for."""
+    """What a fit did: its result, all its starts (none for a method without them), and the seed that was asked for."""
 
     result: FitResult
-    searched: FitResult | None = None
     starts: tuple[Start, ...] = ()
     seed: int = 0
 
 
 def run_fit(
-    world: World, tracks: ObservedTracks, parameters: list[FitParameter], request: FitRequest, progress: Progress
+    world: World, tracks: ObservedTracks, parameters: list[Unknown], request: FitRequest, progress: Progress
 ) -> FitRun:
     """Search. `cem_refined`: the cross-entropy method from several seeds, least squares from each outcome.
 
     A cancelled search returns the best found so far, with status `cancelled`.
     """
     objective = ObjectiveSettings(position_tolerance=request.position_tolerance)
-    refining = RefineSettings(objective=objective, holdout_from=request.holdout_from)
+    if request.method == "refine":
+        parameters = _at_present_values(world, parameters)
+    problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=request.holdout_from)
     if request.method == "refine":
         progress.note(progress.done, progress.total, "refining")
-        here = _at_present_values(world, parameters)
-        return FitRun(refine(world, tracks, here, settings=refining, cancelled=progress.cancelled))
+        return FitRun(refine(problem, cancelled=progress.cancelled))
 
-    def tell(step: FitProgress) -> None:
+    def report(step: SearchProgress) -> None:
         message = f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
         progress.note(step.done, step.total, message)
 
     elites = max(2, request.population // 4)
-    search = FitSettings(
+    search = SearchSettings(
         generations=request.generations,
         cem=CemSettings(population=request.population, elites=elites, carried=min(4, elites)),
-        restarts=request.restarts,
         seed=request.seed,
-        objective=objective,
-        holdout_from=request.holdout_from,
     )
-    if request.method != "cem_refined":
-        method = fit_by_random_search if request.method == "random_search" else fit
-        return FitRun(method(world, tracks, parameters, settings=search, progress=tell, cancelled=progress.cancelled))
+    if request.method == "random_search":
+        search = replace(search, generations=request.generations * request.restarts)
+        found = fit_by_random_search(problem, search, progress=report, cancelled=progress.cancelled)
+        return FitRun(found, seed=request.seed)
     # Neighbouring seeds must not repeat each other's searches.
     search = replace(search, seed=request.seed * request.restarts)
-    several = MultistartSettings(search=search, refining=refining)
-    starts = fit_refined(world, tracks, parameters, settings=several, progress=tell, cancelled=progress.cancelled)
-    best = starts[0]
-    ends = [result for start in starts for result in (start.searched, start.refined) if result is not None]
-    stopped = any(result.status == "cancelled" for result in ends)
-    return FitRun(
-        replace(best.best, status="cancelled" if stopped else "completed"), best.searched, starts, request.seed
-    )
+    if request.method == "cem_refined":
+        starts = multistart(problem, search, request.restarts, progress=report, cancelled=progress.cancelled)
+    else:
+        searches = restarts(problem, search, request.restarts, progress=report, cancelled=progress.cancelled)
+        starts = in_order(Start(found) for found in searches)
+    stopped = any(result.status == "cancelled" for start in starts for result in start.results)
+    return FitRun(replace(starts[0].best, status="cancelled" if stopped else "completed"), starts, request.seed)
 
 
 def digest(run: FitRun) -> dict[str, Any]:
@@ -183,16 +179,13 @@ def digest(run: FitRun) -> dict[str, Any]:
 
     rollouts are of all stages; history and the spread of a value are those of the search.
     """
-    document = run.result.to_dict()
+    document = run.result.to_dict() | {"seed": run.seed}
     document.pop("seconds")
-    ends = [result for start in run.starts for result in (start.searched, start.refined) if result is not None]
-    document["rollouts"] = sum(result.rollouts for result in ends or [run.result])
-    if run.searched is not None:
-        begin = run.searched
-        document["seed"] = run.seed
-        spread = {value.name: value.spread for value in begin.values}
+    if run.starts:
+        document["rollouts"] = sum(result.rollouts for start in run.starts for result in start.results)
+        spread = {value.name: value.spread for value in run.starts[0].searched.values}
         for value in document["values"]:
-            value["spread"] = spread.get(value["name"])
+            value["spread"] = spread[value["name"]]
         searches = sorted((start.searched for start in run.starts), key=lambda result: result.seed)
         document["history"] = [vars(point).copy() for result in searches for point in result.history]
     document["starts"] = [
@@ -212,14 +205,14 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _without(parameter: FitParameter, taken: set[str]) -> FitParameter | None:
+def _without(parameter: Unknown, taken: set[str]) -> Unknown | None:
     paths = tuple(path for path in parameter.paths if path not in taken)
     if not paths:
         return None
-    return FitParameter(**{**vars(parameter), "paths": paths})
+    return replace(parameter, paths=paths)
 
 
-def _searched(world: World, override: Override, before: FitParameter | None) -> FitParameter:
+def _searched(world: World, override: Override, before: Unknown | None) -> Unknown:
     spec = specification(world, override.paths[0])
     lower = override.lower if override.lower is not None else (before.lower if before else spec.search[0])
     upper = override.upper if override.upper is not None else (before.upper if before else spec.search[1])
@@ -236,13 +229,14 @@ def _searched(world: World, override: Override, before: FitParameter | None) -> 
     # A stiffness or a viscosity may be any of several powers of ten; what rigid objects have is searched as it is.
     wide = lower > 0.0 and upper / lower > 10.0 and not _is_rigid(world, override.paths[0])
     centre = math.sqrt(lower * upper) if wide else 0.5 * (lower + upper)
-    return FitParameter(
+    return Unknown(
         name=before.name if before is not None and before.paths == override.paths else "+".join(override.paths),
         paths=override.paths,
+        unit=spec.unit,
         lower=lower,
         upper=upper,
-        mean=centre if value is None else min(max(value, lower), upper),
-        sd=0.25 * (math.log(upper / lower) if wide else upper - lower),
+        start=centre if value is None else min(max(value, lower), upper),
+        typical=0.25 * (math.log(upper / lower) if wide else upper - lower),
         prior=override.prior,
         scale="log" if wide else "linear",
         enters=before.enters if before is not None else 0.0,
@@ -255,12 +249,12 @@ def _is_rigid(world: World, path: str) -> bool:
     return parts[0] not in ("pulleys", "emitters") and not (parts[0] == "objects" and parts[1] in soft)
 
 
-def _at_present_values(world: World, parameters: list[FitParameter]) -> list[FitParameter]:
-    """The parameters with the world's own values as means: refining starts where the world is."""
+def _at_present_values(world: World, parameters: list[Unknown]) -> list[Unknown]:
+    """The parameters with the world's own values as starts: refining begins where the world is."""
     moved = []
     for parameter in parameters:
         value = read_parameter(world, parameter.paths[0])
-        mean = parameter.mean if value is None else value
-        lower, upper = min(parameter.lower, mean), max(parameter.upper, mean)
-        moved.append(FitParameter(**{**vars(parameter), "mean": mean, "lower": lower, "upper": upper}))
+        start = parameter.start if value is None else value
+        lower, upper = min(parameter.lower, start), max(parameter.upper, start)
+        moved.append(replace(parameter, start=start, lower=lower, upper=upper))
     return moved

@@ -77,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
     from polyworld.gap import GapSettings, find_gap
     from polyworld.gap.catalogue import named
     from polyworld.gap.hold_back import HeldBack, hold_back
-    from polyworld.gap.search import SearchSettings
+    from polyworld.gap.settings import SearchSettings
 
     wanted = named(options.effects.split(",")) if options.effects else None
     world, form = world_of(options), recording_form(options)

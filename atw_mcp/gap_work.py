@@ -165,7 +165,7 @@ def fitted_effect(
     )
     variant = Variant(child, unknowns, ({u.name: u.start for u in unknowns},))
     law = "an expression" if effect.kind == "expression" else effect.kind
-    own = Candidate(effect.name, "force", law, frozenset(), "", "", lambda *_: (variant,))
+    own = Candidate(effect.name, "force", law, "", "", lambda *_: (variant,))
     with _interruptible():
         progress.report(0.0, 1.0, "fitting the world without the effect")
         ground = fitted_base(design(world, in_parts(recording, world)), base, cancelled=progress.cancelled)

@@ -21,7 +21,7 @@ from atw_mcp.world_marks import LEGEND, WorldMarks
 from evidence_store import Case
 from polyworld import geometry
 from polyworld.contact_shadow import with_contact_shadows
-from polyworld.identification.accuracy import accuracy
+from polyworld.estimation.world_fit import accuracy
 from polyworld.render import Picture, default_camera, render
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.rope import Rope

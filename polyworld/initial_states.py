@@ -35,7 +35,7 @@ class InitialState:
     """State at an object's first observation, and how well the track tells it.
 
     frame: number of the first observation. position (3,) [m], velocity (3,) [m/s], orientation (4,) w, x, y, z
-    or None where none was observed, angular_velocity (3,) [rad/s], deceleration [m/s^2] along the velocity.
+    or None where none was observed, angular_velocity (3,) [rad/s].
     The *_sd are standard deviations, the largest over the axes. moves: whether the object moves (or turns) in
     the free stretch, which ends at frame `free_until`; noise [m] is the track's own scatter about smooth
     motion. samples counts the observations of the stretch.
@@ -51,7 +51,6 @@ class InitialState:
     orientation_sd: float
     angular_velocity: Array
     angular_velocity_sd: float
-    deceleration: float
     moves: bool
     free_until: int
     noise: float
@@ -145,7 +144,6 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
         path = np.array([(points[:count] * mean_weight).sum(axis=0) / mean_weight.sum(), np.zeros(3)])
         position_sd = noise / np.sqrt(mean_weight.sum())
         velocity = np.zeros(3)
-    slowing = float(-2.0 * path[2] @ velocity / speed) if len(path) > 2 and not resting else 0.0
     turn = _initial_rotation(tracks, column, int(rows[0]), int(rows[count - 1]), step)
     orientation, orientation_sd, spin, spin_sd = turn
     turning = bool(np.linalg.norm(spin) > max(SLOWEST_TURN, 4.0 * spin_sd))
@@ -160,7 +158,6 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
         orientation_sd=orientation_sd,
         angular_velocity=spin if turning else np.zeros(3),
         angular_velocity_sd=spin_sd,
-        deceleration=max(slowing, 0.0),
         moves=not resting or turning,
         free_until=int(tracks.frames[rows[count - 1]]),
         noise=scatter,

@@ -33,6 +33,22 @@ class Simulator(Protocol):
         ...
 
 
+class ScheduledSimulator(Simulator, Protocol):
+    """W variants or fewer of one rigid world, each sampled at one of S lists of times."""
+
+    def run(
+        self,
+        overrides: Mapping[str, Array] | None = None,
+        *,
+        samples: int | NDArray[np.int64] | None = None,
+        schedule: NDArray[np.int64] | None = None,
+    ) -> BatchTrajectory:
+        """As `Simulator.run`. schedule (W,), W <= n_worlds: which list of sample times each world has (default: the
+        first in all n_worlds); times, and states, are NaN beyond the end of a shorter one. samples: of all worlds, or
+        of each (W,)."""
+        ...
+
+
 def simulator(
     world: World,
     sample_times: Array,
@@ -70,6 +86,32 @@ def simulator(
     from polyworld.solver.spatial.simulator import SpatialSimulator
 
     return SpatialSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+
+
+def scheduled_simulator(
+    world: World, sample_times: Array, *, n_worlds: int = 1, threads: int | None = None
+) -> ScheduledSimulator:
+    """The simulator of a rigid world whose variants are sampled at times of their own.
+
+    sample_times (S, T): lists of increasing times, >= 0 [s], each filled up with NaN. n_worlds: how many variants there
+    is room for. Raises ValueError for worlds that hold deformable objects, or in which objects join later than the
+    start where there are several lists.
+    """
+    times = np.array(sample_times, dtype=float)
+    finite = np.isfinite(times)
+    if times.ndim != 2 or not finite[:, 0].all() or np.any(finite[:, 1:] & ~finite[:, :-1]):
+        raise ValueError("sample_times must be lists (S, T) that are filled up with NaN at their ends")
+    if np.any(times[:, 0] < 0) or np.any(np.diff(times, axis=1)[finite[:, 1:]] <= 0):
+        raise ValueError("sample_times must not be negative, and increase")
+    if world.coupled:
+        raise ValueError("worlds with deformable objects have one list of sample times: use `simulator`")
+    if world.planar:
+        from polyworld.solver.planar import PlanarSimulator
+
+        return PlanarSimulator(world, times, n_worlds=n_worlds, threads=threads)
+    from polyworld.solver.spatial.simulator import SpatialSimulator
+
+    return SpatialSimulator(world, times, n_worlds=n_worlds, threads=threads)
 
 
 def rollout(

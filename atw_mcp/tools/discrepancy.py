@@ -24,7 +24,7 @@ from evidence_store import Case, Content, UnknownRecord
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings
 from polyworld.gap.catalogue import catalogue, named
-from polyworld.gap.search import SearchSettings
+from polyworld.gap.settings import SearchSettings
 from polyworld.world import World
 
 GROUP = ToolGroup("gap")

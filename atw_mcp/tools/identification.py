@@ -139,7 +139,7 @@ def fit_world(
         "world": start.id,
         "observation": record.id,
         "request": plain({**vars(request), "overrides": [vars(item) for item in request.overrides]}),
-        "parameters": [item.to_dict() for item in unknowns],
+        "parameters": plain([vars(item) for item in unknowns]),
     }
     kept = app.store.fits.find("fit", inputs)
     if kept is not None:

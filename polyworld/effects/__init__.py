@@ -1,4 +1,4 @@
-"""The catalogue of effects: one law a file, found by itself, all reached through `EffectLaw`."""
+"""The catalogue of effects: one law a file, with how its absence shows (`LAW` and `ABSENCE`), found by itself."""
 
 from __future__ import annotations
 
@@ -6,19 +6,27 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 
+from polyworld.effects.absence import Absence
 from polyworld.effects.law import MAX_PARAMETERS, EffectLaw, EffectParameter, Motion, Vec8
 
 
-def _discover() -> dict[str, EffectLaw]:
+def _discover() -> tuple[dict[str, EffectLaw], dict[str, Absence]]:
+    """Laws by kind, and how their absence shows, of those that say so."""
     laws: dict[str, EffectLaw] = {}
-    for module in pkgutil.iter_modules(__path__):
-        law = getattr(importlib.import_module(f"{__name__}.{module.name}"), "LAW", None)
+    absences: dict[str, Absence] = {}
+    for name in sorted(module.name for module in pkgutil.iter_modules(__path__)):
+        module = importlib.import_module(f"{__name__}.{name}")
+        law, absence = getattr(module, "LAW", None), getattr(module, "ABSENCE", None)
         if isinstance(law, EffectLaw):
             laws[law.kind] = law
-    return dict(sorted(laws.items()))
+            if isinstance(absence, Absence):
+                absences[law.kind] = absence
+    return dict(sorted(laws.items())), dict(sorted(absences.items()))
 
 
-CATALOGUE: dict[str, EffectLaw] = _discover()
+CATALOGUE: dict[str, EffectLaw]
+ABSENCES: dict[str, Absence]
+CATALOGUE, ABSENCES = _discover()
 KIND_INDEX: dict[str, int] = {kind: index for index, kind in enumerate(CATALOGUE)}
 
 
@@ -38,9 +46,11 @@ def check_effect(name: str, kind: str, parameters: Mapping[str, float]) -> None:
 
 
 __all__ = [
+    "ABSENCES",
     "CATALOGUE",
     "KIND_INDEX",
     "MAX_PARAMETERS",
+    "Absence",
     "EffectLaw",
     "EffectParameter",
     "Motion",

@@ -1,7 +1,10 @@
 """Drag of a ball by its coefficient, so that bodies of several sizes share one number."""
 
+import numpy as np
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import AIR, Conditions, unequal
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -25,3 +28,19 @@ LAW = EffectLaw(
     force=force,
     reference="Batchelor, An Introduction to Fluid Dynamics, 5.11; R is that of the ball of equal volume",
 )
+
+
+MOST_BODIES = 4  # that are given a coefficient each
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not unequal(found.ball_radii):
+        return []
+    per_coefficient = 0.5 * AIR * np.pi * float(np.median(found.ball_radii)) ** 2  # [kg/m]
+    typical, plausible = found.force / found.speed**2 / per_coefficient, found.strongest_drag / per_coefficient
+    free = {"drag_coefficient": strength(typical, plausible)}
+    made = [Way(free, label="one drag coefficient, by area")]
+    return [*made, Way(free, each="body")] if found.bodies <= MOST_BODIES else made
+
+
+ABSENCE = Absence(ways, effect="quadratic_drag")

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
 
 
@@ -14,8 +16,23 @@ LAW = EffectLaw(
     kind="bounce_friction",
     summary="an impact takes the share f of the centres' relative velocity along the contact, after Coulomb friction",
     parameters={
-        "share": EffectParameter("1", 0.0, 1.0, (0.0, 0.5), 0.0, "part of the tangential velocity that is lost"),
+        "share": EffectParameter("1", 0.0, 1.0, (0.0, 0.5), 0.0, "part of the tangential velocity that is lost")
     },
     tangential=tangential,
     reference="Brody (1984), Phys. Teach. 22, 494: so a bounce with sliding does at one angle; here at all",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    return [Way({"share": strength(0.05, 0.5)})] if found.impacts else []  # grass and clay take up to about half
+
+
+ABSENCE = Absence(
+    ways,
+    signature="the same share of the speed along the floor is lost at every impact",
+    confused_with={
+        "friction_error": "impacts at several angles, and the spin after them",
+        "spin_coupling": "throws with different spin",
+        "linear_drag": "the residual between impacts",
+    },
 )

@@ -7,6 +7,8 @@ factor 1 + C r, and sticks at another speed. For a ball in air that is less than
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way
+from polyworld.effects.conditions import SHARE, Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -29,4 +31,23 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Batchelor, An Introduction to Fluid Dynamics, 6.8; exact while gravity is the only other force",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.bodies or not any(abs(found.gravity[a]) > 1e-9 for a in found.axes):
+        return []
+    ratio = FreeParameter(SHARE / 1.5, upper=0.99, plausible=1.0)  # what falls is denser than the fluid
+    same = ("gravity_error", "observer_clock") + (() if found.touches else ("observer_scale",))
+    return [Way({"density_ratio": ratio}, same_as=same)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="all that falls falls too slowly, alike at all speeds",
+    confused_with={
+        "gravity_error": "a body of another density in the same place",
+        "observer_scale": "a known length",
+        "observer_clock": "a known time",
+    },
 )

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _CENTRE = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the centre along this world axis")
@@ -29,4 +31,36 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Newton, Principia I, prop. 10 and 11; softened as by Plummer (1911), Mon. Not. R. Astron. Soc. 71, 460",
+)
+
+
+EXPONENTS = (-2.0, -1.0)  # to begin with
+FALLING = -0.2  # largest exponent: forces that do not fall with the distance are springs, or uniform
+STEEPEST = 2.0  # powers beside the inverse square that are ordinary: from a line's field to a dipole's
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.axes:
+        return []
+    apart, softening = 2.0 * found.spread, 0.02 * found.spread
+    free = {
+        "strength": FreeParameter(found.force * max(apart, apart**2)),
+        "exponent": FreeParameter(0.5, upper=FALLING, plausible=STEEPEST, idle=True),
+    } | somewhere(found, found.axes, "centre_")
+    starts = [
+        {"exponent": power} | coordinates("centre_", place, found.axes)
+        for place in found.flat_grid(4, margin=0.1)
+        if found.distances(place).min() >= 5.0 * softening  # else it is a pole on a path
+        for power in EXPONENTS
+    ]
+    return [Way(free, coordinates("centre_", found.middle) | {"softening": softening}, starts)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="residual towards, or away from, one point, stronger the nearer it is",
+    confused_with={
+        "spring": "passes at several distances: a spring pulls more from afar",
+        "fan": "passes on opposite sides: a fan pushes to one side",
+    },
 )

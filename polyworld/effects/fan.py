@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way, along, coordinates, somewhere
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _FORCE = EffectParameter("N", -1e6, 1e6, (-2.0, 2.0), 0.0, "force at the centre along this world axis")
@@ -29,4 +31,37 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Pope, Turbulent Flows, 5.1: the mean velocity across a turbulent jet is close to a Gaussian",
+)
+
+
+PLACES = 16
+WIDTHS = (0.35, 0.9)  # of the spread of places
+WIDEST = 2.0  # spreads: what is wider is no local jet
+JET = 10.0  # largest ordinary speed of its air [m/s]
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.axes:
+        return []
+    force = FreeParameter(2.0 * found.force, plausible=max(found.weight, found.plate_drag * JET**2))
+    width = FreeParameter(
+        0.3 * found.spread, 0.05 * found.spread, WIDEST * found.spread, plausible=found.size, idle=True
+    )
+    free = along(found.axes, "force_", force) | somewhere(found, found.axes, "centre_", 0.75) | {"width": width}
+    starts = [
+        {"width": share * found.spread} | coordinates("centre_", place, found.axes)
+        for place in found.visited(PLACES)
+        for share in WIDTHS
+    ]
+    return [Way(free, coordinates("centre_", found.middle) | {"width": WIDTHS[0] * found.spread}, starts)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="a push in one direction on what passes one place",
+    confused_with={
+        "friction_patch": "crossings at several speeds and headings: friction is against the motion",
+        "central_force": "passes on opposite sides",
+        "hidden_body": "a crossing a little aside: a jet fades, a body is missed",
+    },
 )

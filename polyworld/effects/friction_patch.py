@@ -3,8 +3,11 @@
 Objects that meet there rub on each other as they do everywhere.
 """
 
+import numpy as np
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
 
 ALONG = wp.float64(1.0e-12)  # way [m] that counts as none
@@ -47,4 +50,36 @@ LAW = EffectLaw(
     },
     friction=friction,
     reference="Coulomb (1785), with a coefficient that depends on the place",
+)
+
+
+PLACES = 12
+RADII = (0.3, 0.8)  # of the spread of places
+ROUGHEST = 1.0  # change of the coefficient that is ordinary: that of rubber on dry ground
+
+
+def ways(found: Conditions) -> list[Way]:
+    places = found.visited(PLACES, touching_only=True) if found.slides else np.zeros((0, 3))
+    if not len(places) or not found.axes:
+        return []
+    size = float(np.linalg.norm(found.gravity))
+    # A patch on a floor is a disc: its height is the floor's, a radius below the places where bodies touch.
+    flat = found.axes if found.planar else found.across
+    below = found.gravity / size * found.drop if size > 0.0 and not found.planar else np.zeros(3)
+    widest = max(3.0 * found.spread, float(np.linalg.norm(found.upper - found.lower)))
+    radius = FreeParameter(0.3 * found.spread, 0.02 * found.spread, widest, plausible=found.size, idle=True)
+    free = {"friction": FreeParameter(0.1, -2.0, 2.0, plausible=ROUGHEST), "radius": radius}
+    starts = [{"radius": share * found.spread} | coordinates("", place, flat) for place in places for share in RADII]
+    values = coordinates("", np.median(places, axis=0) + below) | {"radius": RADII[0] * found.spread}
+    everywhere = coordinates("", found.middle, flat) | {"radius": widest}
+    return [Way(free | somewhere(found, flat, "", 0.75), values, starts, everywhere=everywhere)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="deceleration that is different in one place, whatever the speed",
+    confused_with={
+        "fan": "crossings at several speeds and headings: a jet pushes one way",
+        "friction_error": "motion elsewhere",
+    },
 )

@@ -1,7 +1,10 @@
 """An acceleration that swings with time, the same everywhere: a shaken frame."""
 
+import numpy as np
 import warp as wp
 
+from polyworld.effects.absence import MOST_FREQUENCIES, Absence, FreeParameter, Way, along
+from polyworld.effects.conditions import SHARE, Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "amplitude of the acceleration along this world axis")
@@ -26,4 +29,43 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 22 and 39",
+)
+
+
+SLOWEST, FASTEST = 1.0, 5.0  # cycles per run, fewer being any slow change, and Hz
+PHASES = (0.0, np.pi / 2)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.axes or found.span <= 0.0:
+        return []
+    frequencies = _frequencies(found)
+    size = FreeParameter(2.0 * SHARE * found.acceleration, plausible=found.weight / found.mass)
+    highest = max(2.0 * max(frequencies), 0.25 / found.frame)
+    free = along(found.axes, "amplitude_", size) | {
+        "frequency": FreeParameter(0.25 / found.span, SLOWEST / found.span, highest, idle=True),
+        "phase": FreeParameter(0.5, idle=True),
+    }
+    starts = [{"frequency": f, "phase": p} for f in frequencies for p in PHASES]
+    return [Way(free, {"frequency": frequencies[0]}, starts)]
+
+
+def _frequencies(found: Conditions) -> list[float]:
+    """Evenly spaced, half a cycle per whole run apart as long as they are not too many, below half the frame rate."""
+    low = SLOWEST / found.span
+    high = min(FASTEST, 0.25 / found.frame)
+    if high <= low:
+        return [low]
+    count = int(np.clip(np.ceil((high - low) * found.span * 2.0), 2, MOST_FREQUENCIES))
+    return [float(f) for f in np.linspace(low, high, count)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="residual acceleration that swings with time, alike wherever the body is",
+    frequency="frequency",
+    confused_with={
+        "tilt": "a later start, or a longer run: forcing changes its sign",
+        "spring": "the same motion begun at another time",
+    },
 )

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions, unequal
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -13,9 +15,25 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="quadratic_drag",
     summary="F = -k |v| v, k = rho C_d A / 2",
-    parameters={
-        "coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed"),
-    },
+    parameters={"coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed")},
     force=force,
     reference="Newton, Principia II; Batchelor, An Introduction to Fluid Dynamics, 5.11",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    free = {"coefficient": strength(found.force / found.speed**2, found.strongest_drag)}
+    made = [Way(free, label="one coefficient for all bodies" if found.bodies > 1 else "")]
+    # Of balls of several sizes, each may have its own coefficient of drag instead.
+    return [*made, Way(free, each="body")] if found.bodies == 2 and not unequal(found.ball_radii) else made
+
+
+ABSENCE = Absence(
+    ways,
+    signature="residual against the velocity, in proportion to its square",
+    confused_with={
+        "linear_drag": "speeds that differ threefold",
+        "wind": "opposite headings, or a release at rest",
+        "gravity_error": "a drop alone: watch it rise, or throw it sideways",
+    },
 )

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
 
 
@@ -14,8 +16,24 @@ LAW = EffectLaw(
     kind="restitution_speed",
     summary="e(v) = e0 / (1 + k v)",
     parameters={
-        "rate": EffectParameter("s/m", 0.0, 1e3, (0.0, 0.5), 0.0, "relative loss of restitution per approach speed"),
+        "rate": EffectParameter("s/m", 0.0, 1e3, (0.0, 0.5), 0.0, "relative loss of restitution per approach speed")
     },
     restitution=restitution,
     reference="Hunt & Crossley (1975), J. Appl. Mech. 42, 440, to first order in the speed: e = 1 - k v where e0 is 1",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.impacts:
+        return []
+    return [Way({"rate": strength(0.1 / found.speed, 1.0 / found.fastest)})]  # the fastest impact loses half
+
+
+ABSENCE = Absence(
+    ways,
+    signature="rebounds from high drops too weak, from low ones right",
+    confused_with={
+        "restitution_error": "drops from different heights",
+        "quadratic_drag": "the residual between impacts",
+    },
 )

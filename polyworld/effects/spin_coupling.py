@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
 
 
@@ -23,4 +25,25 @@ LAW = EffectLaw(
     },
     tangential=tangential,
     reference="Garwin (1969), Am. J. Phys. 37, 88; Cross (2002), Am. J. Phys. 70, 1093",
+)
+
+
+GRIPS = (-0.6, -0.2, 0.2, 0.6)  # tangential restitutions to begin with
+
+
+def ways(found: Conditions) -> list[Way]:
+    if found.spin <= 0.0 or not found.impacts:
+        return []  # what a grip does depends on spins, and nobody knows them
+    # At -1 the law hands over to Coulomb's: values next to it are another world, so fits stay off it.
+    free = {"restitution": FreeParameter(0.2, lower=-0.99)}
+    return [Way(free, {"restitution": GRIPS[0]}, [{"restitution": grip} for grip in GRIPS], off=False)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="kicks along the floor that follow the spin, beyond what Coulomb's law allows or short of it",
+    confused_with={
+        "friction_error": "steep impacts with much spin: Coulomb's kick is limited by the blow",
+        "bounce_friction": "throws with different spin",
+    },
 )

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -13,9 +15,21 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="spin_damping",
     summary="torque = -c omega",
-    parameters={
-        "coefficient": EffectParameter("kg m^2/s", 0.0, 1e6, (0.0, 0.01), 0.0, "torque per angular velocity"),
-    },
+    parameters={"coefficient": EffectParameter("kg m^2/s", 0.0, 1e6, (0.0, 0.01), 0.0, "torque per angular velocity")},
     force=force,
     reference="Landau & Lifshitz, Fluid Mechanics, 20; c = 8 pi eta R^3 for a ball in slow flow",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.spin_shows:
+        return []
+    return [Way({"coefficient": strength(found.spin_decay)}, label="in proportion to the spin")]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="a spin that decays in free motion; bounces that kick less the later they come",
+    confused_with={"friction_error": "the spin before the first contact"},
+    torque=True,
 )

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, strength
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -14,8 +16,17 @@ LAW = EffectLaw(
     kind="spin_drag",
     summary="torque = -k |omega| omega",
     parameters={
-        "coefficient": EffectParameter("kg m^2", 0.0, 1e6, (0.0, 0.001), 0.0, "torque per squared angular velocity"),
+        "coefficient": EffectParameter("kg m^2", 0.0, 1e6, (0.0, 0.001), 0.0, "torque per squared angular velocity")
     },
     force=force,
     reference="Sawatzki (1970), Acta Mech. 9, 159: a ball that turns fast, k = C_M rho R^5 / 2",
 )
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.spin_shows:
+        return []
+    return [Way({"coefficient": strength(found.spin_decay / found.spin)}, label="as the square of the spin")]
+
+
+ABSENCE = Absence(ways, effect="spin_damping", torque=True)

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
+from polyworld.effects.conditions import Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _ANCHOR = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the anchor along this world axis")
@@ -32,4 +34,26 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Hooke (1678), De potentia restitutiva; Landau & Lifshitz, Mechanics, 21 and 25",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.axes:
+        return []
+    free = {"stiffness": FreeParameter(found.force / found.spread)} | somewhere(found, found.axes, "anchor_")
+    # The pull of a spring without rest length is linear in stiffness and anchor: few places suffice.
+    corners = [2] * len(found.axes)
+    places = [*found.grid(corners), found.middle, *found.grid(corners, margin=1.0)]
+    starts = [coordinates("anchor_", place, found.axes) for place in places]
+    return [Way(free, coordinates("anchor_", found.middle), starts)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="residual towards one point, in proportion to the distance from it",
+    confused_with={
+        "tilt": "an anchor far away: motion over a larger region",
+        "tether": "motion near the anchor, where a tether is slack",
+        "observer_distortion": "a grid at rest: lenses distort it, springs do not",
+    },
 )

@@ -1,7 +1,10 @@
 """A cord from a fixed anchor to the centre of mass: it pulls beyond its length and never pushes."""
 
+import numpy as np
 import warp as wp
 
+from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
+from polyworld.effects.conditions import FAR, Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _ANCHOR = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the anchor along this world axis")
@@ -31,4 +34,31 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Hooke (1678), De potentia restitutiva; a cord bears no compression",
+)
+
+
+LENGTHS = (0.3, 0.5, 0.75)  # quantiles of the distance to the anchor that a length begins with
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.axes:
+        return []
+    length = FreeParameter(0.3 * found.spread, upper=2.0 * FAR * found.size, plausible=2.0 * found.size, idle=True)
+    free = {"stiffness": FreeParameter(2.0 * found.force / found.spread), "rest_length": length}
+    starts = [
+        {"rest_length": float(begin)} | coordinates("anchor_", place, found.axes)
+        for place in found.flat_grid(3, margin=-0.25)
+        for begin in np.quantile(found.distances(place), LENGTHS)
+    ]
+    anchor = somewhere(found, found.axes, "anchor_")
+    return [Way(free | anchor, coordinates("anchor_", found.middle), starts)]
+
+
+ABSENCE = Absence(
+    ways,
+    signature="residual that sets in at a distance from a point, towards it",
+    confused_with={
+        "spring": "motion near the anchor",
+        "hidden_wall": "the place where it turns back: a wall is straight and acts at once",
+    },
 )

@@ -1,7 +1,10 @@
 """The same acceleration everywhere and always: a tilted table, an accelerating frame, a gravity error."""
 
+import numpy as np
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, along, strength
+from polyworld.effects.conditions import SHARE, Conditions, unequal
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "acceleration along this world axis")
@@ -19,4 +22,25 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39",
+)
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.across:
+        return []
+    steep = 0.5 * float(np.linalg.norm(found.gravity)) or None  # a slope of 30 degrees
+    differ = unequal(found.masses) and not found.deformables  # else a force on all bodies would be the same
+    label = "one acceleration of all bodies" if differ else ""
+    return [Way(along(found.across, "", strength(SHARE * found.acceleration, steep)), label=label)]
+
+
+ABSENCE = Absence(
+    ways,
+    effect="tilt",
+    signature="residual in one direction that grows as the square of the time, alike in all runs",
+    confused_with={
+        "periodic_forcing": "a slow swing: start later, or watch for longer",
+        "wind": "a release at rest and a throw against it: wind brakes by speed",
+        "observer_tilt": "a body at rest on the floor: a tilted camera shows it displaced, not accelerated",
+    },
 )

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, along, strength
+from polyworld.effects.conditions import Conditions, unequal
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 _AXIS = EffectParameter("N", -1e6, 1e6, (-2.0, 2.0), 0.0, "force along this world axis")
@@ -15,11 +17,17 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
 LAW = EffectLaw(
     kind="uniform_force",
     summary="F = (f_x, f_y, f_z)",
-    parameters={
-        "x": _AXIS,
-        "y": _AXIS,
-        "z": _AXIS,
-    },
+    parameters={"x": _AXIS, "y": _AXIS, "z": _AXIS},
     force=force,
     reference="Newton, Principia I, law 2",
 )
+
+
+def ways(found: Conditions) -> list[Way]:
+    if not found.across or found.deformables or not unequal(found.masses):
+        return []
+    free = along(found.across, "", strength(found.force, 0.5 * found.weight))
+    return [Way(free, label="one force on all bodies")]
+
+
+ABSENCE = Absence(ways, effect="tilt")

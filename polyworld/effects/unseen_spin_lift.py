@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.effects.absence import Absence, Way, along, strength
+from polyworld.effects.conditions import SHARE, Conditions
 from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
 
 
@@ -21,3 +23,21 @@ LAW = EffectLaw(
     force=force,
     reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447, for a spin that stays as it is",
 )
+
+
+MOST_FLIGHTS = 16  # each has three numbers of its own
+
+
+def ways(found: Conditions) -> list[Way]:
+    flights = sum(map(len, found.unturned.values()))
+    # Contacts change spins, and known spins are those of Magnus lift.
+    if found.planar or found.touches or found.spin > 0.0 or not 0 < flights <= MOST_FLIGHTS:
+        return []
+    rate = strength(SHARE * found.acceleration / found.speed, found.acceleration / found.speed)
+    # In a single flight, axes that turn do what a spin of its own does.
+    same = ("coriolis",) if flights == 1 else ()
+    label = "by spins that nobody measured, of each run its own"
+    return [Way(along((0, 1, 2), "rate_", rate), each="run", label=label, same_as=same)]
+
+
+ABSENCE = Absence(ways, effect="magnus_lift")

@@ -47,19 +47,18 @@ class Variant:
 class Candidate:
     """An effect that may be missing: its law and how it shows.
 
-    name: standard name, as verdicts tell it. law: formula. representations: those it applies to. signature: what its
-    absence looks like in the residuals. confused_with: effect -> what separates the two. reference: where the law is
-    written down. variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of
-    its own, for an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this
-    candidate, how many to keep) -> where to begin fits, best first. further: starts beside those of a variant, read off
-    the residuals of a trial: (bench, fitted trial, variant) -> values of unknowns that are not at their first start's.
+    name: standard name, as verdicts state it. law: formula. signature: what its absence looks like in the residuals.
+    confused_with: effect -> what separates the two. reference: where the law is written down.
+    variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of its own, for
+    an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this candidate, how many
+    to keep) -> where to begin fits, best first. further: starts beside those of a variant, read off the residuals of a
+    trial: (bench, fitted trial, variant) -> values of unknowns that are not at their first start's.
     torque: whether it turns bodies and pushes none.
     """
 
     name: str
     group: Group
     law: str
-    representations: frozenset[str]
     signature: str
     reference: str
     variants: Callable[[World, Recording], tuple[Variant, ...]]

@@ -1,4 +1,4 @@
-"""Under what conditions bodies were seen to move: region, speeds, spin, contacts. Ordinary sizes of effects follow."""
+"""Measure the conditions under which bodies were seen to move: region, speeds, spin, contacts."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.identification.contacts import distance_to_static
+from polyworld.effects.conditions import Conditions
+from polyworld.estimation.contacts import distance_to_static
+from polyworld.estimation.linkage import is_held
 from polyworld.initial_states import track_noise
 from polyworld.parameters import object_mass
 from polyworld.recording import Recording, Run
+from polyworld.representations.joint import Joint, Slider
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Sphere
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-SHARE = 0.05  # of the weight: what a force has to be to count as ordinary
 STRIDES = 24  # a run is cut in as many stretches to read speeds from
 NEAR = 0.25  # of a body's radius: gap within which tracks count as touching
 SLIDING = 0.2  # contact that lasts this long is no bounce [s]
@@ -36,58 +38,6 @@ class Track:
     noise: float
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """What a recording of a world covers.
-
-    lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
-    mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move
-    and were measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where neither
-    orientations nor spins were measured and the world gives none. duration: of the longest run [s]. span: likewise, of
-    runs before they were cut into parts. acceleration: ordinary one [m/s^2]: gravity, or what friction on a supporting
-    plane gives. mass, radius: medians over rigid bodies. supported: bodies
-    lie on a motion plane that gravity presses them on. bounces: some body comes within reach of a static. meetings:
-    pairs of bodies that come within reach of each other. slides: some body stays in contact with a static or plane.
-    """
-
-    lower: Array
-    upper: Array
-    spread: float
-    axes: tuple[int, ...]
-    speed: float
-    fastest: float
-    spin: float
-    duration: float
-    span: float
-    acceleration: float
-    mass: float
-    radius: float
-    supported: bool
-    bounces: bool
-    meetings: tuple[tuple[str, str], ...]
-    slides: bool
-
-    @property
-    def size(self) -> float:
-        """Largest extent of the region visited [m]."""
-        return float(max(np.max(self.upper - self.lower), 4.0 * self.radius, 1e-3))
-
-    @property
-    def force(self) -> float:
-        """An ordinary force of an effect on a body [N]."""
-        return SHARE * self.mass * self.acceleration
-
-    @property
-    def middle(self) -> Array:
-        """Centre (3,) of the region visited [m]."""
-        return (self.lower + self.upper) / 2
-
-    @property
-    def touches(self) -> bool:
-        """Whether anything touches anything."""
-        return self.bounces or self.slides or self.supported or bool(self.meetings)
-
-
 def tracks(world: World, recording: Recording) -> Iterator[Track]:
     """All rigid bodies in all runs."""
     rigid = {o.name for o in world.objects}
@@ -102,7 +52,7 @@ def tracks(world: World, recording: Recording) -> Iterator[Track]:
 
 
 def conditions(world: World, recording: Recording) -> Conditions:
-    """Read them off the tracks; worlds where nothing was seen twice raise ValueError."""
+    """Measure the conditions that a recording covers. Raises ValueError where it holds no position."""
     if _LAST and _LAST[0][0] is world and _LAST[0][1] is recording:
         return _LAST[0][2]
     found = _conditions(world, recording)
@@ -127,24 +77,20 @@ def _conditions(world: World, recording: Recording) -> Conditions:
     upper = np.where(seen.any(axis=0), np.max(np.where(seen, everything, -np.inf), axis=0), fallback)
     speeds = np.concatenate([_speeds(run) for run in recording.runs])
     duration = float(max(run.times[-1] - run.times[0] for run in recording.runs))
-    speed = float(np.sqrt(np.mean(speeds**2))) if len(speeds) else 0.0
-    speed = max(speed, 1e-6)
-    plane = world.environment.motion_plane
+    speed = max(float(np.sqrt(np.mean(speeds**2))) if len(speeds) else 0.0, 1e-6)
     gravity = np.asarray(world.environment.gravity, dtype=float)
-    normal = geometry.plane_axes(plane)[2]
-    supported = world.planar and plane.supports and float(gravity @ normal) < 0.0
-    pull = float(np.linalg.norm(gravity - (gravity @ normal) * normal if world.planar else gravity))
-    rubbing = max((o.friction for o in world.objects), default=0.0) if plane.friction is None else plane.friction
-    if supported:
-        pull = max(pull, rubbing * float(-gravity @ normal))
-    acceleration = pull if pull > 1e-9 else speed / max(duration, 1e-6)
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    supported = world.planar and world.environment.motion_plane.supports and float(gravity @ normal) < 0.0
+    pull = _pull(world, gravity, normal, supported)
     radii = [geometry.circumscribed_radius(o.shape) for o in world.objects]
     masses = [object_mass(o) for o in world.objects]
     # Of a plane oblique to the axes: the two that its normal is least along.
     free = sorted(np.argsort(np.abs(normal), kind="stable")[:2].tolist()) if world.planar else [0, 1, 2]
     axes = [a for a in free if seen[:, a].any()]
     variance = np.array([np.var(everything[seen[:, a], a]) if seen[:, a].any() else 0.0 for a in range(3)])
-    near, long = _contacts(world, recording)
+    paths = list(tracks(world, recording))
+    places = [np.where(np.isfinite(t.places), t.places, (lower + upper) / 2) for t in paths]
+    near = [touching(world, t) for t in paths]
     return Conditions(
         lower=lower,
         upper=upper,
@@ -155,14 +101,55 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         spin=_spin(world, recording),
         duration=duration,
         span=_span(recording),
-        acceleration=acceleration,
+        frame=min((float(np.median(np.diff(r.times))) for r in recording.runs if len(r.times) > 1), default=duration),
+        gravity=gravity,
+        acceleration=pull if pull > 1e-9 else speed / max(duration, 1e-6),
+        masses=tuple(masses),
+        ball_radii=tuple(_ball_radius(o) for o in world.objects),
         mass=float(np.median(masses)) if masses else 1.0,
         radius=float(np.median(radii)) if radii else 0.0,
+        drop=float(np.median([o.shape.radius for o in world.objects if isinstance(o.shape, Sphere)] or [0.0])),
+        deformables=bool(world.deformables),
+        planar=world.planar,
         supported=supported,
-        bounces=near,
+        bounces=any(touching(world, t, margin=_longest_step(t)).any() for t in paths),
         meetings=_meetings(world, recording),
-        slides=long or supported,
+        slides=supported or any(_lasts(t, n) for t, n in zip(paths, near, strict=True)),
+        rubs=any(o.friction > 0.0 for o in world.objects),
+        turns=any(np.isfinite(m).any() for run in recording.runs for m in (run.orientations, run.angular_velocities)),
+        unturned=_unturned(world, recording),
+        places=np.concatenate([*places, np.zeros((0, 3))]),
+        touching=np.concatenate([*near, np.zeros(0, dtype=bool)]),
     )
+
+
+def _pull(world: World, gravity: Array, normal: Array, supported: bool) -> float:
+    """Acceleration [m/s^2] that gravity gives along the motion, or friction where gravity presses bodies on a plane."""
+    pull = float(np.linalg.norm(gravity - (gravity @ normal) * normal if world.planar else gravity))
+    if not supported:
+        return pull
+    rubbing = world.environment.motion_plane.friction
+    if rubbing is None:
+        rubbing = max((o.friction for o in world.objects), default=0.0)
+    return max(pull, rubbing * float(-gravity @ normal))
+
+
+def _ball_radius(item: RigidObject) -> float:
+    """Radius of the ball of equal volume, as laws of drag take it."""
+    return float(np.cbrt(3.0 * geometry.mass_properties(item.shape).volume / (4.0 * np.pi)))
+
+
+def _unturned(world: World, recording: Recording) -> dict[str, tuple[str, ...]]:
+    """Runs, by free rigid body, in which its places but not its turns were measured."""
+    rigid = {o.name for o in world.objects if not is_held(world, o.name)}
+    found: dict[str, tuple[str, ...]] = {}
+    for run in recording.runs:
+        for column, name in enumerate(run.names):
+            seen = np.isfinite(run.positions[:, column]).any(axis=0)
+            turned = np.isfinite(run.orientations[:, column]).all(axis=-1).sum() >= 2
+            if name in rigid and seen.sum() >= 2 and not turned:
+                found[name] = (*found.get(name, ()), run.name)
+    return found
 
 
 def _span(recording: Recording) -> float:
@@ -228,6 +215,15 @@ def reach(world: World, item: RigidObject) -> float:
     return float(np.linalg.norm(outline, axis=1).max() + disc)
 
 
+def lever(world: World, joint: Joint) -> float:
+    """Lever [m] of a body's weight about its joint; 1 for sliders, whose efforts are forces."""
+    if isinstance(joint, Slider):
+        return 1.0
+    item = world.object(joint.object)
+    arm = float(np.linalg.norm(np.subtract(item.position, joint.anchor)))
+    return max(arm, 0.5 * reach(world, item))
+
+
 def touching(world: World, track: Track, margin: float = 0.0) -> NDArray[np.bool_]:
     """At which of a track's instants (T,) the body is within reach of a static."""
     item = world.object(track.name)
@@ -240,21 +236,19 @@ def touching(world: World, track: Track, margin: float = 0.0) -> NDArray[np.bool
     return near
 
 
-def _contacts(world: World, recording: Recording) -> tuple[bool, bool]:
-    """Whether some body touches a static, and whether some contact lasts."""
-    ever, lasting = False, False
-    for track in tracks(world, recording):
-        step = float(np.median(np.diff(track.times)))
-        path = np.linalg.norm(np.diff(track.places, axis=0), axis=1)
-        fast = float(np.nanmax(path)) if np.isfinite(path).any() else 0.0
-        ever = ever or bool(touching(world, track, margin=fast).any())
-        near = touching(world, track)
-        run, longest = 0, 0
-        for flag in near:
-            run = run + 1 if flag else 0
-            longest = max(longest, run)
-        lasting = lasting or longest * step >= SLIDING
-    return ever, lasting
+def _longest_step(track: Track) -> float:
+    """Longest way between two samples [m]."""
+    path = np.linalg.norm(np.diff(track.places, axis=0), axis=1)
+    return float(np.nanmax(path)) if np.isfinite(path).any() else 0.0
+
+
+def _lasts(track: Track, near: NDArray[np.bool_]) -> bool:
+    """Whether a contact, near (T,), lasts too long for a bounce."""
+    run, longest = 0, 0
+    for flag in near:
+        run = run + 1 if flag else 0
+        longest = max(longest, run)
+    return longest * float(np.median(np.diff(track.times))) >= SLIDING
 
 
 def _meetings(world: World, recording: Recording) -> tuple[tuple[str, str], ...]:

@@ -41,9 +41,8 @@ from polyworld.gap.outlying import (
 )
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
-from polyworld.gap.search import SearchSettings
 from polyworld.gap.searching import Searched, Story, search_effects
-from polyworld.gap.settings import DecisionSettings, OutlierSettings
+from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings
 from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.gap.stability import gain_with_error
 from polyworld.gap.stepping import coarsened

@@ -17,7 +17,7 @@ from polyworld.estimation.noise import Noise, refined_noise
 from polyworld.estimation.profile import Fit, fit, project_out
 from polyworld.estimation.unknown import Unknown
 from polyworld.expressions.parse import MAX_LENGTH
-from polyworld.gap.catalogue.adding import free_name
+from polyworld.gap.adding import free_name
 from polyworld.gap.residual_terms import STRENGTH, Factor, Term
 from polyworld.world import World
 

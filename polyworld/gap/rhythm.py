@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.effects.absence import MOST_FREQUENCIES
+from polyworld.estimation.candidate import Variant
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
@@ -12,6 +16,22 @@ Array = NDArray[np.float64]
 FINENESS = 4.0  # frequencies looked at for each that a run tells apart
 MOST = 4096  # of them
 BATCH = 256  # at a time
+BEGUN = 6  # frequencies that fits begin at, beside those of the grid
+
+
+def rhythm_starts(
+    frequency: str, bench: FitContext, trial: FittedHypothesis, variant: Variant
+) -> tuple[Mapping[str, float], ...]:
+    """Starts at the frequencies at which residuals swing most, where those of the grid are too far apart, or end.
+
+    frequency: the unknown that is one; the others that starts of the grid differ in are tried with each.
+    """
+    grid = sorted({start[frequency] for start in variant.starts})
+    if len(grid) < MOST_FREQUENCIES:
+        return ()
+    highest = next(u.upper for u in variant.unknowns if u.name == frequency)
+    others = [start for start in variant.starts if start[frequency] == grid[0]]
+    return tuple({**start, frequency: f} for f in rhythms(bench, trial, grid[0], highest, BEGUN) for start in others)
 
 
 def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float, count: int) -> tuple[float, ...]:

@@ -21,16 +21,13 @@ from polyworld.estimation.parts import halved
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
-from polyworld.gap.competitors import fit_rivals
+from polyworld.gap.contest import identity
 from polyworld.gap.decide import PLAIN
-from polyworld.gap.equivalents import fit_twins
 from polyworld.gap.examine import LEFT, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
-from polyworld.gap.parents import nearest
-from polyworld.gap.predicted_gains import identity
-from polyworld.gap.search import Search, SearchSettings
+from polyworld.gap.search import Search
+from polyworld.gap.settings import SearchSettings
 from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
-from polyworld.gap.submodels import put_simpler
 from polyworld.gap.unexplained import Near
 from polyworld.gap.verdict import Verdict, beside_fewer, decide
 
@@ -44,6 +41,7 @@ AGAIN = 3  # effects that better a base that passes, from whose initial states i
 EARLY = (*PLAIN, "tilt", "coriolis", "magnus_lift")
 MOST_UNKNOWNS = 8  # of such a law; not one number for each run
 CARE = 24  # iterations of their fits
+ASIDE = 4.0  # times the least chi2 beyond which a plain law is not fitted to the end
 PAIRED = 4  # plain laws that are fitted in pairs
 BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
 
@@ -117,7 +115,7 @@ def search_effects(
     def tell(step: str, figures: dict[str, Any]) -> None:
         story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
 
-    search = Search(ground.bench, candidates, settings, tell, ground, substep)
+    search = Search.begin(ground, candidates, settings, tell, substep)
     near_misses: tuple[dict[str, Any], ...] = ()
     limited, rivals_fitted = False, False
     effects, parents = 1, [ground]
@@ -127,8 +125,7 @@ def search_effects(
             if explained:
                 return Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
         if not profile.collide(plan):  # with several bodies each law takes seconds, and comes later
-            for trial in _plain_laws(search, ground, ground.bench, EARLY):
-                search.take(trial)
+            _laws_everywhere(search, ground)
             if found := _outlying(search, ground, outliers):
                 return found
         effects, parents, lost = _add_effects(search, ground, most=1)
@@ -150,12 +147,12 @@ def search_effects(
         while effects > 1 and search.best(effects) is None:
             effects -= 1
         if search.best(effects) is None:
-            effects = max((len(t.hypothesis.parts) for t in search.trials.values()), default=1)
+            effects = max((len(t.hypothesis.parts) for t in search.whole.fitted.values()), default=1)
     verdict = _decided(search, effects, parents)
     if not limited and verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         beside = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
         verdict = decide(beside, max(settings.credible, BESIDE))
-    bench = verdict.best.bench if verdict.best is not None else search.bench
+    bench = verdict.best.bench if verdict.best is not None else search.context
     if bench is not ground.bench:
         ground = refitted(ground, bench)
     if verdict.best is not None:
@@ -177,82 +174,90 @@ def search_effects(
 
 def _outlying(search: Search, ground: FittedHypothesis, outliers: FindOutliers) -> Searched | None:
     """The end of a search in which runs behave unlike the rest; None where none does, or the data are explained."""
-    fitted = [t for t in search.trials.values() if t.bench is search.bench]
-    if _passed(search, 1) or not fitted:
+    fitted = [t for t in search.whole.fitted.values() if t.bench is search.context]
+    if search.passes(1) or not fitted:
         return None
-    found = outliers([*fitted, search.bench.refit(ground, iterations=2)])
+    found = outliers([*fitted, search.context.refit(ground, iterations=2)])
     if not found:
         return None
-    return Searched(Verdict("unexplained", search.best(1)), search.bench, ground, outlying=found)
+    return Searched(Verdict("unexplained", search.best(1)), search.context, ground, outlying=found)
 
 
 def _add_effects(
     search: Search, ground: FittedHypothesis, effects: int = 0, whole: bool = False, most: int = 3
 ) -> tuple[int, list[FittedHypothesis], tuple[str, ...]]:
     """Add effects until the best explains the data: their number, the hypotheses they were added to, and runs that no
-    fit follows although their windows are explained, with which nothing further is tried (unless `whole`)."""
-    parents = [ground] if effects == 0 else nearest(search.ranked(effects), search.on_windows, search.settings.parents)
-    while effects < min(search.settings.max_effects, most) and not (effects and _passed(search, effects)):
-        if effects >= PLAINLY and not search.foreseen(parents):
+    fit follows although their segments are explained, with which nothing further is tried (unless `whole`)."""
+    parents = [ground] if effects == 0 else search.parents(effects)
+    while effects < min(search.settings.max_effects, most) and not (effects and search.passes(effects)):
+        if effects >= PLAINLY and not search.worth_a_third(parents):
             break  # a sum of so many mimics much
         effects += 1
-        search.add_effect(parents)
-        _renoise(search, effects)
-        search.finely(effects, 1.0)
-        if effects == 1 and not whole and (lost := search.astray(effects)):
+        search.add(parents)
+        _care(search, effects)
+        if effects == 1 and not whole and (lost := search.sensitive_runs(effects)):
             return effects, parents, lost
-        if not _passed(search, effects) and not search.hopeless(effects):
+        if not search.passes(effects) and not search.hopeless(effects):
             search.restart(effects)
-            _renoise(search, effects)
-            search.finely(effects)
-        if effects > 1 and not _passed(search, effects) and not search.hopeless(effects):
+            _care(search, effects)
+        if effects > 1 and not search.passes(effects) and not search.hopeless(effects):
             search.swap(effects)
-            _renoise(search, effects)
-            search.finely(effects)
-        if _passed(search, effects):
+            _care(search, effects)
+        if search.passes(effects):
             break
-        parents = nearest(search.ranked(effects), search.on_windows, search.settings.parents)
+        parents = search.parents(effects)
     return effects, parents, ()
+
+
+def _care(search: Search, effects: int) -> None:
+    """Judge all under the noise that the best leaves, with steps as fine as they need be."""
+    _renoise(search, effects)
+    search.refine_steps(effects, 1.0)
 
 
 def _with_care(search: Search, effects: int) -> int:
     """Drop what is not needed and fit what comes near to the best with all care; the number of effects then."""
-    effects = search.fewest(effects)  # on the way back from two, one may have come to explain all
+    effects = next((k for k in range(1, effects) if search.passes(k)), effects)
     while effects > 1 and search.best(effects) is None:
-        effects -= 1  # nothing promised to better those
-    best = search.best(effects)
-    if best is not None and effects > 1 and best.passes:
-        effects = len(search.backward(best).hypothesis.parts)
-    if _passed(search, effects) or not search.hopeless(effects):
-        fit_rivals(search, effects)
+        effects -= 1
+    if search.passes(effects) or not search.hopeless(effects):
+        effects = search.drop(effects)
+        search.improve(effects)
         search.settle(effects)
-        search.beyond(effects)
-        fit_twins(search, effects)
-        put_simpler(search, effects)
-        search.finely(effects)
-        search.settled(effects)
+        search.refine_steps(effects)
+        search.converge(effects)
     return effects
 
 
-def _plain_laws(
-    search: Search, ground: FittedHypothesis, bench: FitContext, names: Sequence[str] = PLAIN
-) -> tuple[FittedHypothesis, ...]:
-    """Fit the plain laws with care, each by itself: they are reported beside any richer answer."""
+def _laws_everywhere(search: Search, ground: FittedHypothesis) -> None:
+    """Fit roughly the laws that act everywhere alike: under the right one, runs that behave unlike the rest show."""
+    context = search.context
+    horizons, states = profile.horizons_for(context.design), profile.start_states(context.design)
+    for candidate in (c for c in search.candidates if c.name in EARLY):
+        for hypothesis in extended(ground.hypothesis, candidate, context.design.recording):
+            if hypothesis.extra <= MOST_UNKNOWNS:
+                start = hypothesis.starts(ground.values)[0]
+                fit = context.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
+                search.whole.take(fit)
+
+
+def _plain_laws(search: Search, ground: FittedHypothesis, bench: FitContext) -> tuple[FittedHypothesis, ...]:
+    """Fit the plain laws, each by itself: they are reported beside any richer answer. Those that come near the best are
+    fitted to the end."""
     found = []
     plan = bench.design
     horizons, states = profile.horizons_for(plan), profile.start_states(plan)
-    for candidate in (c for c in search.candidates if c.name in names):
+    least = min((t.chi2 for t in search.whole.fitted.values()), default=np.inf)
+    for candidate in (c for c in search.candidates if c.name in PLAIN):
         ways = []
         for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
             if hypothesis.extra > MOST_UNKNOWNS:
                 continue
-            known = search.trials.get(identity(hypothesis))
-            if known is not None:
-                ways.append(bench.fit(known.hypothesis, known.values, known.fit.states, iterations=CARE))
-                continue
-            start = hypothesis.starts(ground.values)[0]
-            ways.append(bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3))
-            ways[-1] = bench.refit(ways[-1], iterations=CARE)
+            known = search.whole.fitted.get(identity(hypothesis))
+            if known is None:
+                start = hypothesis.starts(ground.values)[0]
+                known = bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
+            ways.append(bench.refit(known, iterations=CARE if known.chi2 < ASIDE * least else LEFT))
         ways = [w for w in ways if np.isfinite(w.chi2)]
         if ways:
             found.append(min(ways, key=lambda t: t.ebic))
@@ -314,18 +319,19 @@ def _finer(ground: FittedHypothesis, substep: float) -> FittedHypothesis:
 
 
 def _near(search: Search) -> Near | None:
-    """The base on windows, where the search had to begin there."""
-    if search.on_windows is None:
+    """The base on segments, where the search had to begin there."""
+    used = search.used
+    if used is None or used.segments is None:
         return None
-    trial = search.on_windows.trials.get(())
-    return None if trial is None else Near(search.on_windows.cut, trial.bench.noise, trial.fit)
+    trial = used.fitted.get(())
+    return None if trial is None else Near(used.segments, trial.bench.noise, trial.fit)
 
 
 def _explained(
     search: Search, ground: FittedHypothesis, alarm: float
 ) -> tuple[FittedHypothesis, bool, tuple[dict[str, Any], ...]]:
     """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
-    promising = search.promising(ground, 0.5 * alarm)
+    promising = search.promising(0.5 * alarm)
     near = [t for t in promising if t.ebic < ground.ebic]
     for trial in near[:AGAIN]:
         again = _from_states_of(trial, ground)
@@ -348,9 +354,9 @@ def _renoise(search: Search, effects: int) -> None:
     best = search.best(effects)
     if best is None:
         return
-    noise = refined_noise(search.bench.design, search.bench.noise, search.bench.raw_residuals(best))
-    if _differs(noise, search.bench.noise):
-        search.under(search.bench.with_noise(noise), effects)
+    noise = refined_noise(search.context.design, search.context.noise, search.context.raw_residuals(best))
+    if _differs(noise, search.context.noise):
+        search.under(search.context.with_noise(noise), effects)
 
 
 def _differs(one: Noise, other: Noise) -> bool:
@@ -359,8 +365,3 @@ def _differs(one: Noise, other: Noise) -> bool:
     linked = max(float(np.max(np.abs(a - b))) for a, b in zip(one.rho, other.rho, strict=True))
     kept = sum(int(np.sum(a != b)) for a, b in zip(one.kept, other.kept, strict=True))
     return levels > LEVEL_CHANGED or linked > CORRELATION_CHANGED or kept > KEPT_CHANGED * one.count
-
-
-def _passed(search: Search, effects: int) -> bool:
-    best = search.best(effects)
-    return best is not None and best.passes

@@ -6,6 +6,40 @@ from dataclasses import dataclass, fields
 
 
 @dataclass(frozen=True)
+class SearchSettings:
+    """How widely hypotheses are searched for.
+
+    max_effects: added at most; sums of more mimic nearly anything. contenders: hypotheses fitted at each step; the
+    right one was among the ten of largest predicted gain in all development cases. starts: of each that are tried.
+    parents: hypotheses that a further effect is added to. few: contenders followed to the end where none explains the
+    data. half: share of the best gain below which a contender is left after its first iterations. credible: difference
+    of the extended BIC within which hypotheses stand side by side (10 is "very strong", Kass & Raftery 1995). close:
+    the same before all is fitted with care. far, farther: chi2 per measurement of the parents, beyond which effects
+    compete on segments, and on short ones; slopes of whole runs predict little there. nearly: the same below which
+    short steps may be what is missing. rough: first iterations of a contender. rounds: of iterations to the end.
+    onward: relative fall of chi2 for which a fit goes on.
+    """
+
+    max_effects: int = 3
+    contenders: int = 10
+    starts: int = 3
+    parents: int = 3
+    few: int = 3
+    half: float = 0.5
+    credible: float = 10.0
+    close: float = 50.0
+    far: float = 3.0
+    farther: float = 10.0
+    nearly: float = 5.0
+    rough: int = 3
+    rounds: int = 5
+    onward: float = 0.01
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+
+@dataclass(frozen=True)
 class DecisionSettings:
     """How a verdict is reached.
 

@@ -42,5 +42,5 @@ def rivals(search: Search, ground: FittedHypothesis, best: FittedHypothesis) -> 
 
     firsts = sorted(plain(ground), key=lambda t: (t.ebic, t.hypothesis.title))[:FIRSTS]
     for pair in (p for first in firsts for p in plain(first)):
-        search.take(best.bench.refit(pair))
+        search.whole.take(best.bench.refit(pair))
     return [t for t in search.ranked(2) if t.hypothesis.extra <= best.hypothesis.extra]

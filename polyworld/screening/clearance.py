@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.identification.contacts import distance_to_static
+from polyworld.estimation.contacts import distance_to_static
 from polyworld.representations.rigid import RigidObject
 from polyworld.screening.finding import Finding, length, runs_listed
 from polyworld.screening.settings import ScreenSettings

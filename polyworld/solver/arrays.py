@@ -137,6 +137,20 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
     return Overriding(world, arrays).arrays(overrides) if overrides else arrays
 
 
+def check_worlds(capacity: int, overrides: Mapping[str, Array] | None, schedule: Ints | None) -> int:
+    """Return how many worlds a run is of: all there is room for, or as many as `schedule` names.
+
+    Raises ValueError where there is no room for them, or overrides hold other numbers of values.
+    """
+    worlds = capacity if schedule is None else len(schedule)
+    if not 1 <= worlds <= capacity:
+        raise ValueError(f"schedule names {worlds} worlds; there is room for 1 to {capacity}")
+    lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
+    if lengths - {worlds}:
+        raise ValueError(f"overrides must hold {worlds} values, one a world; got {sorted(lengths)}")
+    return worlds
+
+
 class Overriding:
     """Arrays of variants of one world: where each parameter goes in them is looked up once, not for every batch."""
 

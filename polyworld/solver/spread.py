@@ -6,6 +6,18 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
+SHARE = 16  # worlds that are worth a launch of their own: to hand one to a thread takes as long as a few rollouts
+
+
+def shares(worlds: int, threads: int) -> int:
+    """Return into how many pieces to cut the rollout of so many worlds.
+
+    More than threads where there are many, so that a thread whose worlds are quick takes over from one whose are not.
+    """
+    if threads == 1:
+        return 1
+    return min(worlds, 4 * threads if worlds >= 4 * threads * SHARE else threads)
+
 
 def spread(work: Callable[[int], None], pieces: int, threads: int) -> None:
     """Do `work` for 0 to pieces - 1 on so many threads, and wait for all of them; raises what a piece raised."""

@@ -40,3 +40,44 @@ def time_table(world: World, sample_times: Array) -> TimeTable:
     joins = np.searchsorted(before, starts).astype(np.int32)
     joins[starts <= 0] = 0
     return TimeTable(end, steps, sample, joins)
+
+
+@dataclass(frozen=True)
+class Schedules:
+    """Time tables of S lists of sample times, filled up with segments that nobody reaches.
+
+    end, steps, sample (S, K): as in `TimeTable`. joins (n,): the same in all of them. reach (S, T): number of segments
+    to each sample, and to the last one beyond it.
+    """
+
+    end: Array
+    steps: NDArray[np.int32]
+    sample: NDArray[np.int32]
+    joins: NDArray[np.int32]
+    reach: NDArray[np.int32]
+
+    def segments(self, schedule: NDArray[np.int64], samples: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return how many segments (W,) worlds of these schedules (W,) take to their first `samples`."""
+        found: NDArray[np.int32] = self.reach[schedule, samples - 1]
+        return found
+
+
+def schedules(world: World, sample_times: Array) -> Schedules:
+    """Lay out S lists of sample times (S, T), each filled up with NaN.
+
+    Raises ValueError for several lists where objects join later than the start: they would join in different segments.
+    """
+    rows = [row[np.isfinite(row)] for row in sample_times]
+    tables = [time_table(world, row) for row in rows]
+    if len(tables) > 1 and any(o.start_time > 0.0 for o in world.objects):
+        raise ValueError("one list of sample times only where objects join later than the start")
+    longest = max(len(t.end) for t in tables)
+    end = np.zeros((len(tables), longest))
+    steps, sample = np.zeros(end.shape, dtype=np.int32), np.full(end.shape, -1, dtype=np.int32)
+    reach = np.zeros(sample_times.shape, dtype=np.int32)
+    for s, table in enumerate(tables):
+        count = len(table.end)
+        end[s, :count], steps[s, :count], sample[s, :count] = table.end, table.steps, table.sample
+        reach[s] = count
+        reach[s, : len(rows[s])] = np.flatnonzero(table.sample >= 0) + 1
+    return Schedules(end, steps, sample, tables[0].joins, reach)

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polyworld.identification import (
+from polyworld.estimation.world_fit import (
     CemSettings,
-    FitParameter,
+    FitProblem,
     FitResult,
-    FitSettings,
     ObjectiveSettings,
-    RefineSettings,
+    SearchSettings,
+    Unknown,
     accuracy,
-    default_parameters,
+    default_unknowns,
     fit,
     fit_by_random_search,
     refine,
@@ -57,9 +57,9 @@ class Budget:
         return self.generations * self.population
 
 
-def unknowns(world: World, tracks: ObservedTracks) -> list[FitParameter]:
+def unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:
     """The default unknowns, with one spinning-friction radius for all, and without sliding friction of balls."""
-    found = default_parameters(world, tracks, shared=("linear_damping", "angular_damping", "torsional_radius"))
+    found = default_unknowns(world, tracks, shared=("linear_damping", "angular_damping", "torsional_radius"))
     balls = {f"{o.name}.friction" for o in world.objects if o.shape.kind == "sphere"}
     return [p for p in found if p.name not in balls]
 
@@ -80,14 +80,13 @@ def rows(
     seen = tracks if holdout_from is None else tracks.window(int(tracks.frames[0]), holdout_from - 1)
     parameters = unknowns(world, seen)
     objective = ObjectiveSettings(position_tolerance=MODEL_TOLERANCE)
-    settings = FitSettings(
+    settings = SearchSettings(
         generations=budget.generations,
         cem=CemSettings(population=budget.population, elites=max(8, budget.population // 5)),
         horizon=tuple(np.round((np.arange(16) + 1) / 16, 4)),
         final_share=0.35,
-        objective=objective,
-        holdout_from=holdout_from,
     )
+    problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=holdout_from)
     fitted = "all" if holdout_from is None else f"0-{holdout_from - 1}"
     made: list[Row] = []
 
@@ -112,18 +111,12 @@ def rows(
         say(f"{scene} {source} {fitted}: {method} rmse {inside:.4f} m, {rollouts} rollouts, {seconds:.1f} s")
 
     add("default", world, None, 0.0, 0)
-    random = fit_by_random_search(world, tracks, parameters, settings=settings)
+    random = fit_by_random_search(problem, settings)
     add("random search", random.world, random, random.seconds, random.rollouts)
-    searched = fit(world, tracks, parameters, settings=settings)
+    searched = fit(problem, settings)
     add("CEM", searched.world, searched, searched.seconds, searched.rollouts)
     begun = time.perf_counter()
-    polished = refine(
-        world,
-        tracks,
-        parameters,
-        {v.name: v.value for v in searched.values},
-        settings=RefineSettings(iterations=30, objective=objective, holdout_from=holdout_from),
-    )
+    polished = refine(problem, searched.by_name, iterations=30)
     seconds = searched.seconds + time.perf_counter() - begun
     add("CEM + refine", polished.world, polished, seconds, searched.rollouts + polished.rollouts)
     return made, polished.world

@@ -12,7 +12,14 @@ import argparse
 import time
 from collections.abc import Sequence
 
-from polyworld.identification import CemSettings, FitSettings, RefineSettings, Undetermined, fit, refine
+from polyworld.estimation.world_fit import (
+    CemSettings,
+    FitProblem,
+    SearchSettings,
+    Undetermined,
+    fit,
+    refine,
+)
 from tests.benchmarks.recovery_scenes import Scene, scenes
 
 WIDTHS = (20, 36, 11, 11, 8, 9, 9, 8)
@@ -31,15 +38,15 @@ def recover(scene: Scene, *, generations: int, population: int, seed: int) -> li
     """Lines of the table for one scene."""
     begin = time.perf_counter()
     world, data = scene.build(False), scene.observed(seed)
-    settings = FitSettings(
+    settings = SearchSettings(
         generations=generations,
         cem=CemSettings(population=population, elites=population // 4, carried=2),
         horizon=(0.25, 0.5, 1.0),
         seed=seed,
     )
-    searched = fit(world, data, scene.unknowns, settings=settings)
-    start = {value.name: value.value for value in searched.values}
-    polished = refine(world, data, scene.unknowns, start, settings=RefineSettings(iterations=8, batch=population))
+    problem = FitProblem(world, data, scene.unknowns)
+    searched = fit(problem, settings)
+    polished = refine(problem, searched.by_name, iterations=8)
     best = polished if polished.loss < searched.loss else searched
     rollouts = searched.rollouts + searched.rollouts_for_errors + polished.rollouts + polished.rollouts_for_errors
     seconds = time.perf_counter() - begin

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.identification import FitParameter
+from polyworld.estimation.world_fit import Unknown
 from polyworld.parameters import with_parameters
 from polyworld.readouts import Amount, Centreline, Front, GridOccupancy, Markers, Outline, Readout, Tension, read
 from polyworld.representations.attachment import Attachment, Region
@@ -40,7 +40,7 @@ class Scene:
     name: str
     build: Callable[[bool], World]
     hidden: Mapping[str, float]
-    unknowns: Sequence[FitParameter]
+    unknowns: Sequence[Unknown]
     frames: int
     seconds_per_frame: float
     readouts: Sequence[tuple[Readout, float]] = ()
@@ -79,15 +79,15 @@ class Scene:
         return tracks.with_shapes(tuple(series), frames) if series else tracks
 
 
-def log(path: str, lower: float, upper: float, start: float) -> FitParameter:
+def log(path: str, lower: float, upper: float, start: float) -> Unknown:
     """An unknown over decades; the search begins at `start`, a quarter of the range wide."""
     sd = 0.25 * float(np.log(upper / lower))
-    return FitParameter(path.removeprefix("objects."), (path,), lower, upper, start, sd, scale="log")
+    return Unknown(path.removeprefix("objects."), (path,), "", start, lower, upper, sd, scale="log")
 
 
-def linear(path: str, lower: float, upper: float, start: float) -> FitParameter:
+def linear(path: str, lower: float, upper: float, start: float) -> Unknown:
     """An unknown in its own unit; the search begins at `start`, a quarter of the range wide."""
-    return FitParameter(path.removeprefix("objects."), (path,), lower, upper, start, 0.25 * (upper - lower))
+    return Unknown(path.removeprefix("objects."), (path,), "", start, lower, upper, 0.25 * (upper - lower))
 
 
 def _time(fine: bool, step: float, substep: float) -> TimeBase:
@@ -418,8 +418,8 @@ def scenes() -> list[Scene]:
             [
                 linear("objects.cue.friction", 0.0, 0.5, 0.25),
                 linear("objects.target.friction", 0.0, 0.5, 0.25),
-                FitParameter(
-                    "restitution", ("objects.cue.restitution", "objects.target.restitution"), 0.0, 1.0, 0.5, 0.25
+                Unknown(
+                    "restitution", ("objects.cue.restitution", "objects.target.restitution"), "", 0.5, 0.0, 1.0, 0.25
                 ),
                 log("objects.target.mass", 0.3, 5.0, 1.2),
             ],

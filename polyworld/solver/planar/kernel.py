@@ -130,9 +130,9 @@ def rollout(
     samples: Samples,
     where: Whereabouts,
     offset: wp.int32,
-    segments: wp.int32,
 ) -> None:
     w = offset + wp.tid()
+    own = scene.schedule[w]
     n = scene.bodies
     near_count = wp.int32(0)
     row_count = wp.int32(0)
@@ -143,9 +143,9 @@ def rollout(
     start = ZERO
     dead = wp.int32(0)
     time = ZERO
-    for segment in range(segments):
-        end = scene.segment_end[segment] * scale
-        steps = scene.segment_steps[segment]
+    for segment in range(scene.reach[w]):
+        end = scene.segment_end[own, segment] * scale
+        steps = scene.segment_steps[own, segment]
         joined = wp.int32(0)
         for i in range(n):
             if scene.joins[i] == segment:
@@ -261,7 +261,7 @@ def rollout(
                 splits += 1
         start = end
         time = end
-        sample = scene.segment_sample[segment]
+        sample = scene.segment_sample[own, segment]
         if sample >= 0 and dead == 0:
             for i in range(n):
                 samples.pose[w, sample, i] = bodies.pose[w, i]

@@ -25,9 +25,11 @@ class Scene:
     touch: wp.float64  # a gap below this is contact [m]
     skin: wp.float64  # pairs nearer than this are kept in the near list [m]
     axes: wp.mat33d  # rows: the plane's x, y and normal in world axes
-    segment_end: wp.array[wp.float64]  # (K,) sample and start times in order [s]
-    segment_steps: wp.array[wp.int32]  # (K,) substeps of the segment that ends there
-    segment_sample: wp.array[wp.int32]  # (K,) sample taken there, -1 for none
+    segment_end: wp.array2d[wp.float64]  # (S, K) sample and start times of each schedule in order [s]
+    segment_steps: wp.array2d[wp.int32]  # (S, K) substeps of the segment that ends there
+    segment_sample: wp.array2d[wp.int32]  # (S, K) sample taken there, -1 for none
+    schedule: wp.array[wp.int32]  # (W,) schedule of each world
+    reach: wp.array[wp.int32]  # (W,) segments that each world goes through
     joins: wp.array[wp.int32]  # (n,) first segment in which a body moves
     effect_kind: wp.array[wp.int32]  # (e,)
     effect_acts: wp.array2d[wp.int32]  # (e, n)

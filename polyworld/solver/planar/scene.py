@@ -16,7 +16,7 @@ from polyworld.shapes import Plane, Wall
 from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.effect_forces import forces_among
 from polyworld.solver.planar.records import Joints, Scene
-from polyworld.solver.time_table import TimeTable
+from polyworld.solver.time_table import Schedules
 from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
     return Outline(vertices, sweep, (float(x), float(y), 0.0), low, high)
 
 
-def build_scene(world: World, table: TimeTable) -> tuple[Scene, list[str], Array]:
+def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array]:
     """The scene of a planar world, the names of its bodies, then of its statics, and the statics' poses (s, 3)."""
     plane = world.environment.motion_plane
     axes = geometry.plane_axes(plane)

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
-from polyworld.solver.arrays import Overriding, RigidArrays
+from polyworld.solver.arrays import Overriding, RigidArrays, check_worlds
 from polyworld.solver.passing import passed
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples, Scene, Whereabouts
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import static_poses, turn_in_plane
-from polyworld.solver.spread import spread
-from polyworld.solver.time_table import time_table
+from polyworld.solver.spread import shares, spread
+from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
 
@@ -81,11 +81,11 @@ class PlanarSimulator:
         self.world = world
         self.names = tuple(o.name for o in world.objects)
         self.n_worlds = n_worlds
-        self.sample_times = sample_times
+        self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
         self.record_events = record_events
         self.threads = threads or available_cores()
         self._overriding = Overriding(world)
-        self._table = time_table(world, sample_times)
+        self._table = schedules(world, self.sample_times)
         self._scene, self._all_names, self._static_poses = build_scene(world, self._table)
         self._axes = geometry.plane_axes(world.environment.motion_plane)
         rotations = [geometry.quaternion_matrix(np.asarray(o.orientation)) for o in world.objects]
@@ -101,26 +101,41 @@ class PlanarSimulator:
         self._joints = build_joints(world)
         self._allocate()
 
-    def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
-        """Roll all variants out from their initial state, to the first `samples` sample times."""
-        return self._told(self.roll(overrides, samples=samples))
+    def run(
+        self,
+        overrides: Mapping[str, Array] | None = None,
+        *,
+        samples: int | NDArray[np.int64] | None = None,
+        schedule: NDArray[np.int64] | None = None,
+    ) -> BatchTrajectory:
+        """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
+        return self._told(self.roll(overrides, samples=samples, schedule=schedule))
 
-    def roll(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> PlaneMotion:
+    def roll(
+        self,
+        overrides: Mapping[str, Array] | None = None,
+        *,
+        samples: int | NDArray[np.int64] | None = None,
+        schedule: NDArray[np.int64] | None = None,
+    ) -> PlaneMotion:
         """As `run`, in the plane: views of buffers that the next run writes to."""
-        count = len(self.sample_times) if samples is None else samples
-        if not 1 <= count <= len(self.sample_times):
-            raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
+        most = self.sample_times.shape[1]
+        each = np.asarray(most if samples is None else samples)
+        if each.min() < 1 or each.max() > most:
+            raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+        count = int(each.max())
+        worlds = check_worlds(self.n_worlds, overrides, schedule)
         arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
-        lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
-        if lengths and lengths != {self.n_worlds}:
-            raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
-        self._write(arrays)
-        segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
-        self._launch(segments)
-        return self._rolled(count)
+        own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
+        self._of_scene.schedule[:worlds] = own
+        self._of_scene.reach[:worlds] = self._table.segments(own, each)
+        self._write(arrays, worlds)
+        self._launch(worlds)
+        return self._rolled(own, count)
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
+        self._scene.schedule, self._scene.reach = _zeros((w,), wp.int32), _zeros((w,), wp.int32)
         pairs = int(_view(self._scene.collides).sum())
         corners = np.diff(_view(self._scene.first))
         bodies = Bodies()
@@ -157,82 +172,83 @@ class PlanarSimulator:
         for name in ("begin", "last", "first_impulse", "impulse", "speed"):
             setattr(log, name, _zeros((w, kept), wp.float64))
         samples = Samples()
-        samples.pose = _zeros((w, len(self.sample_times), n), wp.vec3d)
-        samples.rate = _zeros((w, len(self.sample_times), n), wp.vec3d)
+        samples.pose = _zeros((w, self.sample_times.shape[1], n), wp.vec3d)
+        samples.rate = _zeros((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.diverged_object = _zeros((w,), wp.int32)
         samples.diverged_time = _zeros((w,), wp.float64)
         samples.crowded = _zeros((w,), wp.int32)
         self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
+        self._of_scene = _Views(self._scene)
         self._of_bodies, self._of_joints, self._of_log, self._of_samples = map(_Views, (bodies, joints, log, samples))
         self._where = Whereabouts()
         self._where.scene = passed(self._scene, Scene)
         self._where.bodies = passed(bodies, Bodies)
         self._where.contacts = passed(contacts, Contacts)
 
-    def _write(self, arrays: RigidArrays) -> None:
-        """Fill the device arrays in place."""
+    def _write(self, arrays: RigidArrays, c: int) -> None:
+        """Fill the device arrays of the first c worlds in place."""
         b, axes = self._of_bodies, self._axes
         flat, normal = axes[:2], axes[2]
         angle = turn_in_plane(arrays.orientation, self._described, normal, "objects")
-        pose, rate = b.pose, b.rate
+        pose, rate = b.pose[:c], b.rate[:c]
         pose[..., :2] = arrays.position @ flat.T
         pose[..., 2] = angle
         rate[..., :2] = arrays.velocity @ flat.T
         rate[..., 2] = arrays.angular_velocity @ normal
-        b.height[:] = arrays.position @ normal
-        b.static_pose[:] = static_poses(self.world, arrays, self._static_poses)
-        b.mass[:] = arrays.mass
-        b.inverse_mass[:] = 1.0 / arrays.mass
-        b.inverse_inertia[:] = 1.0 / (arrays.mass * self._gyration)
+        b.height[:c] = arrays.position @ normal
+        b.static_pose[:c] = static_poses(self.world, arrays, self._static_poses)
+        b.mass[:c] = arrays.mass
+        b.inverse_mass[:c] = 1.0 / arrays.mass
+        b.inverse_inertia[:c] = 1.0 / (arrays.mass * self._gyration)
         plane = self.world.environment.motion_plane
         load = np.maximum(0.0, -(arrays.gravity @ normal))[:, None] if plane.supports else np.zeros((1, 1))
         own = arrays.plane_friction < 0
         support = np.where(own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction))
-        b.support[:] = support
-        b.hold[:] = load * support
-        b.patch[:] = arrays.torsional_radius
-        b.linear_damping[:] = arrays.linear_damping
-        b.angular_damping[:] = arrays.angular_damping
-        b.rolling[:] = arrays.rolling_resistance
+        b.support[:c] = support
+        b.hold[:c] = load * support
+        b.patch[:c] = arrays.torsional_radius
+        b.linear_damping[:c] = arrays.linear_damping
+        b.angular_damping[:c] = arrays.angular_damping
+        b.rolling[:c] = arrays.rolling_resistance
         n = self._scene.bodies
-        b.friction[:, :n] = arrays.friction
-        b.friction[:, n:] = arrays.static_friction
-        b.restitution[:, :n] = arrays.restitution
-        b.restitution[:, n:] = arrays.static_restitution
-        b.gravity[:] = arrays.gravity @ axes.T
-        b.time_scale[:] = arrays.time_scale[:, 0]
-        b.time_origin[:] = arrays.time_origin[:, 0]
-        b.effect_parameters[:] = arrays.effect_parameters
-        b.decay_step[:] = -1.0
-        b.reaction[:] = 0.0
-        b.touching[:] = 0
-        self._write_joints(arrays)
-        self._of_log.open[:] = -1
-        self._of_log.count[:] = 0
+        b.friction[:c, :n] = arrays.friction
+        b.friction[:c, n:] = arrays.static_friction
+        b.restitution[:c, :n] = arrays.restitution
+        b.restitution[:c, n:] = arrays.static_restitution
+        b.gravity[:c] = arrays.gravity @ axes.T
+        b.time_scale[:c] = arrays.time_scale[:, 0]
+        b.time_origin[:c] = arrays.time_origin[:, 0]
+        b.effect_parameters[:c] = arrays.effect_parameters
+        b.decay_step[:c] = -1.0
+        b.reaction[:c] = 0.0
+        b.touching[:c] = 0
+        self._write_joints(arrays, c)
+        self._of_log.open[:c] = -1
+        self._of_log.count[:c] = 0
         out = self._of_samples
-        out.pose[:] = np.nan
-        out.rate[:] = np.nan
-        out.diverged_object[:] = -1
-        out.diverged_time[:] = np.nan
-        out.crowded[:] = 0
+        out.pose[:c] = np.nan
+        out.rate[:c] = np.nan
+        out.diverged_object[:c] = -1
+        out.diverged_time[:c] = np.nan
+        out.crowded[:c] = 0
 
-    def _write_joints(self, arrays: RigidArrays) -> None:
+    def _write_joints(self, arrays: RigidArrays, c: int) -> None:
         """Where each hinge's pivot lies in its bodies' own axes, at the poses the run starts from."""
-        body, anchor, pose = self._of_joints.body, self._of_joints.anchor, self._of_bodies.pose
+        body, anchor, pose = self._of_joints.body, self._of_joints.anchor[:c], self._of_bodies.pose[:c]
         anchor[:] = arrays.joint_anchor @ self._axes[:2].T
-        arm = self._of_joints.arm
+        arm = self._of_joints.arm[:c]
         for j, e in np.argwhere(body >= 0):
             x, y = (anchor[:, j] - pose[:, body[j, e], :2]).T
             angle = pose[:, body[j, e], 2]
             arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
-        self._of_joints.impulse[:] = 0.0
+        self._of_joints.impulse[:c] = 0.0
 
-    def _launch(self, segments: int) -> None:
+    def _launch(self, worlds: int) -> None:
         if self._scene.bodies == 0:
             return
-        pieces = min(self.n_worlds, 1 if self.threads == 1 else 4 * self.threads)
-        edges = np.linspace(0, self.n_worlds, pieces + 1).astype(int)
+        pieces = shares(worlds, self.threads)
+        edges = np.linspace(0, worlds, pieces + 1).astype(int)
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
@@ -248,7 +264,6 @@ class PlanarSimulator:
                     self._samples,
                     self._where,
                     first,
-                    segments,
                 ],
                 device="cpu",
             )
@@ -256,32 +271,33 @@ class PlanarSimulator:
         rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
         spread(piece, pieces, self.threads)
 
-    def _rolled(self, count: int) -> PlaneMotion:
-        out = self._of_samples
-        if out.crowded.any():
+    def _rolled(self, schedule: NDArray[np.int64], count: int) -> PlaneMotion:
+        out, c = self._of_samples, len(schedule)
+        if out.crowded[:c].any():
             raise RuntimeError(
-                f"{int(out.crowded.max())} contact points found no room: the objects overlap too much at the start"
+                f"{int(out.crowded[:c].max())} contact points found no room: the objects overlap too much at the start"
             )
         return PlaneMotion(
             names=self.names,
             axes=self._axes,
-            times=self.sample_times[None, :count] * self._of_bodies.time_scale[:, None],
-            pose=out.pose[:, :count],
-            rate=out.rate[:, :count],
-            height=self._of_bodies.height,
+            times=self.sample_times[schedule, :count] * self._of_bodies.time_scale[:c, None],
+            pose=out.pose[:c, :count],
+            rate=out.rate[:c, :count],
+            height=self._of_bodies.height[:c],
             described=self._described,
-            diverged=out.diverged_object >= 0,
+            diverged=out.diverged_object[:c] >= 0,
         )
 
     def _told(self, motion: PlaneMotion) -> BatchTrajectory:
         out, axes, pose, rate = self._of_samples, self._axes, motion.pose, motion.rate
-        count = pose.shape[1]
+        worlds, count = pose.shape[:2]
         turn = np.zeros((*pose.shape[:3], 4))
         turn[..., 0] = np.cos(pose[..., 2] / 2)
         turn[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
         starts = np.array([o.start_time for o in self.world.objects])
         # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
-        ends = np.where(motion.diverged, out.diverged_time - 2.0 * self.world.time.substep, motion.times[:, -1])
+        last = np.nanmax(motion.times, axis=1)
+        ends = np.where(motion.diverged, out.diverged_time[:worlds] - 2.0 * self.world.time.substep, last)
         return BatchTrajectory(
             names=self.names,
             times=motion.times,
@@ -290,11 +306,11 @@ class PlanarSimulator:
             orientations=geometry.quaternion_product(turn, np.broadcast_to(self._described[:, None], turn.shape)),
             velocities=rate[..., :2] @ axes[:2],
             angular_velocities=rate[..., 2:] * axes[2],
-            active=self.sample_times[:count, None] >= starts[None, :],
+            active=self.sample_times[0, :count, None] >= starts[None, :],
             diverged=motion.diverged,
-            diverged_time=out.diverged_time.copy(),
-            diverged_object=out.diverged_object.astype(np.int64),
-            events=tuple(self._events(w, float(ends[w])) for w in range(self.n_worlds)),
+            diverged_time=out.diverged_time[:worlds].copy(),
+            diverged_object=out.diverged_object[:worlds].astype(np.int64),
+            events=tuple(self._events(w, float(ends[w])) for w in range(worlds)),
         )
 
     def _events(self, w: int, end: float) -> tuple[Event, ...]:

@@ -109,16 +109,17 @@ def clear_log(log: layout.Log) -> None:
 
 
 class ParameterBuffers:
-    """The parameters of a world as kernels take them. passed: an array of one record."""
+    """The parameters of a world as kernels take them. passed: an array of one record. capacity: of worlds."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, capacity: int) -> None:
         self.passed: Any = None
+        self._capacity = capacity
         self._world = world
         self._record = layout.Parameters()
         self._content: dict[str, Any] = {}  # of the record's arrays, seen by NumPy
 
     def write(self, arrays: RigidArrays) -> None:
-        """Copy parameters into the kernel's arrays, which are made anew only where a field changes its rows."""
+        """Copy parameters into the kernel's arrays, made again only where a field comes to differ per world."""
         names = ("static_position", "static_orientation", "static_plane")
         poses = dict(zip(names, static_poses(self._world, arrays), strict=True))
         for name, dtype in PARAMETER_TYPES.items():
@@ -127,15 +128,24 @@ class ParameterBuffers:
                 values = np.roll(values, -1, axis=-1)
             if name in ("time_scale", "time_origin"):
                 values = values[:, 0]
-            if name in self._content and self._content[name].shape == values.shape:
-                self._content[name][...] = values
-            else:
-                made: Any = wp.array(values, dtype=dtype, device="cpu")
-                setattr(self._record, name, made)
-                self._content[name] = made.numpy()
+            kept = self._content.get(name)
+            if name in SHARED or len(values) == 1:
+                if kept is None:
+                    kept = self._made(name, values, dtype)
+                kept[...] = values
+                continue
+            if kept is None or len(kept) < len(values):
+                kept = self._made(name, np.repeat(values[:1], self._capacity, axis=0), dtype)
+            kept[: len(values)] = values
         self._record.contact_laws = contact_laws(arrays.effect_kind)
         self._record.forces = forces_among(arrays.effect_kind)
         self.passed = passed(self._record, layout.Parameters, self.passed)
+
+    def _made(self, name: str, values: Any, dtype: Any) -> Any:
+        made: Any = wp.array(values, dtype=dtype, device="cpu")
+        setattr(self._record, name, made)
+        self._content[name] = made.numpy()
+        return self._content[name]
 
 
 def contact_events(log: layout.Log, w: int, names: Sequence[str], end: float, longest_step: float) -> tuple[Event, ...]:

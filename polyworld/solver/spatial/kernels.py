@@ -72,9 +72,8 @@ def _roll_out(advance: Any, together: int) -> Any:
         log: wp.array[Log],
         first: int,
         slot: int,
-        segments: int,
     ) -> None:
-        """Roll world first + tid out through the given number of segments, working in row `slot` of the state.
+        """Roll world first + tid out through the segments of its schedule, working in row `slot` of the state.
 
         On a CPU the threads of a launch run one after the other, so one row serves them all and stays in the cache.
         """
@@ -86,12 +85,13 @@ def _roll_out(advance: Any, together: int) -> Any:
         load_joints(joints, state, w, k)
         time = wp.float64(0.0)
         half = wp.int32(0)
-        for segment in range(segments):
+        own = schedule[0].own[w]
+        for segment in range(schedule[0].reach[w]):
             for i in range(state[0].objects):
                 if schedule[0].joins[i] == segment:
                     state[0].bodies[k, i].active = 1
-            end = schedule[0].end[segment] * scale
-            steps = schedule[0].steps[segment]
+            end = schedule[0].end[own, segment] * scale
+            steps = schedule[0].steps[own, segment]
             turns = (steps + together - 1) // together
             for turn in range(turns):
                 h = (end - time) / wp.float64(turns - turn)
@@ -106,7 +106,7 @@ def _roll_out(advance: Any, together: int) -> Any:
                     samples[0].crowded[w] = 1
                     return
             time = end
-            sample = schedule[0].sample[segment]
+            sample = schedule[0].sample[own, segment]
             if sample >= 0:
                 for i in range(state[0].objects):
                     samples[0].position[w, sample, i] = state[0].bodies[k, i].x

@@ -232,12 +232,18 @@ class Parameters:
 
 @wp.struct
 class Schedule:
-    """Segments between sample and start times: end (K,) [s], steps (K,), sample (K,) or -1, joins (n,)."""
+    """Segments between sample and start times of S schedules: end (S, K) [s], steps (S, K), sample (S, K) or -1.
 
-    end: wp.array[wp.float64]
-    steps: wp.array[wp.int32]
-    sample: wp.array[wp.int32]
+    joins (n,): first segment in which an object moves. own (W,): schedule of each world; reach (W,): segments that it
+    goes through.
+    """
+
+    end: wp.array2d[wp.float64]
+    steps: wp.array2d[wp.int32]
+    sample: wp.array2d[wp.int32]
     joins: wp.array[wp.int32]
+    own: wp.array[wp.int32]
+    reach: wp.array[wp.int32]
 
 
 @wp.struct

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.arrays import Overriding, RigidArrays
+from polyworld.solver.arrays import Overriding, RigidArrays, check_worlds
 from polyworld.solver.passing import passed
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
@@ -27,8 +27,8 @@ from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
-from polyworld.solver.spread import spread
-from polyworld.solver.time_table import time_table
+from polyworld.solver.spread import shares, spread
+from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
 
@@ -50,18 +50,19 @@ class SpatialSimulator:
         self.world = world
         self.names = tuple(o.name for o in world.objects)
         self.n_worlds = n_worlds
-        self.sample_times = np.asarray(sample_times, dtype=float)
+        self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
         self.record_events = record_events
         self.threads = threads or len(os.sched_getaffinity(0))
         self._all_names = self.names + tuple(s.name for s in world.statics)
         self._geometry, self._trees = build_geometry(world)
-        self._table = time_table(world, self.sample_times)
+        self._table = schedules(world, self.sample_times)
         self._schedule = layout.Schedule()
         for name, dtype in (("end", wp.float64), ("steps", wp.int32), ("sample", wp.int32), ("joins", wp.int32)):
             setattr(self._schedule, name, wp.array(getattr(self._table, name), dtype=dtype, device="cpu"))
-        # More launches than threads, so that a thread whose worlds are quick takes over from one whose are not.
-        self._pieces = min(n_worlds, 1 if self.threads == 1 else 4 * self.threads)
-        self._parameters = ParameterBuffers(world)
+        self._schedule.own, self._schedule.reach = zeros((n_worlds,), wp.int32), zeros((n_worlds,), wp.int32)
+        self._own, self._reach = self._schedule.own.numpy(), self._schedule.reach.numpy()
+        self._pieces = shares(n_worlds, self.threads)
+        self._parameters = ParameterBuffers(world, n_worlds)
         self._overriding = Overriding(world)
         self._state: Any
         self._joints: Joints
@@ -69,23 +70,31 @@ class SpatialSimulator:
         self._log: Any
         self._allocate()
 
-    def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
-        """Roll all variants out from their initial state, to the first `samples` sample times."""
-        count = len(self.sample_times) if samples is None else samples
-        if not 1 <= count <= len(self.sample_times):
-            raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")
-        lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
-        if lengths - {self.n_worlds}:
-            raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
+    def run(
+        self,
+        overrides: Mapping[str, Array] | None = None,
+        *,
+        samples: int | NDArray[np.int64] | None = None,
+        schedule: NDArray[np.int64] | None = None,
+    ) -> BatchTrajectory:
+        """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
+        most = self.sample_times.shape[1]
+        each = np.asarray(most if samples is None else samples)
+        if each.min() < 1 or each.max() > most:
+            raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+        count = int(each.max())
+        worlds = check_worlds(self.n_worlds, overrides, schedule)
         arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
-        self._write(arrays)
-        self._launch(int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1)
-        return self._read(arrays, count)
+        own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
+        self._own[:worlds], self._reach[:worlds] = own, self._table.segments(own, each)
+        self._write(arrays, worlds)
+        self._launch(worlds)
+        return self._read(arrays, own, count)
 
     def _allocate(self) -> None:
         w, n = self.n_worlds, len(self.names)
         samples = layout.Samples()
-        shape = (w, len(self.sample_times), n)
+        shape = (w, self.sample_times.shape[1], n)
         samples.position = zeros(shape, wp.vec3d)
         samples.orientation = zeros(shape, wp.quatd)
         samples.velocity = zeros(shape, wp.vec3d)
@@ -108,22 +117,23 @@ class SpatialSimulator:
         fields = ("position", "orientation", "velocity", "angular_velocity")
         self._motion = {name: getattr(samples, name).numpy() for name in fields}
 
-    def _write(self, arrays: RigidArrays) -> None:
+    def _write(self, arrays: RigidArrays, worlds: int) -> None:
         self._parameters.write(arrays)
         write_joints(self._joints, arrays, self.world)
         self._passed_joints = passed(self._joints, Joints, self._passed_joints)
         for content in self._motion.values():
-            content[:] = np.nan
-        self._samples.diverged_object.numpy()[:] = -1
-        self._samples.diverged_time.numpy()[:] = np.nan
+            content[:worlds] = np.nan
+        self._samples.diverged_object.numpy()[:worlds] = -1
+        self._samples.diverged_time.numpy()[:worlds] = np.nan
         self._samples.crowded.numpy()[:] = 0
         clear_log(self._log)
 
-    def _launch(self, segments: int) -> None:
+    def _launch(self, worlds: int) -> None:
         if not self.names:
             return
         kernel = roll_out_kernel(bool(self.world.joints))
-        edges = np.linspace(0, self.n_worlds, self._pieces + 1).astype(int)
+        pieces = min(shares(worlds, self.threads), self._pieces)
+        edges = np.linspace(0, worlds, pieces + 1).astype(int)
         geometry, schedule, state, samples, log = self._fixed
         parameters, joints = self._parameters.passed, self._passed_joints
 
@@ -132,31 +142,32 @@ class SpatialSimulator:
             wp.launch(
                 kernel,
                 dim=last - first,
-                inputs=[geometry, parameters, schedule, joints, state, samples, log, first, index, segments],
+                inputs=[geometry, parameters, schedule, joints, state, samples, log, first, index],
                 device="cpu",
             )
 
         kernel.module.load("cpu", block_dim=1)  # before the threads ask for it
-        spread(piece, self._pieces, self.threads)
+        spread(piece, pieces, self.threads)
 
-    def _read(self, arrays: RigidArrays, count: int) -> BatchTrajectory:
-        out = self._samples
+    def _read(self, arrays: RigidArrays, schedule: NDArray[np.int64], count: int) -> BatchTrajectory:
+        out, worlds = self._samples, len(schedule)
         check_room(self._state, out.crowded.numpy())
-        diverged = out.diverged_object.numpy() >= 0
+        diverged = out.diverged_object.numpy()[:worlds] >= 0
         starts = np.array([o.start_time for o in self.world.objects])
-        times = np.broadcast_to(self.sample_times[None, :count] * arrays.time_scale, (self.n_worlds, count)).copy()
+        times = self.sample_times[schedule, :count] * arrays.time_scale
+        last = np.nanmax(times, axis=1)
         return BatchTrajectory(
             names=self.names,
             times=times,
-            positions=self._motion["position"][:, :count].copy(),
-            orientations=np.roll(self._motion["orientation"][:, :count], 1, axis=-1),
-            velocities=self._motion["velocity"][:, :count].copy(),
-            angular_velocities=self._motion["angular_velocity"][:, :count].copy(),
-            active=self.sample_times[:count, None] >= starts[None, :],
+            positions=self._motion["position"][:worlds, :count].copy(),
+            orientations=np.roll(self._motion["orientation"][:worlds, :count], 1, axis=-1),
+            velocities=self._motion["velocity"][:worlds, :count].copy(),
+            angular_velocities=self._motion["angular_velocity"][:worlds, :count].copy(),
+            active=self.sample_times[0, :count, None] >= starts[None, :],
             diverged=diverged,
-            diverged_time=out.diverged_time.numpy().copy(),
-            diverged_object=out.diverged_object.numpy().astype(np.int64),
-            events=tuple(self._events(w, float(times[w, -1])) for w in range(self.n_worlds)),
+            diverged_time=out.diverged_time.numpy()[:worlds].copy(),
+            diverged_object=out.diverged_object.numpy()[:worlds].astype(np.int64),
+            events=tuple(self._events(w, float(last[w])) for w in range(worlds)),
         )
 
     def _events(self, w: int, end: float) -> tuple[Event, ...]:

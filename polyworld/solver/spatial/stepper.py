@@ -54,7 +54,7 @@ class RigidStepper:
         self._half = zeros((n_worlds,), wp.int32)
         self._lost = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
-        self._parameters = ParameterBuffers(world)
+        self._parameters = ParameterBuffers(world, n_worlds)
         self._fixed = [
             passed(self.geometry, layout.Geometry),
             passed(self.state, layout.State),

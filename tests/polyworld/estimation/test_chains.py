@@ -131,7 +131,7 @@ def test_runs_with_missing_rows_are_simulated_together_and_alike(recording: Reco
     together = Forward(problem, ball_world(), ())
     settings = [Settings(s.index, np.zeros((1, 0)), problem.guess[s.index][None]) for s in problem.segments]
     found = together.outcomes(settings)
-    assert len(together._groups) == 1
+    assert len(together._batches) == 1
     for run, outcome in zip(thinned.runs, found, strict=True):
         alone = problem_of(ball_world(), Recording((run,)), SegmentSettings(most=1))
         (expected,) = Forward(alone, ball_world(), ()).outcomes([Settings(0, np.zeros((1, 0)), alone.guess[0][None])])

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.estimation import mending, profile
+from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.mending import IN_DOUBT, anew, begun, looked_through, mended, searched
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.several_ways import Way, best_way
+from polyworld.estimation.several_ways import best_way
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.equivalents import fit_twins
-from polyworld.gap.search import Search, SearchSettings
+from polyworld.gap.contest import Contest
+from polyworld.gap.search import Search
+from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.window_search import WindowSearch
 from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.world import World
@@ -76,21 +76,6 @@ def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
     assert searched(lost, doubt=IN_DOUBT).chi2 < right.chi2 + 1.0
     assert searched(lost, right.ebic + 10.0, IN_DOUBT).chi2 < right.chi2 + 1.0
     assert searched(lost, right.ebic - 1000.0, IN_DOUBT).chi2 > right.chi2 + 50.0  # of no interest even so
-
-
-def test_a_few_runs_looked_for_in_vain_end_the_looking_the_worst_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, right = plain(3, 2)
-    asked: list[int] = []
-
-    def nowhere(bench: FitContext, _hypothesis: Hypothesis, _values: Array, run: int, _below: float) -> Way:
-        asked.append(run)
-        return Way(bench.design.runs[run].start, np.inf, 0)
-
-    monkeypatch.setattr(mending, "way_of", nowhere)
-    monkeypatch.setattr(mending, "VAIN", 2)
-    assert searched(right, doubt=-5.0).chi2 == right.chi2
-    assert asked == [int(k) for k in np.argsort(-right.misfits)[:2]]
-    assert len(right.misfits) > 2
 
 
 def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
@@ -155,7 +140,7 @@ def test_several_ways_find_the_motion_that_one_misses() -> None:
     np.testing.assert_array_equal(way.state, again.state)
 
 
-def test_a_contender_on_windows_is_not_held_by_what_another_law_made_of_them() -> None:
+def test_a_contender_on_segments_is_not_held_by_states_bent_to_another_law() -> None:
     discs, _ = scene(3, 3)
 
     def turning(_t: float, _x: Array, v: Array, _w: Array) -> Array:
@@ -166,28 +151,29 @@ def test_a_contender_on_windows_is_not_held_by_what_another_law_made_of_them() -
     base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
     cut = windows(bench, 2)
     assert cut is not None
-    search = WindowSearch(cut, 1, lambda _step, _figures: None)
+    contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
     coriolis = catalogue()["coriolis"]
-    leads = search.leads(base, lambda t: list(extended(t.hypothesis, coriolis, plan.recording)))
-    best = search.fitted(leads, 1, ())[0]
+    parent = cut.ground(base.hypothesis, base.values)
+    predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, coriolis, plan.recording)))
+    best = contest.fit(predictions, 1, parent.chi2)[0]
     assert best.chi2 < 1.1 * cut.bench.observations
     assert best.values[0] == pytest.approx(0.15, abs=0.01)
 
 
-def test_what_a_law_contains_is_tried_whatever_was_promised() -> None:
+def test_what_a_law_contains_is_tried_whatever_was_predicted() -> None:
     discs, _ = scene(2, 2)
     anchor = np.array([0.3, -0.2])
     plan = laid_out(replace(discs, forces=(lambda _t, x, _v, _w: -0.5 * (x - anchor),)), 2, 2)
     bench = FitContext(plan, measured_noise(plan), 2)
     base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
     chosen = tuple(catalogue()[name] for name in ("spring", "tether"))
-    search = Search(bench, chosen, SearchSettings(), lambda _step, _figures: None, base, plan.world.time.substep)
+    search = Search.begin(base, chosen, SearchSettings(), lambda _step, _figures: None, plan.world.time.substep)
     (tether,) = extended(base.hypothesis, chosen[1], plan.recording)
     known = {"stiffness": 0.5, "rest_length": 0.01, "anchor_x": 0.3, "anchor_y": -0.2}
     values = np.array([known[u.name] for u in tether.unknowns])
     begun = profile.start_states(plan)
-    search.take(bench.fit(tether, values, begun, horizons=profile.FINE_HORIZONS))
-    fit_twins(search, 1)
+    search.whole.take(bench.fit(tether, values, begun, horizons=profile.FINE_HORIZONS))
+    search.improve(1)
     best = search.best(1)
     assert best is not None
     assert best.hypothesis.names == ("spring",)

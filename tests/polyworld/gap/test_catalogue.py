@@ -12,7 +12,7 @@ from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.score_test import leads
 from polyworld.estimation.trial import FitContext
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.places import kinks
+from polyworld.gap.kinks import kinks
 from polyworld.parameters import parameter_paths, read_parameter
 from polyworld.recording import Recording, Run
 from polyworld.rollout import simulator

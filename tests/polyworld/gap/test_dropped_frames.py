@@ -8,7 +8,7 @@ import pytest
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import extended
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.catalogue.observer import dropped_frame_leads
+from polyworld.gap.dropped_frames import dropped_frame_leads
 from polyworld.gap.examine import fitted_base
 from polyworld.recording import Recording, Run
 from tests.polyworld.gap_scenes import ball_world

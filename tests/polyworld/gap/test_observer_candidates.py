@@ -11,7 +11,7 @@ from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.profile import start_states
 from polyworld.estimation.trial import FitContext
-from polyworld.gap.catalogue.observer import CANDIDATES
+from polyworld.gap.catalogue import catalogue
 from polyworld.observer import Observer
 from polyworld.parameters import parameter_paths
 from polyworld.recording import Recording, Run
@@ -19,7 +19,7 @@ from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Plane, Sphere, Wall
 from polyworld.world import StaticObject, TimeBase, World
 
-BY_NAME = {c.name: c for c in CANDIDATES}
+BY_NAME = {name: c for name, c in catalogue().items() if c.group == "observer"}
 RATE = 60.0
 
 

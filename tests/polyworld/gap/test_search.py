@@ -6,15 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from polyworld.estimation import profile
-from polyworld.estimation.design import design
-from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.examine import fitted_base
-from polyworld.gap.predicted_gains import identity
-from polyworld.gap.search import Search
 from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
@@ -56,40 +50,6 @@ def test_two_effects_are_found_together() -> None:
     report = found(hidden(ball)).to_dict()
     assert report["verdict"] == "identified"
     assert sorted(report["credible_set"][0]) == ["restitution_error", "tilt"]
-
-
-def test_of_one_effect_and_two_the_fewest_that_explain_all_are_counted() -> None:
-    recording = hidden(Bouncing(acceleration=drag(0.02)))
-    plan = design(ball_world(), recording)
-    ground = fitted_base(plan, ())
-    offered = tuple(catalogue()[n] for n in FEW)
-    search = Search(ground.bench, offered, QUICK.search, lambda _step, _figures: None, ground, 1e-3)
-    (one,) = extended(ground.hypothesis, catalogue()["quadratic_drag"], recording)
-    (two,) = extended(one, catalogue()["restitution_error"], recording)
-    search.take(ground.bench.fit(two, np.array([0.01, 0.6]), ground.fit.states, iterations=0))
-    assert search.fewest(2) == 2
-    search.take(ground.bench.fit(one, np.array([0.01]), profile.start_states(plan), horizons=profile.HORIZONS))
-    assert search.fewest(2) == 1
-
-
-def test_a_slow_contender_that_was_to_lead_is_fitted_to_the_end() -> None:
-    """Left after its first iterations, it has gained less than half of what a wrong law has that was quicker."""
-    recording = hidden(Bouncing(acceleration=drag(0.02)), sigma=0.05)
-    plan = design(ball_world(), recording)
-    ground = fitted_base(plan, ())
-    (right,) = extended(ground.hypothesis, catalogue()["quadratic_drag"], recording)
-    (wrong,) = extended(ground.hypothesis, catalogue()["linear_drag"], recording)
-    quick = ground.bench.fit(wrong, np.array([0.05]), ground.fit.states)
-    slow = ground.bench.fit(right, np.array([0.001]), ground.fit.states, iterations=0)
-    reached = []
-    for foretold in (np.inf, 0.9 * quick.chi2):
-        offered = tuple(catalogue()[n] for n in FEW)
-        search = Search(ground.bench, offered, QUICK.search, lambda _step, _figures: None, ground, 1e-3)
-        search.foretold = {identity(right): foretold}
-        search.finish([quick, slow], ground.chi2)
-        reached.append(search.trials[identity(right)].chi2)
-    assert reached[0] == slow.chi2
-    assert reached[1] < quick.chi2
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:

@@ -7,8 +7,8 @@ from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import extended
 from polyworld.gap.catalogue import named
 from polyworld.gap.examine import fitted_base
-from polyworld.gap.search import Search, SearchSettings
-from polyworld.gap.submodels import put_simpler
+from polyworld.gap.search import Search
+from polyworld.gap.settings import SearchSettings
 from polyworld.recording import Array, Recording, Run
 from tests.polyworld.gap_scenes import puck_world
 
@@ -41,15 +41,15 @@ def test_wind_that_is_still_gives_way_to_drag_beside_a_tilt() -> None:
     recording = slides()
     ground = fitted_base(design(TABLE, recording), ())
     offered = named(["quadratic_drag", "wind", "tilt", "linear_drag", "spring"])
-    search = Search(ground.bench, offered, SearchSettings(), lambda *_: None, ground, TABLE.time.substep)
+    search = Search.begin(ground, tuple(offered), SearchSettings(), lambda *_: None, TABLE.time.substep)
     tilted = extended(ground.hypothesis, offered[2], recording)[0]
     windy = extended(tilted, offered[1], recording)[0]
     values = np.array([*TILT, DRAG] + [0.0] * (len(windy.unknowns) - 3))
-    search.take(ground.bench.fit(windy, values, ground.fit.states))
+    search.whole.take(ground.bench.fit(windy, values, ground.fit.states))
     rich = search.best(2)
     assert rich is not None
     assert rich.passes
-    put_simpler(search, 2)
+    search.improve(2)
     best = search.best(2)
     assert best is not None
     assert best.hypothesis.names == ("tilt", "quadratic_drag")

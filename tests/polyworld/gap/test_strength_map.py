@@ -8,12 +8,13 @@ import pytest
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.score_test import ScoreTestStart, leads
+from polyworld.estimation.score_test import ScoreTestStart
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
+from polyworld.gap.contest import Contest
+from polyworld.gap.settings import SearchSettings
 from polyworld.gap.strength_map import BEGUN, mapped
-from polyworld.gap.window_search import WindowSearch
 from polyworld.gap.windows import Windows, windows
 from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import G, puck_recording, puck_world
@@ -114,15 +115,19 @@ def test_a_patch_is_looked_for_beside_another_effect_in_whichever_order_they_cam
 
     recording = puck_recording(deceleration, np.random.default_rng(5), SIGMA, runs=12, duration=0.8)
     cut, ground = on_windows(recording)
-    search = WindowSearch(cut, 1, lambda _step, _figures: None)
-    found = []
-    for first, second, iterations in (("friction_patch", "linear_drag", 0), ("linear_drag", "friction_patch", 6)):
+    contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
+    parents = []
+    for first, iterations in (("friction_patch", 0), ("linear_drag", 6)):
         (one, *_) = extended(ground.hypothesis, catalogue()[first], recording)
-        parent = cut.bench.fit(one, np.array(one.starts(np.zeros(0))[0]), ground.fit.states, iterations=iterations)
-        (both, *_) = extended(one, catalogue()[second], recording)
-        found.append((parent, leads(cut.bench, parent, [both], 1)[0]))
-    # What promises most, a patch at a wrong place to begin with, is not what is nearest to the data.
-    found[0] = (found[0][0], replace(found[0][1], chi2=0.0))
-    (best, *_) = search.fitted(found, 4, ())
+        start = np.array(one.starts(np.zeros(0))[0])
+        parents.append(cut.bench.fit(one, start, ground.fit.states, iterations=iterations))
+    both = {"friction_patch": "linear_drag", "linear_drag": "friction_patch"}
+
+    def other(parent: FittedHypothesis) -> list[Hypothesis]:
+        (name,) = parent.hypothesis.names
+        return list(extended(parent.hypothesis, catalogue()[both[name]], recording))
+
+    predictions = contest.predict(parents, other)
+    (best, *_) = contest.fit(predictions, 4, min(p.chi2 for p in parents))
     assert sorted(best.hypothesis.names) == ["friction_patch", "linear_drag"]
     assert best.chi2 < 1.1 * cut.bench.observations

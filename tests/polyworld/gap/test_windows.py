@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from polyworld.estimation import profile
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.catalogue import base as base_errors
 from polyworld.gap.catalogue import catalogue
+from polyworld.gap.contest import Contest
 from polyworld.gap.examine import fitted_base
+from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.window_search import WindowSearch
 from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.world import World
@@ -115,7 +116,7 @@ def test_a_base_unknown_stays_shared_by_all_windows() -> None:
     assert cut.ground(Hypothesis(plan.world, (free,)), np.array([0.8])).values == pytest.approx([0.7], abs=0.005)
 
 
-def test_friction_far_less_than_what_grips_is_found_from_other_strengths(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_friction_far_less_than_what_grips_is_found_from_other_strengths() -> None:
     """In the world most impacts grip, so that no slope by its friction tells what half of it does."""
     hidden = draw_hidden(Case("one_effect", 560, 6, ("friction_error",), 0.03), 1894081600)
     (true,) = hidden.effects
@@ -129,13 +130,13 @@ def test_friction_far_less_than_what_grips_is_found_from_other_strengths(monkeyp
     assert cut is not None
     friction = catalogue()["friction_error"]
 
-    def best() -> FittedHypothesis:
-        search = WindowSearch(cut, 3, lambda _step, _figures: None)
-        found = search.leads(base, lambda t: list(extended(t.hypothesis, friction, data)))
-        return search.fitted(found, 1, ())[0]
+    def best(friction: Candidate) -> FittedHypothesis:
+        contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
+        parent = cut.ground(base.hypothesis, base.values)
+        predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, friction, data)))
+        return contest.fit(predictions, 1, parent.chi2)[0]
 
-    right = best()
+    right = best(friction)
     assert right.chi2 < 1.05 * cut.bench.observations
     assert right.values[0] == pytest.approx(true.numbers["friction"], rel=0.01)
-    monkeypatch.setattr(base_errors, "OTHERS", ())
-    assert best().chi2 > 2.0 * cut.bench.observations
+    assert best(replace(friction, further=None)).chi2 > 2.0 * cut.bench.observations

@@ -1,0 +1,78 @@
+"""Find which objects the tracks bring close enough to touch, and when: only these show contact parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Plane, TriangleMesh, Wall
+from polyworld.tracks import ObservedTracks
+from polyworld.world import StaticObject, World
+
+Array = NDArray[np.float64]
+
+
+def possible_contacts(world: World, tracks: ObservedTracks, margin: float = 0.05) -> dict[tuple[str, str], float]:
+    """Find pairs whose circumscribed balls (planar worlds: circles) come within `margin` [m], in the order of time.
+
+    Two names, alphabetical -> the first time [s] at which they do. Pairs of objects, and objects with statics. A pair
+    observed too seldom, or never both at once, is not listed, nor are objects that a joint lets pass through each
+    other. A planar world's supporting plane is not a static and makes no contact here.
+    """
+    found: dict[tuple[str, str], float] = {}
+    times = tracks.frames * world.time.seconds_per_frame
+    names = [o.name for o in world.objects if o.name in tracks.names]
+    seen = {n: tracks.confidence[:, tracks.index(n)] > 0.0 for n in names}
+    place = {n: tracks.positions[:, tracks.index(n)] for n in names}
+    reach = {n: _reach(world, world.object(n)) for n in names}
+    joined = {frozenset((j.object, j.other)) for j in world.joints if j.kind != "spring"}
+    for i, a in enumerate(names):
+        near = {
+            b: seen[a] & seen[b] & (np.linalg.norm(place[a] - place[b], axis=1) - reach[a] - reach[b] <= margin)
+            for b in names[i + 1 :]
+            if frozenset((a, b)) not in joined
+        }
+        for static in world.statics:
+            near[static.name] = seen[a] & (distance_to_static(static, place[a]) - reach[a] <= margin)
+        for b, rows in near.items():
+            if rows.any():
+                found[min(a, b), max(a, b)] = float(times[np.argmax(rows)])
+    return dict(sorted(found.items(), key=lambda item: (item[1], item[0])))
+
+
+def _reach(world: World, item: RigidObject) -> float:
+    if not world.planar:
+        return geometry.circumscribed_radius(item.shape)
+    rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
+    axes = geometry.plane_axes(world.environment.motion_plane)
+    outline, disc = geometry.planar_outline(item.shape, rotation, axes)
+    return float(np.linalg.norm(outline, axis=1).max() + disc)
+
+
+def distance_to_static(static: StaticObject, points: Array) -> Array:
+    """Return the distance (T,) [m] of points (T, 3) from a static's surface; never too large, 0 inside."""
+    rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
+    local = (points - np.asarray(static.position)) @ rotation
+    shape = static.shape
+    if isinstance(shape, Plane):
+        normal = np.asarray(shape.normal) / np.linalg.norm(shape.normal)
+        height: Array = np.maximum(local @ normal - shape.offset, 0.0)
+        return height
+    if isinstance(shape, Wall):
+        box, centre, turn = geometry.wall_box(shape)
+        return _outside_box((local - centre) @ turn, np.asarray(box.half_extents))
+    if isinstance(shape, Box):
+        return _outside_box(local, np.asarray(shape.half_extents))
+    if isinstance(shape, TriangleMesh):
+        corners = np.asarray(shape.vertices)
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        return _outside_box(local - middle, (corners.max(axis=0) - corners.min(axis=0)) / 2)
+    gap: Array = np.maximum(np.linalg.norm(local, axis=1) - geometry.circumscribed_radius(shape), 0.0)
+    return gap
+
+
+def _outside_box(local: Array, half_extents: Array) -> Array:
+    distance: Array = np.linalg.norm(np.maximum(np.abs(local) - half_extents, 0.0), axis=1)
+    return distance

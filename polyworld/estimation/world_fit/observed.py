@@ -1,0 +1,175 @@
+"""Observed values as entries of a fit, and by how much a batch of rollouts differs from them.
+
+Every observed position, orientation and value of a shape becomes one entry. Planar worlds are compared in their
+motion plane only: what happens along its normal is outside the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.readouts import Centreline, check_readable, read
+from polyworld.shape_series import ShapeSeries
+from polyworld.symmetry import smallest_rotation, turn_about
+from polyworld.tracks import ObservedTracks
+from polyworld.trajectory import BatchTrajectory
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Standardised difference of a value where the rollout has nothing to compare, such as the front of a fluid that has
+# not flowed yet: far more than any misfit, and finite, so that such a world is bad rather than undefined.
+ABSENT = 100.0
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Observed values of one kind in the order of time, so that a shorter horizon is a prefix.
+
+    kind: "position" [m], "rotation" [rad], or that of a shape's readout, in the readout's unit. names: objects, to
+    which `owner` (n,) points. sample (n,): frame rows. column (n,): which of the values that an object shows at one
+    instant. sigma, weight (n,): standard deviations and confidences. components: of one value. compare: (batch,
+    count) -> simulated minus observed values (W, count, components) of the first entries.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    owner: Ints
+    sample: Ints
+    column: Ints
+    sigma: Array
+    weight: Array
+    components: int
+    compare: Callable[[BatchTrajectory, int], Array]
+
+    def before(self, samples: int) -> int:
+        """How many entries belong to the first `samples` sample times."""
+        return int(np.searchsorted(self.sample, samples, side="left"))
+
+    def differences(self, batch: BatchTrajectory) -> Array:
+        """Simulated minus observed values (W, n, c) for the samples the batch holds."""
+        return self.compare(batch, self.before(batch.positions.shape[1]))
+
+    def standardised(self, batch: BatchTrajectory) -> Array:
+        """The same over their standard deviations; `ABSENT` where the rollout has nothing."""
+        difference = self.differences(batch)
+        residual = difference / self.sigma[: difference.shape[1], None]
+        return np.where(np.isfinite(residual), residual, ABSENT)
+
+
+def sample_times(world: World, tracks: ObservedTracks) -> Array:
+    """Return the times (T,) [s] of the frames at the world's own seconds_per_frame."""
+    times: Array = tracks.frames.astype(np.float64) * world.time.seconds_per_frame
+    return times
+
+
+def observed_entries(world: World, tracks: ObservedTracks) -> tuple[Entries, ...]:
+    """Match what was observed to the world's objects by name: positions, rotations, then each shape.
+
+    Observations before an object's start_time are left out, as are those of confidence 0. Raises ValueError when no
+    name matches, no frame is left, a frame number is negative, or the world has no such readout.
+    """
+    known = tracks.observed_names
+    if not set(known) & set(world.moving_names):
+        objects = list(world.moving_names)
+        raise ValueError(f"no track belongs to an object of the world; tracks {list(known)}, objects {objects}")
+    if len(tracks.frames) == 0 or tracks.frames[0] < 0:
+        raise ValueError("tracks must have at least one frame, and frame numbers must not be negative")
+    shapes = [_shape(world, tracks, s) for s in tracks.shapes if s.object in world.moving_names]
+    return (*_tracks(world, tracks), *shapes)
+
+
+def _present(world: World, tracks: ObservedTracks, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Which objects have joined at each frame (T, n); none that the world lacks. Fluids are there at once."""
+    starts = [getattr(world.item(n), "start_time", 0.0) if n in world.moving_names else np.inf for n in names]
+    present: NDArray[np.bool_] = sample_times(world, tracks)[:, None] >= np.array(starts) - 1e-9  # a frame's, rounded
+    return present
+
+
+def _tracks(world: World, tracks: ObservedTracks) -> tuple[Entries, Entries]:
+    """Positions, and rotations from observed to simulated orientation, whose sigma is that of the position.
+
+    Planar: the angle about the plane's normal, folded into the object's symmetry of order n. Spatial: the rotation
+    vector, the smallest over the n turns about the body's z axis that look alike; for order 0 the turn about that axis
+    is removed and only its tilt remains.
+    """
+    names = list(world.moving_names)
+    columns = np.array([names.index(n) if n in names else -1 for n in tracks.names], dtype=np.int64)
+    axes = geometry.plane_axes(world.environment.motion_plane)
+    fluids = {d.name for d in world.deformables if d.representation.startswith("fluid")}
+    order = np.array(tracks.symmetry, dtype=np.int64)
+    turns = np.array([n not in fluids for n in tracks.names], dtype=bool) & ((order != 0) | (not world.planar))
+    turned = turns & (tracks.orientation_confidence > 0.0) & np.all(np.isfinite(tracks.orientations), axis=-1)
+
+    def moved(batch: BatchTrajectory, rows: Ints, owner: Ints) -> Array:
+        apart: Array = batch.positions[:, rows, columns[owner]] - tracks.positions[rows, owner]
+        return apart @ axes[:2].T if world.planar else apart
+
+    def rotated(batch: BatchTrajectory, rows: Ints, owner: Ints) -> Array:
+        simulated, seen = batch.orientations[:, rows, columns[owner]], tracks.orientations[rows, owner]
+        if world.planar:
+            return turn_about(simulated, seen, axes[2], order[owner])[..., None]
+        return smallest_rotation(simulated, seen, order[owner])
+
+    def entries(
+        kind: str, seen: NDArray[np.bool_], confidence: Array, components: int, compare: Callable[..., Array]
+    ) -> Entries:
+        rows, owner = np.nonzero(seen & _present(world, tracks, tracks.names))  # row-major: ordered by time
+        sigma, weight, none = tracks.position_sigma[rows, owner], confidence[rows, owner], np.zeros_like(rows)
+
+        def differences(batch: BatchTrajectory, count: int) -> Array:
+            return compare(batch, rows[:count], owner[:count])
+
+        return Entries(kind, tracks.names, owner, rows, none, sigma, weight, components, differences)
+
+    return (
+        entries("position", tracks.confidence > 0.0, tracks.confidence, 2 if world.planar else 3, moved),
+        entries("rotation", turned, tracks.orientation_confidence, 1 if world.planar else 3, rotated),
+    )
+
+
+def _shape(world: World, tracks: ObservedTracks, series: ShapeSeries) -> Entries:
+    readout = series.readout
+    check_readable(readout, world)
+    sample, entry = np.nonzero((series.confidence > 0.0) & _present(world, tracks, (series.object,)))
+    in_space = series.values.shape[2] == 3 and getattr(readout, "view", "image") == "world"
+    axes = geometry.plane_axes(world.environment.motion_plane)[:2] if world.planar and in_space else None
+
+    def compare(batch: BatchTrajectory, count: int) -> Array:
+        observed = series.values[: batch.positions.shape[1]]
+        simulated = read(readout, world, batch, observed)
+        if simulated.shape[-2:] != observed.shape[-2:]:
+            raise ValueError(
+                f"{readout.kind} of {series.object!r}: observed {observed.shape[1:]} entries and components, "
+                f"the world has {simulated.shape[-2:]}"
+            )
+        difference = simulated - observed
+        if isinstance(readout, Centreline) and not readout.directed:
+            difference = _nearer_direction(series, difference, simulated[..., ::-1, :] - observed)
+        chosen: Array = difference[:, sample[:count], entry[:count]]
+        return chosen if axes is None else chosen @ axes.T
+
+    return Entries(
+        readout.kind,
+        (series.object,),
+        np.zeros(len(sample), dtype=np.int64),
+        sample,
+        entry,
+        series.sigma[sample, entry],
+        series.confidence[sample, entry],
+        series.values.shape[2] if axes is None else 2,
+        compare,
+    )
+
+
+def _nearer_direction(series: ShapeSeries, forward: Array, backward: Array) -> Array:
+    """Differences (W, T, n, c) along the direction of a line that is nearer, frame by frame."""
+    weight = np.nan_to_num(series.confidence[: forward.shape[-3]])
+    cost = [((np.nan_to_num(d) ** 2).sum(axis=-1) * weight).sum(axis=-1) for d in (forward, backward)]
+    return np.where((cost[1] < cost[0])[..., None, None], backward, forward)

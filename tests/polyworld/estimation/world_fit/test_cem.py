@@ -1,0 +1,144 @@
+"""The cross-entropy method against its equations and on functions with known minima."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from polyworld.estimation.world_fit import cem
+from polyworld.estimation.world_fit.cem import CemSettings, CemState
+from polyworld.estimation.world_fit.search import uniform_generation
+
+LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
+TARGET = np.array([0.3, -1.2, 1.9])
+
+
+def bowl(x: np.ndarray) -> np.ndarray:
+    return ((x - TARGET) ** 2 * np.array([1.0, 10.0, 100.0])).sum(axis=1)
+
+
+def uniform(evaluate, lower, upper, *, generations: int, population: int) -> CemState:
+    state = CemState.start(lower, upper, seed=0)
+    for _ in range(generations):
+        state = uniform_generation(state, evaluate, lower, upper, CemSettings(population=population))
+    return state
+
+
+def test_update_follows_the_smoothed_elite_statistics_and_the_floor() -> None:
+    seen: list[np.ndarray] = []
+
+    def watched(x: np.ndarray) -> np.ndarray:
+        seen.append(x.copy())
+        return bowl(x)
+
+    settings = CemSettings(population=20, elites=5, carried=2, smoothing=0.4, floor=0.0)
+    start = CemState.start(np.zeros(3), np.ones(3), seed=3)
+    floor = np.array([0.0, 0.0, 0.9])
+    after = cem.generation(start, watched, LOWER, UPPER, floor, settings)
+    elite = seen[0][np.argsort(bowl(seen[0]), kind="stable")[:5]]
+    assert after.mean == pytest.approx(0.6 * elite.mean(axis=0))
+    assert after.sd == pytest.approx(np.maximum(floor, 0.4 + 0.6 * elite.std(axis=0)))
+    cem.generation(after, watched, LOWER, UPPER, floor, settings)
+    assert np.array_equal(seen[1][:2], elite[:2]), "the best two are carried into the next generation"
+
+
+def test_candidates_are_projected_on_their_bounds() -> None:
+    seen: list[np.ndarray] = []
+
+    def watched(x: np.ndarray) -> np.ndarray:
+        seen.append(x)
+        return bowl(x)
+
+    cem.minimise(watched, LOWER, UPPER, np.full(3, 1.8), np.full(3, 3.0), generations=5)
+    drawn = np.concatenate(seen)
+    assert drawn.min() >= -2.0
+    assert drawn.max() <= 2.0
+    assert np.any(drawn == 2.0), "samples beyond a bound land on it"
+
+
+def test_it_finds_the_minimum_of_a_badly_scaled_bowl() -> None:
+    found = cem.minimise(bowl, LOWER, UPPER, np.zeros(3), np.ones(3), generations=40)
+    assert found.elite[0] == pytest.approx(TARGET, abs=0.02)
+    assert np.all(np.diff(found.elite_losses) >= 0.0)
+
+
+def test_a_minimum_on_the_bound_is_reached() -> None:
+    def slope(x: np.ndarray) -> np.ndarray:
+        return x.sum(axis=1)
+
+    found = cem.minimise(slope, LOWER, UPPER, np.zeros(3), np.ones(3), generations=30)
+    assert found.elite[0] == pytest.approx(LOWER)
+
+
+def test_the_best_loss_never_rises_while_the_objective_stays() -> None:
+    settings = CemSettings(population=16, elites=4, carried=1)
+    state = CemState.start(np.zeros(3), np.ones(3), seed=1)
+    best = np.inf
+    for _ in range(20):
+        state = cem.generation(state, bowl, LOWER, UPPER, np.full(3, 0.3), settings)
+        assert state.elite_losses[0] <= best
+        best = state.elite_losses[0]
+
+
+def test_parameters_that_take_no_part_keep_mean_and_spread() -> None:
+    state = CemState.start(np.array([0.0, 0.5, 0.0]), np.ones(3), seed=1)
+    free = np.array([True, False, True])
+    for _ in range(5):
+        state = cem.generation(state, bowl, LOWER, UPPER, np.zeros(3), CemSettings(), free=free)
+    assert state.mean[1] == 0.5
+    assert state.sd[1] == 1.0
+    assert np.all(state.elite[:, 1] == 0.5)
+
+
+def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
+    runs = [cem.minimise(bowl, LOWER, UPPER, np.zeros(3), np.ones(3), generations=7, seed=s) for s in (5, 5, 6)]
+    assert runs[0].elite.tobytes() == runs[1].elite.tobytes()
+    assert runs[0].elite.tobytes() != runs[2].elite.tobytes()
+
+
+def test_a_state_written_as_json_continues_as_if_never_interrupted() -> None:
+    settings, floor = CemSettings(), np.full(3, 0.01)
+    state = CemState.start(np.zeros(3), np.ones(3), seed=9)
+    for _ in range(3):
+        state = cem.generation(state, bowl, LOWER, UPPER, floor, settings)
+    copy = CemState.from_dict(json.loads(json.dumps(state.to_dict())))
+    for _ in range(3):
+        state = cem.generation(state, bowl, LOWER, UPPER, floor, settings)
+        copy = cem.generation(copy, bowl, LOWER, UPPER, floor, settings)
+    assert state.elite.tobytes() == copy.elite.tobytes()
+
+
+def test_at_equal_budget_it_beats_random_search_in_ten_dimensions() -> None:
+    lower, upper = np.full(10, -1.0), np.full(10, 1.0)
+
+    def far(x: np.ndarray) -> np.ndarray:
+        return ((x - 0.4) ** 2).sum(axis=1)
+
+    ours = cem.minimise(far, lower, upper, np.zeros(10), np.full(10, 0.5), generations=40).elite_losses[0]
+    theirs = uniform(far, lower, upper, generations=40, population=64)
+    assert ours < 0.01 * theirs.elite_losses[0]
+
+
+def test_random_search_fills_the_box_evenly() -> None:
+    drawn: list[np.ndarray] = []
+
+    def watched(x: np.ndarray) -> np.ndarray:
+        drawn.append(x)
+        return bowl(x)
+
+    found = uniform(watched, LOWER, UPPER, generations=50, population=100)
+    x = np.concatenate(drawn)
+    assert len(x) == 5000
+    # mean and variance of a uniform distribution on (-2, 2) within 5 standard errors
+    assert np.abs(x.mean(axis=0)).max() < 5.0 * np.sqrt(4.0 / 3.0 / 5000)
+    assert x.var(axis=0) == pytest.approx(np.full(3, 4.0 / 3.0), rel=0.07)
+    assert found.elite_losses[0] == bowl(x).min()
+    assert bowl(found.elite[:1])[0] == found.elite_losses[0]
+
+
+@pytest.mark.parametrize("wrong", [{"elites": 1}, {"elites": 65}, {"carried": 13}, {"smoothing": 1.0}, {"floor": -0.1}])
+def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        CemSettings(**wrong)
