@@ -23,7 +23,7 @@ def verdict_text(told: dict[str, Any]) -> str:
         parts.append(f"Plain laws by themselves: {_plain_laws(told['plain_laws'])}")
     if told["remainder"] is not None:
         parts.append(told["remainder"]["summary"].rstrip("."))
-    return ". CAUTION: ".join((". ".join(parts), *told["cautions"]))
+    return ". CAUTION: ".join((". ".join(parts), *(c.rstrip(".") for c in told["cautions"])))
 
 
 def _plain_laws(laws: list[dict[str, Any]]) -> str:

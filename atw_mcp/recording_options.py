@@ -40,7 +40,7 @@ def read_with_remarks(path: Path, form: RecordingForm, world: World) -> Recordin
     """Return the recording in a file; remarks of the reader go to stderr, each once."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        recording = read_recording(path, form=form, world=world)
+        recording = read_recording(path, world.moving_names, form=form, world=world)
     for remark in dict.fromkeys(str(w.message) for w in caught):
         print(f"{path.name}: {remark}", file=sys.stderr)
     return recording

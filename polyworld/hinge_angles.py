@@ -39,7 +39,7 @@ class HingedBody:
         fixed = [j for j in joints if j.other is None]
         if not fixed:
             why = f"hinge {joints[0].name!r} holds it to a moving body" if joints else "no hinge of the world holds it"
-            raise ValueError(f"an angle does not place object {name!r}: {why}; give positions x, y, z instead")
+            raise ValueError(f"an angle does not place it: {why}; describe such a hinge in the world, or give x, y, z")
         item, joint = world.object(name), fixed[0]
         if world.planar:
             axis = geometry.plane_axes(world.environment.motion_plane)[2]

@@ -105,7 +105,8 @@ class SetParameter(Description):
     path: str = Field(
         description="parameter path, e.g. objects.red.friction, objects.NAME.youngs_modulus, joints.NAME.friction, "
         "joints.NAME.motor.target_speed, pulleys.NAME.bearing_friction, emitters.NAME.rate; a contact's friction and "
-        "restitution are each the geometric mean of both bodies' values, or the object's own where a static has none"
+        "restitution are each the geometric mean of both bodies' values; the object's own where a static has none, and "
+        "the static's where it is dominant"
     )
     value: float = Field(description="new value, in the parameter's unit")
 

@@ -57,7 +57,8 @@ def parse_recording(
     wy, wz [rad/s], theta [rad] of a body on a hinge of `world`, or pixels u, v; other names and units as `name_columns`
     reads them, other separators and signs as `read_table` does. A line of units may follow the header. Rows may come in
     any order. Every run has its own times and so may every object in it. Without a column `run` there is one run,
-    without a column `object` the only one of `objects` (default: the moving ones of `world`). Runs and objects keep the
+    without a column `object` the only one of `objects` (default: the moving ones of `world`); names besides those of
+    `objects`, where given, are errors. Runs and objects keep the
     order in which they first appear. Quaternions are normalised. What a CSV does not hold (noise, symmetry, lead) is
     left as `Run` has it. Raises ValueError with a sentence a kind of error, naming lines, column and cure.
     """
@@ -68,13 +69,15 @@ def parse_recording(
         warnings.warn(f"columns not used: {', '.join(header.unused)}; known are {', '.join(QUANTITIES)}", stacklevel=2)
     problems = Problems()
     rows = _rows(table.rows, header, default, problems)
+    if objects:
+        _check_objects(rows, header, objects)
     start = _clock_start(rows)
     runs = []
     for name, content in rows.items():
         times, values = merge_rows(name, content, header.clock, problems)
         runs.append((name, tuple(content), times - start, values))
     problems.check()
-    recording = Recording(tuple(_run(*each, form, world) for each in runs))
+    recording = Recording(tuple(_run(*each, form, world, header) for each in runs))
     _hint(recording)
     return recording
 
@@ -108,8 +111,24 @@ def _default_object(header: Header, objects: Sequence[str]) -> str:
         return ""
     if len(objects) != 1:
         known = f"the world has {len(objects)}: {', '.join(objects)}" if objects else "no world names it"
-        raise ValueError(f"column object is missing, and there is not just one object that it could be: {known}")
+        raise ValueError(
+            f"line {header.line}: column object is missing, and not just one object could be meant: {known}; "
+            "add the column, with the object's name in every row"
+        )
     return objects[0]
+
+
+def _check_objects(rows: dict[str, dict[str, list[Row]]], header: Header, objects: Sequence[str]) -> None:
+    """Raise ValueError for the first row of an object that is none of those known."""
+    for content in rows.values():
+        for name, own in content.items():
+            if name.split("#", 1)[0] not in objects:
+                like = next((o for o in objects if o.lower() == name.lower()), None)
+                near = f" (did you mean {like!r}?)" if like else ""
+                raise ValueError(
+                    f"line {own[0].line}: {header.columns['object'].header} is {name!r}, but the world has only "
+                    f"{', '.join(objects)}{near}; describe {name!r} in the world or leave its rows out"
+                )
 
 
 def _rows(lines: Sequence[Line], header: Header, default: str, problems: Problems) -> dict[str, dict[str, list[Row]]]:
@@ -176,7 +195,13 @@ def _clock_start(rows: dict[str, dict[str, list[Row]]]) -> float:
 
 
 def _run(
-    name: str, names: tuple[str, ...], times: Array, values: Array, form: RecordingForm, world: World | None
+    name: str,
+    names: tuple[str, ...],
+    times: Array,
+    values: Array,
+    form: RecordingForm,
+    world: World | None,
+    header: Header,
 ) -> Run:
     place, turn, spin = (values[..., _AT[c[0]] : _AT[c[-1]] + 1] for c in (PLACE, TURN, SPIN))
     positions, orientations = place.copy(), turn.copy()
@@ -193,10 +218,14 @@ def _run(
                 stacklevel=3,
             )
             continue
+        where = f"line {header.line}: {header.columns[THETA].header} of object {item!r}"
         if world is None:
-            raise ValueError(f"{THETA} of object {item!r} needs a world with its hinge, or give positions x, y, z")
-        body = HingedBody.of(world, item)
-        zero = form.theta_described if form.theta_hanging is None else form.theta_hanging - body.hanging
+            raise ValueError(f"{where} needs a world with its hinge, or give positions x, y, z")
+        try:
+            body = HingedBody.of(world, item)
+            zero = form.theta_described if form.theta_hanging is None else form.theta_hanging - body.hanging
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from error
         positions[:, column], orientations[:, column] = body.measured(angles - zero)
         if np.nanmax(np.abs(angles)) > MOST_TURNS * 2.0 * np.pi:
             warnings.warn(

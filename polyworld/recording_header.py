@@ -69,6 +69,9 @@ def read_header(header: Line, form: RecordingForm) -> Header:
     turn = [c for c in TURN if c in columns]
     if turn and len(turn) < 4:
         raise ValueError(f"line {line}: an orientation needs all of {', '.join(TURN)}; there is only {', '.join(turn)}")
+    if (form.theta_described or form.theta_hanging is not None) and THETA not in columns:
+        given = "theta_described" if form.theta_hanging is None else "theta_hanging"
+        raise ValueError(f"line {line}: {given} is given, but column {THETA} is missing; columns: {listed}")
     _choose_places(line, columns, unused, form.pixels is not None)
     if not any(c in columns for c in MEASURED):
         raise ValueError(f"line {line}: nothing measured; expected some of {', '.join(MEASURED)}; columns: {listed}")

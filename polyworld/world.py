@@ -53,6 +53,11 @@ class StaticObject(Description):
     restitution: float | None = Field(
         default=None, ge=0.0, le=1.0, description="restitution [1]; default: the touching object's own"
     )
+    dominant: bool = Field(
+        default=False,
+        description="whether its friction and restitution, where stated, are a contact's as they are; default: the "
+        "geometric mean with the touching object's",
+    )
 
 
 class Components(Description):
@@ -173,7 +178,8 @@ class World(Description):
         """The world as JSON with sorted keys and no spaces: equal worlds give equal bytes."""
         content = self.model_dump(mode="json")
         effects = ((e, _OF_EXPRESSIONS) for e in content["effects"])
-        for part, names in ((content, _OPTIONAL), (content["time"], ("origin",)), *effects):
+        statics = ((s, ("dominant",)) for s in content["statics"])
+        for part, names in ((content, _OPTIONAL), (content["time"], ("origin",)), *effects, *statics):
             for name in names:
                 if not part[name]:
                     del part[name]

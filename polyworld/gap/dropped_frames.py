@@ -3,6 +3,9 @@
 From an onset on, a stamp that is too early by a small shift displaces what is seen by the shift times the velocity. So
 one rollout of what is fitted already, seen a little later from its start on, gives the slopes of the residuals by the
 shift for all onsets at once; projected off all that is fitted (Rao 1948), they tell how much a shift there would gain.
+
+Frames are dropped and repeated whole. A shift by less than half a frame is what an impact leaves that lasts a few
+milliseconds in truth and none in the model, and is no onset.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ Array = NDArray[np.float64]
 
 MOST_ONSETS = 400  # of one run that are scored; longer runs are scored at every second, third ... stamp
 APART = 4  # scored onsets between two that are both told
+WHOLE = 0.5  # of a frame, from which on a shift is nearer to one frame than to none
 SMALL = 0.1  # of a frame, by which what is seen is shifted for a slope
 ENDS = 3  # samples before the first onset and after the last
 
@@ -63,7 +67,9 @@ def dropped_frame_starts(
     information = (slopes**2).sum(axis=1) - np.einsum("ks,st,kt->k", across, ground.inverse, across)
     gradient = slopes @ rest - across @ ground.inverse @ pulls
     known = information > 1e-9 * information.max(initial=0.0)
+    frame = float(np.median(np.diff(times)))
     shift = np.clip(np.where(known, -gradient / np.where(known, information, 1.0), 0.0), -longest, longest)
+    known &= np.abs(shift) >= WHOLE * frame
     gain = -(2.0 * gradient * shift + information * shift**2)
     chosen: list[int] = []
     for k in np.argsort(-gain, kind="stable"):

@@ -40,7 +40,6 @@ from polyworld.gap.outlying import (
 )
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
-from polyworld.gap.screen import Screening, screen
 from polyworld.gap.searching import Searched, Story, search_effects
 from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings
 from polyworld.gap.single_coordinate import follows_one_course
@@ -49,6 +48,7 @@ from polyworld.gap.stepping import coarsened
 from polyworld.gap.unexplained import MAX_TERMS, ResidualForce
 from polyworld.gap.verdict import Verdict
 from polyworld.recording import Recording
+from polyworld.screening import Screening, screen
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -20,6 +20,7 @@ from polyworld.parameters import (
     torsional_radius,
 )
 from polyworld.representations.joint import Spring
+from polyworld.solver.contact_coefficients import OWN, coded
 from polyworld.solver.spatial.joint_layout import NEVER
 from polyworld.world import World
 
@@ -27,7 +28,6 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 KEPT = 64  # lists of paths whose places are remembered
-OWN = -1.0  # marks a static or plane coefficient that is left to the touching object
 
 
 @dataclass
@@ -37,7 +37,8 @@ class RigidArrays:
     mass, friction, restitution, rolling_resistance, torsional_radius, linear_damping, angular_damping (R, n);
     position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_position (R, s, 3),
     static_orientation (R, s, 4); static_friction,
-    static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object;
+    static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object, those of dominant
+    statics as `contact_coefficients` codes them;
     gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own;
     time_origin (R, 1) [s].
     joint_friction, joint_damping, joint_stiffness, and motor_target_speed, motor_limit, motor_delay of the joints'
@@ -110,8 +111,8 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         angular_velocity=_rows([o.angular_velocity for o in objects], 3),
         static_position=_rows([s.position for s in world.statics], 3),
         static_orientation=_rows([s.orientation for s in world.statics], 4),
-        static_friction=_row([_or(s.friction, OWN) for s in world.statics]),
-        static_restitution=_row([_or(s.restitution, OWN) for s in world.statics]),
+        static_friction=coded(_row([_or(s.friction, OWN) for s in world.statics]), _dominant(world)),
+        static_restitution=coded(_row([_or(s.restitution, OWN) for s in world.statics]), _dominant(world)),
         plane_friction=_row([_or(world.environment.motion_plane.friction, OWN)]),
         gravity=_row(list(world.environment.gravity)),
         effect_parameters=_effect_parameters(world),
@@ -157,6 +158,7 @@ class Overriding:
         self.own = own if own is not None else rigid_arrays(world)
         self._world = world
         self._known = parameter_paths(world)
+        self._dominant = _dominant(world)
         self._places: dict[tuple[str, ...], _Places] = {}
 
     def arrays(self, overrides: Mapping[str, Array]) -> RigidArrays:
@@ -187,6 +189,8 @@ class Overriding:
         for name, (which, where) in places.written.items():
             changed[name] = np.repeat(getattr(self.own, name), rows, axis=0)
             changed[name][:, *where] = values[which].T
+            if name in ("static_friction", "static_restitution"):
+                changed[name] = coded(changed[name], self._dominant)
         for name, (which, bodies, axes) in places.turned.items():
             columns, own = np.unique(bodies, return_inverse=True)
             vectors = np.zeros((rows, len(columns), 3))
@@ -273,6 +277,11 @@ class _Places:
     unit: Array
     written: Mapping[str, tuple[Ints, tuple[Ints, ...]]]
     turned: Mapping[str, tuple[Ints, ...]]
+
+
+def _dominant(world: World) -> NDArray[np.bool_]:
+    """Which statics (s,) are dominant."""
+    return np.array([s.dominant for s in world.statics], dtype=bool)
 
 
 def _effect_parameters(world: World) -> Array:

@@ -266,7 +266,10 @@ def test_an_angle_without_a_hinge_to_the_world_is_refused() -> None:
     text = "t,theta\n0,0\n"
     assert "theta of object 'ball' needs a world with its hinge" in refusal(text)
     loose = pendulum().model_copy(update={"joints": ()})
-    assert "an angle does not place object 'bob': no hinge of the world holds it" in refusal(text, world=loose)
+    assert refusal("t;theta [deg]\n0;0\n", world=loose) == (
+        "line 1: theta [deg] of object 'bob': an angle does not place it: no hinge of the world holds it; describe "
+        "such a hinge in the world, or give x, y, z"
+    )
     cart = RigidObject(name="cart", shape=Box(half_extents=(0.1, 0.1, 0.1)), position=(0.0, 0.0, 3.0))
     world = pendulum()
     held = world.joints[0].model_copy(update={"other": "cart"})
@@ -274,6 +277,26 @@ def test_an_angle_without_a_hinge_to_the_world_is_refused() -> None:
     assert "hinge 'hinge' holds it to a moving body" in refusal("object,t,theta\nbob,0,0\n", world=both)
     upright = pendulum(environment={"gravity": (0.0, -9.81, 0.0)})
     assert "hangs nowhere" in refusal(text, RecordingForm(theta_hanging=0.0), upright)
+
+
+def test_the_zero_of_an_angle_that_was_not_measured_is_refused() -> None:
+    for form, name in (
+        (RecordingForm(theta_hanging=0.0), "hanging"),
+        (RecordingForm(theta_described=0.1), "described"),
+    ):
+        assert f"line 2: theta_{name} is given, but column theta is missing" in refusal("# a\nt,x\n0,0\n", form)
+
+
+def test_an_object_that_is_not_among_those_known_is_refused_with_its_first_line() -> None:
+    text = "run;body;t;x\n1;red;0;0\n1;Blue;0;1\n1;Blue;1;1\n"
+    with pytest.raises(ValueError, match=r"\w") as raised:
+        parse_recording(text, ("red", "blue"))
+    assert str(raised.value) == (
+        "line 3: body is 'Blue', but the world has only red, blue (did you mean 'blue'?); describe 'Blue' in the world "
+        "or leave its rows out"
+    )
+    markers = parse_recording("object,t,x,y,z\nrope#0,0,0,0,0\nrope#1,0,1,0,0\n", ("rope",))
+    assert markers.runs[0].names == ("rope#0", "rope#1")
 
 
 def test_an_angle_of_many_turns_may_be_in_degrees() -> None:

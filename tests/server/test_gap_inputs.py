@@ -109,3 +109,24 @@ def test_imported_spins_and_frames_stay_with_the_case(tmp_path: Path) -> None:
     assert kept.positions[5, 0].tolist() == pytest.approx([0.005, 0.0, 0.05])
     assert kept.angular_velocities[:2, 0, 2].tolist() == pytest.approx([0.0, 2 * math.pi])
     assert np.isnan(kept.angular_velocities[:, 0, :2]).all()
+
+
+def test_a_table_of_two_described_bodies_names_the_row_that_belongs_to_neither(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "two.csv"
+    described = ["--object", "a:sphere:d=40mm:2.7g", "--object", "b:box:4cm:50g"]
+    path.write_text("object,t,x\na,0,0\na,0.1,0\nc,0,1\n")
+    assert main(["gap", "--data", str(path), *described]) == 1
+    assert capsys.readouterr().err == (
+        "two.csv: line 4: object is 'c', but the world has only a, b; describe 'c' in the world or leave its rows out\n"
+    )
+    path.write_text("t,x\n0,0\n0.1,0\n")
+    assert main(["gap", "--data", str(path), *described]) == 1
+    assert capsys.readouterr().err.startswith("two.csv: line 1: column object is missing, and")
+    path.write_text("object,t,theta\na,0,0\na,0.1,0\n")
+    assert main(["gap", "--data", str(path), *described]) == 1
+    assert "line 1: theta of object 'a': an angle does not place it: no hinge" in capsys.readouterr().err
+    path.write_text("object,t,x\na,0,0\na,0.1,0\n")
+    assert main(["gap", "--data", str(path), *described, "--theta-hanging"]) == 1
+    assert "line 1: theta_hanging is given, but column theta is missing" in capsys.readouterr().err

@@ -44,6 +44,20 @@ def test_soft_cube_below_critical_slope_does_not_creep(friction: float) -> None:
     assert abs(down[-1] - down[-2]) < 1e-7  # in half a second, once it has come to rest
 
 
+def test_a_smooth_soft_cube_holds_on_a_dominant_rough_slope_and_slides_on_one_that_is_not() -> None:
+    angle = 0.3
+    ways = []
+    for dominant in (True, False):
+        rough = slope(angle).model_copy(update={"friction": 0.8, "dominant": dominant})
+        run = Run(World(statics=(rough,), deformables=(cube(angle, friction=0.02),)), 1.0, samples=5)
+        down = run.along("cube", (np.cos(angle), 0.0, -np.sin(angle)))
+        ways.append(abs(down[-1] - down[-2]))
+    pair = np.sqrt(0.8 * 0.02)
+    slide = 9.81 * (np.sin(angle) - pair * np.cos(angle)) * 0.5 * (1.0**2 - 0.75**2)
+    assert ways[0] < 1e-6
+    assert ways[1] == pytest.approx(slide, rel=0.02)
+
+
 def test_soft_cube_on_a_plate_on_a_slope_does_not_creep_and_nor_does_the_plate() -> None:
     angle = 0.3
     turn = (np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0)

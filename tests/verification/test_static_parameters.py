@@ -163,3 +163,55 @@ def test_a_statics_pose_is_read_and_set_by_path() -> None:
     turned = with_parameters(world, {"statics.wall.rotation.z": np.pi / 2, "statics.wall.position.z": 0.3})
     np.testing.assert_allclose(turned.statics[0].orientation, [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)], atol=1e-15)
     assert turned.statics[0].position == (1.05, 0.2, 0.3)
+
+
+@pytest.mark.parametrize("representation", KINDS)
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_a_ball_rebounds_from_a_dominant_wall_with_the_walls_restitution(representation: str, shape: str) -> None:
+    wall = SHAPES[shape].model_copy(update={"restitution": 0.87})
+    restitutions = {"statics.wall.restitution": [0.87, 0.0, 0.3, 1.0]}
+    for dominant, expected in ((True, [0.87, 0.0, 0.3, 1.0]), (False, np.sqrt([0.6 * 0.87, 0.0, 0.6 * 0.3, 0.6]))):
+        world = flight(wall.model_copy(update={"dominant": dominant}), representation)
+        world = world.model_copy(update={"objects": (world.objects[0].model_copy(update={"restitution": 0.6}),)})
+        motion = batch(world, restitutions)
+        change = np.linalg.norm(motion.velocities[:, -1, 0] - motion.velocities[:, 0, 0], axis=1)
+        approach = change[1]  # of no rebound
+        np.testing.assert_allclose(change / approach - 1.0, expected, atol=1e-6)
+        alone = simulator(world, np.linspace(0.0, 1.0, 41)).run()
+        np.testing.assert_allclose(alone.velocities[0, -1], motion.velocities[0, -1], atol=1e-12)
+
+
+@pytest.mark.parametrize("representation", KINDS)
+def test_a_puck_slides_along_a_dominant_floor_by_the_floors_friction_or_its_own_where_that_has_none(
+    representation: str,
+) -> None:
+    floor = StaticObject(name="floor", shape=Plane(normal=(0.0, 1.0, 0.0)), dominant=True, friction=0.3)
+    for friction in (0.3, None):
+        for own in (0.05, 0.8):
+            puck = RigidObject(
+                name="puck",
+                representation=representation,  # type: ignore[arg-type]
+                shape=Box(half_extents=(R, R, R)),
+                friction=own,
+                restitution=0.0,
+                position=(0.0, R, 0.0),
+                velocity=(4.0, 0.0, 0.0),
+            )
+            world = World(
+                objects=(puck,),
+                statics=(floor.model_copy(update={"friction": friction}),),
+                environment=Environment(gravity=(0.0, -9.81, 0.0)),
+                time=TimeBase(substep=0.002),
+            )
+            motion = simulator(world, np.array([0.0, 0.2])).run()
+            lost = 4.0 - motion.velocities[0, -1, 0, 0]
+            assert lost == pytest.approx((own if friction is None else friction) * 9.81 * 0.2, rel=5e-3)
+
+
+def test_a_static_that_is_not_dominant_leaves_the_worlds_identity_as_it_was() -> None:
+    world = flight(SHAPES["plane"], "rigid_spatial")
+    assert "dominant" not in world.canonical_json()
+    assert World.model_validate_json(world.canonical_json()) == world
+    other = flight(SHAPES["plane"].model_copy(update={"dominant": True}), "rigid_spatial")
+    assert other.id != world.id
+    assert World.model_validate_json(other.canonical_json()) == other

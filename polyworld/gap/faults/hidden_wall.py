@@ -45,7 +45,7 @@ def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
             continue
         name = free_name("hidden_wall", [*world.moving_names, *(s.name for s in world.statics)])
         normal = (float(axis == 0), float(axis == 1), float(axis == 2))
-        wall = StaticObject(name=name, shape=Plane(normal=normal), restitution=restitution)
+        wall = StaticObject(name=name, shape=Plane(normal=normal), restitution=restitution, dominant=True)
         child = with_parts(world, statics=(*world.statics, wall))
         starts = tuple(
             {"offset": float(offset / n[axis]), "turn": _turn(n, axis, turning), "restitution": restitution}

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.contact_coefficients import of_contact
 from polyworld.solver.coupled.contact_layout import (
     CORNER,
     CROSSING,
@@ -16,7 +17,6 @@ from polyworld.solver.coupled.contact_layout import (
     Surface,
 )
 from polyworld.solver.coupled.contact_shapes import shape_distance, triangle_distance
-from polyworld.solver.spatial.contacts import paired
 from polyworld.solver.spatial.layout import MESH, OPTIONS, PLANE, Body, Geometry
 from polyworld.solver.spatial.separation import triangle_weights
 
@@ -139,8 +139,8 @@ def against_body(
     c.body = body
     c.other = body
     c.owner = owner
-    c.friction = paired(friction[w % friction.shape[0], owner], bodies[w, body].friction)
-    c.restitution = paired(restitution[w % restitution.shape[0], owner], bodies[w, body].restitution)
+    c.friction = of_contact(friction[w % friction.shape[0], owner], bodies[w, body].friction)
+    c.restitution = of_contact(restitution[w % restitution.shape[0], owner], bodies[w, body].restitution)
     return c
 
 

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.contact_coefficients import of_contact
 from polyworld.solver.planar.contact_effects import as_effects_have_it, lose_sliding
 from polyworld.solver.planar.joints import begin_hold, hold_hinge, join_rate
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of
@@ -51,14 +52,6 @@ def find_near(
                         contacts.near_gap[w, count] = gap
                         count += 1
     return count
-
-
-@wp.func
-def own_or_mean(a: wp.float64, b: wp.float64) -> wp.float64:
-    """Coefficient of a pair: the geometric mean; a's own where b has none."""
-    if b < ZERO:
-        return a
-    return wp.sqrt(a * b)
 
 
 @wp.func
@@ -142,8 +135,8 @@ def make_row(
     row.mass_normal = ONE / k_normal
     row.mass_tangent = ONE / k_tangent
     row.mass_roll = ONE / k_roll
-    row.friction = own_or_mean(bodies.friction[w, a], bodies.friction[w, b])
-    row.restitution = own_or_mean(bodies.restitution[w, a], bodies.restitution[w, b])
+    row.friction = of_contact(bodies.friction[w, a], bodies.friction[w, b])
+    row.restitution = of_contact(bodies.restitution[w, a], bodies.restitution[w, b])
     row.rolling = rolling
     return row
 

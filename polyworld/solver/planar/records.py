@@ -63,8 +63,8 @@ class Bodies:
     patch: wp.array2d[wp.float64]  # radius of the spinning-friction patch [m]
     linear_damping: wp.array2d[wp.float64]
     angular_damping: wp.array2d[wp.float64]
-    friction: wp.array2d[wp.float64]  # (W, n + s), negative: the other's own
-    restitution: wp.array2d[wp.float64]  # (W, n + s), negative: the other's own
+    friction: wp.array2d[wp.float64]  # (W, n + s), of statics as `contact_coefficients` codes them
+    restitution: wp.array2d[wp.float64]  # (W, n + s), of statics as `contact_coefficients` codes them
     rolling: wp.array2d[wp.float64]
     height: wp.array2d[wp.float64]  # coordinate along the plane's normal [m]
     gravity: wp.array[wp.vec3d]  # (W,) in the plane, and along its normal

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.contact_coefficients import of_contact
 from polyworld.solver.spatial.layout import (
     BOX,
     MAX_MANIFOLD_POINTS,
@@ -23,14 +24,6 @@ from polyworld.solver.spatial.shapes import extent
 TOUCHING = wp.float64(1.0e-4)
 FLAT = wp.float64(0.999999)  # cosine of an angle to a triangle's normal that is taken for none
 SAME_POINT = wp.float64(0.05)  # how far a point may wander and still be the same, per radius
-
-
-@wp.func
-def paired(a: wp.float64, b: wp.float64) -> wp.float64:
-    """Geometric mean of two coefficients; a's own where b leaves it to a (negative)."""
-    if b < wp.float64(0.0):
-        return a
-    return wp.sqrt(a * b)
 
 
 @wp.func
@@ -196,8 +189,8 @@ def touch(
     m.t1 = t1
     m.t2 = t2
     m.anchor = friction_anchor(sa, sb, n, ra, rb, count)
-    m.friction = paired(state[0].bodies[w, i].friction, state[0].bodies[w, j].friction)
-    m.restitution = paired(state[0].bodies[w, i].restitution, state[0].bodies[w, j].restitution)
+    m.friction = of_contact(state[0].bodies[w, i].friction, state[0].bodies[w, j].friction)
+    m.restitution = of_contact(state[0].bodies[w, i].restitution, state[0].bodies[w, j].restitution)
     m.rolling = wp.max(state[0].bodies[w, i].rolling, state[0].bodies[w, j].rolling)
     m.close = TOUCHING * sa.bound
     if j < state[0].objects:

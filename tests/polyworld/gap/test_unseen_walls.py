@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from polyworld.gap.catalogue import catalogue
+from polyworld.gap import GapSettings, find_gap
+from polyworld.gap.catalogue import catalogue, named
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_ball import Ball, Launch, Plane, fly
+from tests.polyworld.gap_scenes import RADIUS, Bouncing, ball_recording, ball_world, launches
 
 ANGLE, OFFSET, FRICTION = 2.9, -2.0, 0.1
 NORMAL = np.array([np.cos(ANGLE), np.sin(ANGLE), 0.0])
@@ -58,3 +60,30 @@ def test_one_hit_is_tried_with_the_jump_bent_to_either_side() -> None:
     data = recorded([Launch((0.0, 0.0, 2.0), (float(v[0]), float(v[1]), 2.0))])
     found = starts(data)
     assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself leads astray
+
+
+@pytest.mark.parametrize("pair", [0.87, 0.3])
+def test_a_wall_off_which_a_ball_rebounds_unlike_off_anything_else_is_found_with_its_own_restitution(
+    pair: float,
+) -> None:
+    """A ball of restitution 0.6 in free flight beside a wall: thrown and reflected by SciPy."""
+    rng = np.random.default_rng(3)
+    begins = launches(rng, 6)
+    normal = np.array([np.cos(2.6), np.sin(2.6), 0.0])
+    offset = min(float(b.place @ normal) for b in begins) - 1.5 * RADIUS
+    hidden = Bouncing(after=lambda speed, along: (pair * speed, along), planes=((normal, offset),))
+    world = ball_world()
+    world = world.model_copy(
+        update={"objects": (world.objects[0].model_copy(update={"restitution": 0.6}),), "statics": ()}
+    )
+    report = find_gap(
+        world,
+        ball_recording(hidden, begins, rng),
+        candidates=named(["hidden_wall", "hidden_body", "tether", "quadratic_drag", "tilt"]),
+        settings=GapSettings(null_control=False, experiment=False),
+    )
+    assert report.names == ("hidden_wall",)
+    (effect,) = report.to_dict()["effects"]
+    low, high = effect["unknowns"]["restitution"]["interval95"]
+    assert low < pair < high
+    assert high - low < 0.05

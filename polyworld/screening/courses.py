@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_tracks import Track
+from polyworld.screening.finding import Finding
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.tracks import Track
 
 Array = NDArray[np.float64]
 
 POINTS = 256  # instants at which the longest run is compared, a dozen for each of twenty oscillations
-SPEEDS = 200  # places along a course at which speeds are compared
 LEAST = 1e-300  # [m^2] keeps a quotient of zeros finite
 
 
@@ -48,46 +47,17 @@ def courses(runs: Sequence[str], tracks: Sequence[Track], settings: ScreenSettin
     return tuple(found)
 
 
-def course_findings(
-    runs: Sequence[str], course_of: Sequence[int], tracks: Sequence[Track], settings: ScreenSettings
-) -> list[Finding]:
+def course_findings(runs: Sequence[str], course_of: Sequence[int]) -> list[Finding]:
     """Caution where all runs follow one course."""
     if len(set(course_of)) > 1:
         return []
     count = {1: "The only run is a single course", 2: "Both runs follow one course"}
-    subject = count.get(len(runs), f"All {len(runs)} runs follow one course")
-    first = [t for t in tracks if t.run == runs[0]]
-    several = sum(t.moves(settings.moved) for t in first) > 1
-    if any(_returns(t, settings) for t in first):
-        what = (
-            "which comes back to the same places at other speeds, but always at the same times, so that effects that "
-            "depend on time, or on what happened before, are indistinguishable from these data"
-        )
-    else:
-        what = (
-            f"along which place, time and speed {'of each object ' if several else ''}are one variable, so that "
-            "effects that depend on different ones of them are indistinguishable from these data"
-        )
-    sentence = f"{subject}, {what}: add runs from other places, at other speeds or in other directions."
-    return [Finding("one_course", "caution", sentence, tuple(runs), {"distinct_courses": 1.0})]
-
-
-def _returns(track: Track, settings: ScreenSettings) -> bool:
-    """Whether a track comes back to places at clearly different speeds, as a bouncing ball does."""
-    axes = list(track.axes)
-    rows = np.flatnonzero(np.isfinite(track.places[:, axes]).all(axis=1))
-    if not axes or len(rows) < settings.few_samples or not track.moves(settings.moved):
-        return False
-    stride = max(1, len(rows) // SPEEDS)
-    places, times = track.places[rows[::stride]][:, axes], track.times[rows[::stride]]
-    middle = (places[1:] + places[:-1]) / 2.0
-    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)
-    size = float(np.linalg.norm(track.range))
-    way = np.cumsum(speed * np.diff(times))
-    left = np.abs(way[:, None] - way[None]) > settings.distinct * size
-    near = left & (np.linalg.norm(middle[:, None] - middle[None], axis=2) < settings.same_course * size)
-    unlike = np.abs(speed[:, None] - speed[None]) > settings.distinct * float(np.sqrt(np.mean(speed**2)))
-    return float(np.mean(np.any(near & unlike, axis=1))) > settings.negligible
+    sentence = (
+        f"{count.get(len(runs), f'All {len(runs)} runs follow one course')}, along which place, time and speed of each "
+        "object go together, so that effects that depend on different ones of them may be indistinguishable from these "
+        "data: add runs from other places, at other speeds or in other directions."
+    )
+    return [Finding.of("one_course", "caution", sentence, runs, distinct_courses=1)]
 
 
 class _Path:

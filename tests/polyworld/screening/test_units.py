@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polyworld.gap import Finding, screen
 from polyworld.recording import Recording, Run
+from polyworld.screening import Finding, screen
 from polyworld.world import Effect, Environment, World
-from tests.polyworld import screen_cases as cases
+from tests.polyworld.screening import cases
 
 WORLD = cases.ball_world()
 

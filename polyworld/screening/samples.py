@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding, length, listed, runs_listed
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_statics import clearance, inner_radius, plane_normal
-from polyworld.gap.screen_tracks import Track
 from polyworld.recording import Recording
+from polyworld.screening.clearance import clearance, inner_radius, plane_normal
+from polyworld.screening.finding import Finding, length, listed, runs_listed
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.tracks import Track
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -36,9 +36,7 @@ def sample_findings(
             f"The recording holds {measured} measured numbers, no more than the {states} unknown positions and "
             "velocities at the starts of its runs, so that nothing is left to test an effect with: add samples."
         )
-        return [
-            Finding("few_samples", "refuse", sentence, names, {"measured": float(measured), "states": float(states)})
-        ]
+        return [Finding.of("few_samples", "refuse", sentence, names, measured=measured, states=states)]
     short = [t for t in tracks if len(t.times) < settings.few_samples and t.moves(settings.moved)]
     if short:
         least = min(len(t.times) for t in short)
@@ -47,19 +45,15 @@ def sample_findings(
             f"{runs_listed(t.run for t in short)} (the least: {least}), of which the start takes up two per axis, so "
             "that noise and motion can hardly be separated there: sample faster or longer."
         )
-        found.append(Finding("few_samples", "caution", sentence, _runs(short), {"least": float(least)}))
+        found.append(Finding.of("few_samples", "caution", sentence, (t.run for t in short), least=least))
     if len(names) == 1:
         sentence = (
             f"There is a single run, {names[0]}, so that no result can be tested on a run that was not fitted: add "
             "at least one more, better several from different starts."
         )
-        found.append(Finding("single_run", "caution", sentence, names, {"runs": 1.0}))
+        found.append(Finding.of("single_run", "caution", sentence, names, count=1))
     coarse = _jumping(world, tracks, settings) or (_hopping(world, tracks, settings) if scaled else [])
     return found + (coarse or _weak(world, tracks, settings))
-
-
-def _runs(tracks: Sequence[Track]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(t.run for t in tracks))
 
 
 def _turns(track: Track) -> int:
@@ -92,7 +86,7 @@ def _weak(world: World, tracks: Sequence[Track], settings: ScreenSettings) -> li
         f"{100.0 * min(error / usual, 99.0):.0f}% of what bodies have, so that ordinary effects cannot be seen: record "
         "longer runs, more of them, or with less noise."
     )
-    return [Finding("noisy", "caution", sentence, _runs(tracks), {"error": error, "ordinary": usual})]
+    return [Finding.of("noisy", "caution", sentence, (t.run for t in tracks), error=error, ordinary=usual)]
 
 
 def _jumping(world: World, tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -105,7 +99,7 @@ def _jumping(world: World, tracks: Sequence[Track], settings: ScreenSettings) ->
         "to sample over much of their whole range: sample faster, or, if the object rests there, correct tracks that "
         "are this noisy."
     )
-    return [Finding("coarse_sampling", "caution", sentence, _runs(jumping), {"tracks": float(len(jumping))})]
+    return [Finding.of("coarse_sampling", "caution", sentence, (t.run for t in jumping), tracks=len(jumping))]
 
 
 def _hopping(world: World, tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -124,8 +118,9 @@ def _hopping(world: World, tracks: Sequence[Track], settings: ScreenSettings) ->
         f"shorter than the {interval:.3g} s between samples (heights below {length(height)}), so that contacts "
         "are missed: sample faster, or end the runs before."
     )
-    figures = {"interval": interval, "samples": float(sum(count for _, count in hopping))}
-    return [Finding("coarse_sampling", "caution", sentence, _runs([t for t, _ in hopping]), figures)]
+    samples = sum(count for _, count in hopping)
+    runs = (t.run for t, _ in hopping)
+    return [Finding.of("coarse_sampling", "caution", sentence, runs, interval=interval, samples=samples)]
 
 
 def _independent(world: World, track: Track, settings: ScreenSettings) -> bool:
@@ -161,7 +156,7 @@ def _hops(world: World, track: Track, settings: ScreenSettings) -> int:
         top = windows.max(axis=1)
         short = (top < highest) & (np.ptp(windows, axis=1) > noise)
         inside = np.zeros(len(gap), dtype=bool)
-        for k in np.flatnonzero(short):
-            inside[k : k + settings.hops] = True
+        for k in range(settings.hops):
+            inside[k : k + len(short)] |= short
         most = max(most, int(inside.sum()))
     return most

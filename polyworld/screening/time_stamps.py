@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding, length, runs_listed
-from polyworld.gap.screen_settings import DEFAULT, ScreenSettings
-from polyworld.gap.screen_tracks import Track, scatter
+from polyworld.screening.finding import Finding, length, runs_listed
+from polyworld.screening.settings import DEFAULT, ScreenSettings
+from polyworld.screening.tracks import Track, last_digit, scatter
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -33,21 +33,21 @@ def usual_rate(rate: float, near: float) -> float | None:
 
 def time_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
     """Return cautions on the time stamps of moving objects, each kind once."""
-    runs = tuple(dict.fromkeys(t.run for t in tracks))
     if counts_frames(tracks, settings):
         sentence = (
-            "Times are 0, 1, 2, ... and look like frame numbers, not seconds: give the frames per second with --fps, "
-            "or with --fps 1 if there really is a second between samples."
+            "Times are 0, 1, 2, ... and look like frame numbers, not seconds: call their column frame and give the "
+            "frames per second with --fps, unless there really is a second between samples."
         )
-        return [Finding("frame_numbers", "caution", sentence, runs, {"interval": 1.0})]
+        return [Finding.of("frame_numbers", "caution", sentence, (t.run for t in tracks), interval=1)]
     moving = [t for t in tracks if t.moves(settings.moved) and len(t.times) >= settings.few_samples]
     interval = float(np.median([t.interval for t in moving])) if moving else 0.0
     if interval > settings.slow and (rate := usual_rate(1000.0 / interval, settings.same_rate)) is not None:
         sentence = (
             f"There are {interval:.4g} s between samples, which would be {rate:.4g} frames per second if times were "
-            f"milliseconds: divide them by 1000, or give --fps {rate:.4g}, unless they are seconds."
+            "milliseconds: state --units ms, unless they are seconds."
         )
-        return [Finding("milliseconds", "caution", sentence, runs, {"interval": interval, "rate": rate})]
+        runs = (t.run for t in tracks)
+        return [Finding.of("milliseconds", "caution", sentence, runs, interval=interval, rate=rate)]
     return _rounded(moving, settings) or _irregular(moving, settings)
 
 
@@ -55,7 +55,7 @@ def _rounded(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]
     """Caution where rounding of the stamps, times the speed, makes much of the noise."""
     worst, digit, regular, concerned = 0.0, 0.0, 0.0, []
     for track in tracks:
-        step = _last_digit(track.times)
+        step = last_digit(track.times, STAMP_DIGITS, 1e-5)
         gaps = np.diff(track.times)
         near = gaps[gaps < 1.5 * track.interval + step]
         mean = float(near.mean())
@@ -72,11 +72,11 @@ def _rounded(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]
         return []
     sentence = (
         f"Time stamps of {runs_listed(concerned)} are rounded to {digit:g} s, which at the speeds measured shifts "
-        f"positions by {length(worst)} and is a large part of the noise: write times with more digits, or give the "
-        f"frame rate ({1.0 / regular:.4g} frames per second) with --fps."
+        f"positions by {length(worst)} and is a large part of the noise: write times with more digits, or number "
+        f"the frames in a column frame and give --fps {1.0 / regular:.4g}."
     )
     figures = {"rounding": digit, "error": worst, "rate": 1.0 / regular}
-    return [Finding("rounded_times", "caution", sentence, tuple(dict.fromkeys(concerned)), figures)]
+    return [Finding.of("rounded_times", "caution", sentence, concerned, **figures)]
 
 
 def _irregular(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -92,10 +92,10 @@ def _irregular(tracks: Sequence[Track], settings: ScreenSettings) -> list[Findin
         return []
     sentence = (
         f"Intervals between samples of {runs_listed(concerned)} vary irregularly ({100.0 * share:.0f}% differ from the "
-        "median interval): if the camera ran at a constant rate, give it with --fps; if the times are right, nothing "
-        "has to be done."
+        "median interval): if the camera ran at a constant rate, number the frames in a column frame and give the rate "
+        "with --fps; if the times are right, nothing has to be done."
     )
-    return [Finding("irregular_times", "caution", sentence, tuple(dict.fromkeys(concerned)), {"share": share})]
+    return [Finding.of("irregular_times", "caution", sentence, concerned, share=share)]
 
 
 def repeated_rows(
@@ -160,13 +160,4 @@ def repeat_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[F
         f"In {runs_listed(concerned)}, {count} of {rows} rows repeat the row before while the object moves, as where a "
         "clip shows frames twice: leave the repeated frames out, or read the clip at the rate at which it was filmed."
     )
-    figures = {"repeated": float(count), "share": count / rows}
-    return [Finding("repeated_rows", "caution", sentence, tuple(dict.fromkeys(concerned)), figures)]
-
-
-def _last_digit(times: Array) -> float:
-    for decimals in range(STAMP_DIGITS + 1):
-        scaled = times * 10.0**decimals
-        if np.all(np.abs(scaled - np.round(scaled)) < 1e-5):
-            return float(10.0**-decimals)
-    return 0.0
+    return [Finding.of("repeated_rows", "caution", sentence, concerned, repeated=count, share=count / rows)]

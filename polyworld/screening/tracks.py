@@ -18,6 +18,7 @@ NORMAL = 0.6745  # median absolute value of a standard normal variable
 LOWEST, HIGHEST = 3, 9  # orders of differences from which noise is read
 FALLING = 0.3  # ratio of variances, order to order, below which the lower one was motion: noise keeps 0.9 to 1
 FEWEST, ENOUGH = 4, 8  # differences that a first estimate needs, and one of higher order
+LAST_DIGIT = 1e-6  # of a last digit: what reading and scaling a number in double precision may be off by
 EXACT = 1e-9  # least noise as a part of the range: rounding of floating-point numbers
 
 
@@ -96,6 +97,18 @@ def with_noise(tracks: Sequence[Track], recording: Recording, quantum: dict[tupl
         floor = np.maximum(step / np.sqrt(12.0), EXACT * ranges[track.object])
         found.append(replace(track, noise=np.maximum(np.maximum(own, given), floor), quantum=step))
     return found
+
+
+def last_digit(values: Array, decimals: int, error: float = LAST_DIGIT) -> float:
+    """Return the power of ten of which all values are multiples, 0 where it has more than so many decimals.
+
+    error: of a last digit, by reading and scaling numbers in double precision.
+    """
+    for count in range(decimals + 1):
+        scaled = values * 10.0**count
+        if np.all(np.abs(scaled - np.round(scaled)) < error * np.maximum(1.0, 1e-9 * np.abs(scaled))):
+            return float(10.0**-count)
+    return 0.0
 
 
 def scatter(times: Array, values: Array) -> Array:

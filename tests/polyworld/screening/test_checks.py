@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,12 +10,15 @@ import numpy as np
 import pytest
 
 from polyworld.effects import CATALOGUE
-from polyworld.gap import Finding, Screening, ScreenSettings, screen
-from polyworld.gap.screen_flight import RESISTING
 from polyworld.recording import Recording
+from polyworld.screening import Finding, Screening, ScreenSettings, screen
+from polyworld.screening.free_fall import RESISTING
+from polyworld.screening.grid import grid_steps
+from polyworld.screening.settings import DEFAULT
+from polyworld.screening.tracks import tracks_of
 from polyworld.world import World
 from tests import real_data
-from tests.polyworld import screen_cases as cases
+from tests.polyworld.screening import cases
 from tests.real_data import needs
 
 LAWS = {
@@ -43,7 +45,6 @@ def test_eight_launches_of_a_bouncing_ball_give_no_finding(law: str, noise: floa
     found = screen(cases.ball_world(), cases.recorded(times, cases.bounces(times, law=LAWS[law]), noise))
     assert kinds(found) == []
     assert found.distinct_courses == 8
-    assert found.quantum == {}
 
 
 def test_video_of_a_bouncing_ball_gives_no_finding() -> None:
@@ -100,15 +101,13 @@ def test_sixteen_runs_of_two_hundred_samples_take_a_fraction_of_a_second() -> No
     assert min(needed) < 0.15  # some 0.04 s; the rest is for busy machines
 
 
-def test_screening_is_plain_data_with_refusals_first() -> None:
+def test_findings_are_sentences_with_refusals_first() -> None:
     times = cases.sampling(120.0, 0.8)
     recording = cases.scaled(cases.recorded(times, cases.bounces(times, cases.LAUNCHES[:1])), space=1000.0)
     found = screen(cases.ball_world(), recording)
-    data = json.loads(json.dumps(found.to_json()))
-    assert data["refused"] is True
-    assert data["distinct_courses"] == 1
-    assert data["course_of"] == [0]
-    severities = [f["severity"] for f in data["findings"]]
+    assert found.refused
+    assert found.course_of == (0,)
+    severities = [f.severity for f in found.findings]
     assert severities[0] == "refuse"
     assert severities == sorted(severities, reverse=True)
     for finding in found.findings:
@@ -180,7 +179,7 @@ def test_measured_falls_in_wrong_units_and_axes_are_noticed() -> None:
 
 @needs("clevrer")
 def test_rounding_of_annotations_is_measured() -> None:
-    world, recording = real_data.clevrer(("00000", "02000"))
-    quantum = screen(world, recording).quantum
+    _, recording = real_data.clevrer(("00000", "02000"))
+    quantum = grid_steps(tracks_of(recording), DEFAULT)
     assert len({name for name, _ in quantum}) > 5
     assert all(q == pytest.approx(1e-4) for q in quantum.values())

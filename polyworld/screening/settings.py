@@ -17,9 +17,9 @@ class ScreenSettings:
     All checks
         significant: standard errors beyond which an estimate is not noise; 5, because a recording is asked some
         hundred questions. moved: the same of a track's range, which for noise alone is 5 to 6. negligible: part of a
-        range, an acceleration or a number of samples below which there is none; a tenth is what free fall, grids and
-        returns leave room for. distinct: relative difference of speeds, or part of a range, that is no accident of
-        noise. few_samples: of a moving object in a run; two states per axis and their covariance need twice as many.
+        range, an acceleration or a number of samples below which there is none; a tenth is what free fall and grids
+        leave room for. few_samples: of a moving object in a run; two states per axis and their covariance need twice as
+        many.
     Free fall
         unlike: factor between acceleration and gravity from which on units are asked for; drag, wind and lift make
         tens of percent. unit_tolerance: of the logarithm of that factor, what drag may take off or lift add.
@@ -61,7 +61,6 @@ class ScreenSettings:
     significant: float = 5.0
     moved: float = 8.0
     negligible: float = 0.1
-    distinct: float = 0.2
     few_samples: int = 8
     unlike: float = 2.5
     unit_tolerance: float = 0.25

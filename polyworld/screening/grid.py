@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.screen_finding import Finding, length, listed, runs_listed
-from polyworld.gap.screen_settings import DEFAULT, ScreenSettings
-from polyworld.gap.screen_tracks import Track, scatter
+from polyworld.screening.finding import Finding, length, listed, runs_listed
+from polyworld.screening.settings import DEFAULT, ScreenSettings
+from polyworld.screening.tracks import Track, last_digit, scatter
 
 Array = NDArray[np.float64]
 
 DECIMALS = 9  # after the point, up to which data may be rounded
-LAST_DIGIT = 1e-6  # of a last digit: error of reading and scaling numbers in double precision
 COARSE = 0.25  # last digit as a part of a step, beyond which half of all differences are multiples of both
 REACH = (8, 64, 512, 4096)  # multiples of a step that refine it in turn
 STRIDE = 8  # samples over which motion is read, so that single steps do not count
@@ -51,7 +50,7 @@ def grid_step(values: Array, differences: Array, settings: ScreenSettings = DEFA
     values (n,): positions, from which the last decimal is read. A step that is not a round number, as of scaled pixels,
     is found as the least distance between differences that occur, refined on ever larger multiples.
     """
-    digit = _last_digit(values)
+    digit = last_digit(values, DECIMALS)
     tolerance = 1.5 * digit if digit > 0.0 else 1e-9 * float(np.ptp(values))
     sizes = np.abs(differences)
     sizes = sizes[sizes > tolerance / 3.0]
@@ -82,15 +81,6 @@ def grid_step(values: Array, differences: Array, settings: ScreenSettings = DEFA
     return step if narrow and shown and on_grid >= settings.on_grid else digit
 
 
-def _last_digit(values: Array) -> float:
-    """The power of ten of which all values are multiples, 0 where it is below 1e-9."""
-    for decimals in range(DECIMALS + 1):
-        scaled = values * 10.0**decimals
-        if np.all(np.abs(scaled - np.round(scaled)) < LAST_DIGIT * np.maximum(1.0, 1e-9 * np.abs(scaled))):
-            return float(10.0**-decimals)
-    return 0.0
-
-
 def grid_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
     """Caution where an object moves by less than a step of its grid between samples: rounding errors then repeat."""
     found = []
@@ -116,8 +106,8 @@ def grid_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Fin
             f"{length(step / np.sqrt(12.0))}) is not independent from sample to sample: track centres to a fraction of "
             "a pixel, or leave out samples until the object moves by a pixel between them."
         )
-        figures = {"quantum": step, "noise": step / float(np.sqrt(12.0)), "motion_per_sample": least}
-        found.append(Finding("quantised", "caution", sentence, tuple(dict.fromkeys(t.run for t in own)), figures))
+        figures = {"quantum": step, "noise": step / np.sqrt(12.0), "motion_per_sample": least}
+        found.append(Finding.of("quantised", "caution", sentence, (t.run for t in own), **figures))
     return found
 
 
@@ -135,8 +125,7 @@ def at_rest(tracks: Sequence[Track]) -> Finding:
         "No object moves by more than the noise of its track in any run, so that there is no motion to explain: check "
         "the tracks, or add runs with motion."
     )
-    runs = tuple(dict.fromkeys(t.run for t in tracks))
-    return Finding("at_rest", "caution", sentence, runs, {"tracks": float(len(tracks))})
+    return Finding.of("at_rest", "caution", sentence, (t.run for t in tracks), tracks=len(tracks))
 
 
 def constant_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -145,13 +134,12 @@ def constant_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list
     Where rounding is coarse or data have no noise, as computed ones, a constant track is that of an object at rest.
     """
     still = [t for t in tracks if len(t.times) >= settings.few_samples and not t.range.any()]
-    runs = tuple(dict.fromkeys(t.run for t in tracks))
     if tracks and len(still) == len(tracks):
         sentence = (
             "All positions are the same to the last digit in all samples of each run, so that there is no motion to "
             "explain: check the tracks."
         )
-        return [Finding("constant", "refuse", sentence, runs, {"tracks": float(len(still))})]
+        return [Finding.of("constant", "refuse", sentence, (t.run for t in tracks), tracks=len(still))]
     others = [t for t in tracks if t.range.any()]
     noisy = any(np.any(t.noise > settings.resolved * t.range.max()) for t in others)
     if not noisy or any(np.any(t.quantum > 0.0) for t in others):
@@ -165,5 +153,5 @@ def constant_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list
             "scatter, so that the tracker may be stuck: leave the object out of the data there, or make it a static of "
             "the world if it never moves."
         )
-        found.append(Finding("constant", "caution", sentence, tuple(own), {"tracks": float(len(own))}))
+        found.append(Finding.of("constant", "caution", sentence, own, tracks=len(own)))
     return found

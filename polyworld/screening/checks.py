@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from polyworld.gap.screen_courses import course_findings, courses
-from polyworld.gap.screen_finding import Finding
-from polyworld.gap.screen_flight import common_fall, fall_findings
-from polyworld.gap.screen_grid import at_rest, constant_findings, grid_findings, grid_steps
-from polyworld.gap.screen_samples import sample_findings
-from polyworld.gap.screen_settings import DEFAULT, ScreenSettings
-from polyworld.gap.screen_statics import penetration_findings
-from polyworld.gap.screen_times import counts_frames, repeat_findings, time_findings
-from polyworld.gap.screen_tracks import tracks_of, with_noise
 from polyworld.recording import Recording
+from polyworld.screening.clearance import penetration_findings
+from polyworld.screening.courses import course_findings, courses
+from polyworld.screening.finding import Finding
+from polyworld.screening.free_fall import common_fall
+from polyworld.screening.grid import at_rest, constant_findings, grid_findings, grid_steps
+from polyworld.screening.samples import sample_findings
+from polyworld.screening.settings import DEFAULT, ScreenSettings
+from polyworld.screening.time_stamps import counts_frames, repeat_findings, time_findings
+from polyworld.screening.tracks import tracks_of, with_noise
+from polyworld.screening.units import fall_findings
 from polyworld.world import World
 
 
@@ -22,13 +23,11 @@ class Screening:
     """What the screening of a recording found.
 
     findings: refusals before cautions. course_of: number of each run's course, in the order of the recording's runs;
-    runs of one course repeat each other. quantum: step [m] of the grid that positions of an object lie on along a world
-    axis (0, 1, 2), where it makes much of the noise; its share of the noise has standard deviation quantum / sqrt(12).
+    runs of one course repeat each other.
     """
 
     findings: tuple[Finding, ...]
     course_of: tuple[int, ...]
-    quantum: dict[tuple[str, int], float] = field(default_factory=dict)
 
     @property
     def distinct_courses(self) -> int:
@@ -40,16 +39,6 @@ class Screening:
         """Whether going on is all but certainly a waste of time."""
         return any(f.severity == "refuse" for f in self.findings)
 
-    def to_json(self) -> dict[str, object]:
-        """Return the screening as plain data."""
-        return {
-            "refused": self.refused,
-            "findings": [f.to_json() for f in self.findings],
-            "distinct_courses": self.distinct_courses,
-            "course_of": list(self.course_of),
-            "quantum": [{"object": o, "axis": "xyz"[a], "step": q} for (o, a), q in self.quantum.items()],
-        }
-
 
 def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAULT) -> Screening:
     """Check units, axes, time base, sampling, distinct courses and statics of a recording, without any fit.
@@ -60,10 +49,9 @@ def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAUL
     """
     runs = tuple(r.name for r in recording.runs)
     raw = tracks_of(recording)
-    quantum = grid_steps(raw, settings)
     if not raw:
         return Screening((), tuple(range(len(runs))))
-    tracks = with_noise(raw, recording, quantum)
+    tracks = with_noise(raw, recording, grid_steps(raw, settings))
     fall = common_fall(world, tracks, settings)
     found = fall_findings(world, tracks, fall, settings) if fall is not None else []
     scaled = not found and not counts_frames(tracks, settings)
@@ -80,6 +68,6 @@ def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAUL
     if not found and not any(t.moves(settings.moved) for t in tracks):
         found.append(at_rest(tracks))
     course_of = courses(runs, tracks, settings)
-    found += course_findings(runs, course_of, tracks, settings)
+    found += course_findings(runs, course_of)
     found.sort(key=lambda f: f.severity != "refuse")
-    return Screening(tuple(found), course_of, quantum)
+    return Screening(tuple(found), course_of)

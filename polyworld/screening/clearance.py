@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.estimation.contacts import distance_to_static
-from polyworld.gap.screen_finding import Finding, length, runs_listed
-from polyworld.gap.screen_settings import ScreenSettings
-from polyworld.gap.screen_tracks import Track
 from polyworld.representations.rigid import RigidObject
+from polyworld.screening.finding import Finding, length, runs_listed
+from polyworld.screening.settings import ScreenSettings
+from polyworld.screening.tracks import Track
 from polyworld.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
 from polyworld.world import StaticObject, World
 
@@ -23,7 +23,7 @@ ACROSS = 1e-9  # component of a plane's normal below which the position along th
 
 
 def signed_distance(static: StaticObject, points: Array) -> Array | None:
-    """Return the distance (T,) [m] of points (T, 3) from a static's surface, negative inside; None for open meshes."""
+    """Return the distance (T,) [m] of points (T, 3) from a surface, negative inside; None for posts and open meshes."""
     local = (points - np.asarray(static.position)) @ geometry.quaternion_matrix(np.asarray(static.orientation))
     shape = static.shape
     if isinstance(shape, Plane):
@@ -36,12 +36,6 @@ def signed_distance(static: StaticObject, points: Array) -> Array | None:
         return _to_corner(np.abs(local) - np.asarray(shape.half_extents))
     if isinstance(shape, Sphere):
         return np.asarray(np.linalg.norm(local, axis=1) - shape.radius)
-    if isinstance(shape, Cylinder):
-        aside = np.hypot(local[:, 0], local[:, 1]) - shape.radius
-        return _to_corner(np.stack([aside, np.abs(local[:, 2]) - shape.half_height], axis=1))
-    if isinstance(shape, Capsule):
-        beyond = np.maximum(np.abs(local[:, 2]) - shape.half_height, 0.0)
-        return np.asarray(np.sqrt((local[:, :2] ** 2).sum(axis=1) + beyond**2) - shape.radius)
     if isinstance(shape, ConvexMesh):
         solid = geometry.hull(shape)
         normals = np.asarray(solid.face_normals)
@@ -95,7 +89,7 @@ def clearance(world: World, item: RigidObject, static: StaticObject, track: Trac
     """Return the least distance (T,) [m] of a body's surface from a static's, negative where the body lies inside.
 
     Exact for balls, and on planes for all shapes whose orientation was measured; else an upper bound, of the ball that
-    the body certainly fills. NaN where a position that matters was not measured; None for open meshes.
+    the body certainly fills. NaN where a position that matters was not measured; None where `signed_distance` is.
     """
     places = track.places
     if world.planar:
@@ -174,6 +168,6 @@ def penetration_findings(world: World, tracks: Sequence[Track], settings: Screen
                 f"{runs_listed(runs)}: check its size, the place of {static.name}, and the axes and the origin of the "
                 "data, and correct whichever is wrong."
             )
-            figures = {"depth": depth, "samples": float(count), "share": count / total}
-            found.append(Finding("penetration", "caution", sentence, tuple(runs), figures))
+            figures = {"depth": depth, "samples": count, "share": count / total}
+            found.append(Finding.of("penetration", "caution", sentence, runs, **figures))
     return found

@@ -8,15 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polyworld.gap import Screening, screen
-from polyworld.gap.screen_grid import grid_step
-from polyworld.gap.screen_times import repeated_rows
-from polyworld.gap.screen_tracks import scatter
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
+from polyworld.screening import Screening, screen
+from polyworld.screening.grid import grid_step, grid_steps
+from polyworld.screening.settings import DEFAULT
+from polyworld.screening.time_stamps import repeated_rows
+from polyworld.screening.tracks import scatter, tracks_of
 from polyworld.shapes import Box, Sphere
 from polyworld.world import StaticObject, World
-from tests.polyworld import screen_cases as cases
+from tests.polyworld.screening import cases
 
 WORLD = cases.ball_world()
 
@@ -31,29 +32,34 @@ def kinds(screening: Screening) -> list[str]:
     return [f.kind for f in screening.findings]
 
 
+def steps_of(recording: Recording) -> dict[tuple[str, int], float]:
+    return grid_steps(tracks_of(recording), DEFAULT)
+
+
 def on_pixels(recording: Recording, step: float) -> Recording:
     return cases.altered(recording, lambda r: replace(r, positions=np.round(r.positions / step) * step))
 
 
 @pytest.mark.parametrize("step", [0.00371, 0.004, 0.01])
 def test_pixels_are_measured_and_harmless_where_the_object_crosses_them_in_every_frame(step: float) -> None:
-    found = screen(WORLD, on_pixels(launches(), step))
-    assert found.quantum == pytest.approx({("ball", axis): step for axis in range(3)}, rel=1e-3)
-    assert kinds(found) == []
+    found = on_pixels(launches(), step)
+    assert steps_of(found) == pytest.approx({("ball", axis): step for axis in range(3)}, rel=1e-3)
+    assert kinds(screen(WORLD, found)) == []
 
 
 def test_decimals_below_the_noise_are_no_grid() -> None:
-    assert screen(WORLD, on_pixels(launches(), 1e-4)).quantum == {}
+    assert steps_of(on_pixels(launches(), 1e-4)) == {}
 
 
 @pytest.mark.parametrize("decimals", [4, 12])
 def test_slow_motion_from_pixel_to_pixel_is_a_caution(decimals: int) -> None:
     world, swing = cases.swinging(cases.sampling(60.0, 6.0))
     coarse = on_pixels(swing, 0.0237)
-    found = screen(world, cases.altered(coarse, lambda r: replace(r, positions=np.round(r.positions, decimals))))
+    rounded = cases.altered(coarse, lambda r: replace(r, positions=np.round(r.positions, decimals)))
+    found = screen(world, rounded)
     assert "quantised" in kinds(found)
     assert "repeated_rows" not in kinds(found)
-    assert found.quantum[("ball", 0)] == pytest.approx(0.0237, rel=0.01)
+    assert steps_of(rounded)["ball", 0] == pytest.approx(0.0237, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(20))

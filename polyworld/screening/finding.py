@@ -27,15 +27,10 @@ class Finding:
     runs: tuple[str, ...] = ()
     figures: dict[str, float] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, object]:
-        """Return the finding as plain data."""
-        return {
-            "kind": self.kind,
-            "severity": self.severity,
-            "message": self.message,
-            "runs": list(self.runs),
-            "figures": dict(self.figures),
-        }
+    @classmethod
+    def of(cls, kind: str, severity: Severity, message: str, runs: Iterable[str], **figures: float) -> Finding:
+        """Return a finding on runs, each named once."""
+        return cls(kind, severity, message, tuple(dict.fromkeys(runs)), {k: float(v) for k, v in figures.items()})
 
 
 def listed(names: Iterable[str]) -> str:
