@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,8 @@ def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:
     """Kinks of all paths that no static, supporting plane or other body seen explains, the sharpest first.
 
     Velocities before and after are those of straight lines through a few samples, gravity taken out; a kink is where
-    they differ by SURE standard deviations and by JUMP of the typical speed. Bodies on joints have none, nor those of
-    which a component of the position is not measured.
+    they differ by SURE standard deviations and by JUMP of the typical speed. Bodies on joints have none; along an axis
+    that was never measured nothing changes.
     """
     held = {n for j in world.joints if j.kind != "spring" for n in (j.object, j.other)}
     speed = conditions(world, recording).speed
@@ -58,7 +58,8 @@ def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:
         if track.name in held:
             continue
         others = [t for t in everything if t.run == track.run and t.name != track.name]
-        found += _kinks_of(world, track, others, speed)
+        unseen = ~np.isfinite(track.places).any(axis=0)
+        found += _kinks_of(world, replace(track, places=np.where(unseen, 0.0, track.places)), others, speed)
     return tuple(sorted(found, key=lambda k: -float(np.linalg.norm(k.jump))))
 
 
@@ -72,6 +73,7 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
     blocks = np.lib.stride_tricks.sliding_window_view(track.places, window, axis=0)  # (T - w + 1, 3, w)
     velocity, mean = blocks @ slope, blocks.mean(axis=-1)
     free = np.zeros(3) if world.planar else np.asarray(world.environment.gravity, dtype=float)
+    free = np.where(np.ptp(np.nan_to_num(track.places), axis=0) > 0.0, free, 0.0)  # of what was measured
     before, after = velocity[:count] + free * window * step / 2, velocity[window:] - free * window * step / 2
     size = np.linalg.norm(after - before, axis=1)
     size[~np.isfinite(size)] = 0.0

@@ -1,11 +1,13 @@
-"""A wall that nobody sees."""
+"""A wall that nobody sees: a plane of any direction that paths turn back at."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from polyworld import geometry
 from polyworld.effects.conditions import Conditions
@@ -24,91 +26,87 @@ MOST_HITS = 6  # the sharpest
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
 SKEW = 0.15  # error of a wall's direction that noise may make [rad]
 NEARBY = 0.5  # of a body's radius, within which two hits are too near to tell how a wall runs
-WIDEST = 1.4  # angle of a jump to a wall's normal [rad]
 SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
 
 
 def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
-    turning = _turning_axis(world, found)
-    if turning is None or not world.objects:
+    axes = _axes(world, found)
+    if len(axes) < 2 or not world.objects:
         return ()
-    flat = [a for a in range(3) if a != turning]
-    walls = _walls(world, recording, flat)
-    restitutions = [o.restitution for o in world.objects]
-    restitution = float(np.median(restitutions))
+    walls = _walls(world, recording, axes)
+    restitution = float(np.median([o.restitution for o in world.objects]))
+    friction = float(np.median([o.friction for o in world.objects]))
     made = []
-    # A wall is told by where it crosses one axis and by its turn: the axis that it is most across.
-    for i, axis in enumerate(flat):
-        own = [w for w in walls if abs(w[0][axis]) >= abs(w[0][flat[1 - i]])]
+    # A wall is described by where it crosses one axis, the one that it is most across, and by how it is turned.
+    for axis, side in itertools.product(axes, (1.0, -1.0)):
+        own = [w for w in walls if axis == max(axes, key=lambda a: abs(float(w[0][a]))) and side * w[0][axis] > 0.0]
         if not own:
             continue
+        first = side * np.eye(3)[axis]
+        turned = [k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)]
         name = free_name("hidden_wall", [*world.moving_names, *(s.name for s in world.statics)])
-        normal = (float(axis == 0), float(axis == 1), float(axis == 2))
-        wall = StaticObject(name=name, shape=Plane(normal=normal), restitution=restitution, dominant=True)
+        known = {"restitution": restitution} | ({"friction": friction} if friction else {})
+        wall = StaticObject(
+            name=name,
+            shape=Plane(normal=(float(first[0]), float(first[1]), float(first[2]))),
+            restitution=restitution,
+            friction=friction if friction else None,
+            dominant=True,
+        )
         child = with_parts(world, statics=(*world.statics, wall))
         starts = tuple(
-            {"offset": float(offset / n[axis]), "turn": _turn(n, axis, turning), "restitution": restitution}
+            {"offset": float(offset / n[axis])}
+            | {f"turn_{'xyz'[k]}": float(_turn(n, first)[k]) for k in turned}
+            | known
             for n, offset in own
         )
-        sizes = {
-            "offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread),
-            "turn": (f"rotation.{'xyz'[turning]}", 0.1),
-            "restitution": ("restitution", 0.2),
-        }
+        sizes = {"offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread)}
+        sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
+        sizes |= {label: (label, 0.2) for label in known}
         unknowns = tuple(
             of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical)
             for label, (field, typical) in sizes.items()
         )
-        made.append(Variant(child, unknowns, starts, f"across {'xyz'[axis]}"))
+        made.append(Variant(child, unknowns, starts, f"across {'xyz'[axis]}, facing {'-+'[side > 0]}{'xyz'[axis]}"))
     return tuple(made)
 
 
-def _turning_axis(world: World, found: Conditions) -> int | None:
-    """The axis that walls stand along: gravity's, or the normal of the plane of motion; None where it is oblique."""
-    if world.planar:
-        along = geometry.plane_axes(world.environment.motion_plane)[2]
-    else:
-        along = np.asarray(world.environment.gravity, dtype=float)
-        if not along.any():
-            along = np.array([0.0, 0.0, 1.0])
-    along = np.abs(along) / np.linalg.norm(along)
-    axis = int(np.argmax(along))
-    if along[axis] < 1.0 - 1e-9 or not {a for a in range(3) if a != axis} <= set(found.axes):
-        return None
-    return axis
+def _axes(world: World, found: Conditions) -> list[int]:
+    """The world axes along which walls may be seen to turn paths back; none on a plane of motion that is oblique."""
+    if not world.planar:
+        return list(found.axes)
+    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
+    return list(found.axes) if normal.max() > 1.0 - 1e-9 else []
 
 
-def _turn(normal: Array, axis: int, turning: int) -> float:
-    """Angle about the axis `turning` from the unit vector of `axis` to a normal (3,)."""
-    first = np.eye(3)[axis]
-    second = np.cross(np.eye(3)[turning], first)
-    return float(np.arctan2(normal @ second, normal @ first))
+def _turn(normal: Array, first: Array) -> Array:
+    """The rotation vector (3,) that turns one unit vector (3,), `first`, to another."""
+    across = np.cross(first, normal)
+    size = float(np.linalg.norm(across))
+    if size < 1e-12:
+        return np.zeros(3)
+    found: Array = across / size * np.arctan2(size, float(first @ normal))
+    return found
 
 
-def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tuple[Array, float]]:
-    """Upright planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the surest first.
-
-    Two hits tell where a wall runs. One tells only a place of it: friction bends the jump away from the normal, by an
-    angle up to that of the friction cone.
-    """
+def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[tuple[Array, float]]:
+    """Planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the surest first."""
     points, radii = [], []
     for track in tracks(world, recording):
-        seen = np.all(np.isfinite(track.places[:, flat]), axis=1)
+        seen = np.all(np.isfinite(track.places[:, list(axes)]), axis=1)
         points.append(np.where(np.isfinite(track.places[seen]), track.places[seen], 0.0))
         radii.append(np.full(int(seen.sum()), reach(world, world.object(track.name)) - 4.0 * track.noise))
     everywhere, radius = np.concatenate(points), np.concatenate(radii)
     found: list[tuple[Array, float]] = []
-    for normal, kink in _faces(world, [k for k in kinks(world, recording) if _level(k, flat)][:MOST_HITS], flat):
+    for normal, kink in _faces(world, kinks(world, recording)[:MOST_HITS], axes):
         if kink.before @ normal > 0.0:
             continue  # it was pushed on, not turned back
         own = reach(world, world.object(kink.name))
         touched = float(kink.place @ normal) - own
-        along = np.linalg.norm(
-            (everywhere - kink.place)[:, flat] - np.outer((everywhere - kink.place) @ normal, normal[flat]), axis=1
-        )
-        slack = BEYOND * own + SKEW * along
-        if np.any(everywhere @ normal - radius < touched - slack):
+        beside = (everywhere - kink.place)[:, list(axes)]
+        along = np.linalg.norm(beside - np.outer(beside @ normal[list(axes)], normal[list(axes)]), axis=1)
+        if np.any(everywhere @ normal - radius < touched - BEYOND * own - SKEW * along):
             continue
         if any(n @ normal > np.cos(SAME_FACE) and abs(o - touched) < SAME_FACE * own for n, o in found):
             continue
@@ -118,38 +116,50 @@ def _walls(world: World, recording: Recording, flat: Sequence[int]) -> list[tupl
     return found
 
 
-def _level(kink: Kink, flat: Sequence[int]) -> bool:
-    """Whether a jump is not up or down, as an upright wall's cannot be."""
-    return float(np.linalg.norm(kink.jump[flat])) >= 0.7 * float(np.linalg.norm(kink.jump))
+def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tuple[Array, Kink]]:
+    """Normals (3,) that walls may have, and a hit that shows where each stands.
 
-
-def _faces(world: World, hits: Sequence[Kink], flat: Sequence[int]) -> list[tuple[Array, Kink]]:
-    """Normals (3,) that walls may have, and a hit that tells where each stands: through two hits, the farthest apart
-    first; then of single hits, as the jump has it, or bent by friction to either side."""
-    through: list[tuple[float, Array, Kink]] = []
-    for i, one in enumerate(hits):
-        for other in hits[i + 1 :]:
-            if one.name != other.name:
+    Places of several hits lie on the wall: through all of them, then through each two, the farthest apart first; then
+    of single hits, along the jump of the velocity, or bent from it by friction, which acts against the motion along
+    the wall, by up to the angle of the friction cone.
+    """
+    inside = np.zeros(3)
+    inside[list(axes)] = 1.0
+    found: list[tuple[float, Array, Kink]] = []
+    for count in range(len(hits), 1, -1):
+        for group in itertools.combinations(hits, count) if count in (2, len(hits)) else ():
+            if len({k.name for k in group}) > 1:
                 continue  # places are those of centres
-            run = (other.place - one.place)[flat]
-            apart = float(np.linalg.norm(run))
-            if apart < NEARBY * reach(world, world.object(one.name)):
-                continue  # noise would turn it
-            normal = np.zeros(3)
-            normal[flat] = np.array([-run[1], run[0]]) / apart
-            normal *= np.sign(normal @ one.jump)
-            cone = min(np.arctan(world.object(one.name).friction) + SKEW, WIDEST)
-            if all(normal @ k.jump > np.cos(cone) * np.linalg.norm(k.jump[flat]) for k in (one, other)):
-                through.append((apart, normal, one))
-    found = [(normal, kink) for _, normal, kink in sorted(through, key=lambda t: -t[0])]
+            normal, extent = _through(group, inside)
+            cone = np.arctan(world.object(group[0].name).friction) + SKEW
+            apart = extent > NEARBY * reach(world, world.object(group[0].name))
+            if normal is not None and apart and all(k.direction @ normal > np.cos(cone) for k in group):
+                found.append((extent + (1e3 if count > 2 else 0.0), normal, group[0]))
+    faces = [(normal, kink) for _, normal, kink in sorted(found, key=lambda f: -f[0])]
     for kink in hits:
+        jump = kink.jump * inside
+        size = float(np.linalg.norm(jump))
+        if not size:
+            continue
+        bend = np.cross(jump, kink.before * inside)
+        turning = float(np.linalg.norm(bend))
         angle = float(np.arctan(world.object(kink.name).friction))
-        x, y = kink.jump[flat] / np.linalg.norm(kink.jump[flat])
-        for turn in (0.0, angle, -angle):
-            normal = np.zeros(3)
-            normal[flat] = np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y
-            found.append((normal, kink))
-    return found
+        for turn in (0.0, angle, -angle) if turning > 1e-9 else (0.0,):
+            by = Rotation.from_rotvec(bend / max(turning, 1e-12) * turn)
+            faces.append((by.apply(jump / size), kink))
+    return faces
+
+
+def _through(hits: Sequence[Kink], inside: Array) -> tuple[Array | None, float]:
+    """The normal (3,) of the plane through the places of hits that is nearest to their jumps, and their spread [m]."""
+    places = np.array([k.place for k in hits]) * inside
+    about = places - places.mean(axis=0)
+    _, size, ways = np.linalg.svd(about, full_matrices=False)
+    along = ways[: min(int(inside.sum()) - 1, len(hits) - 1)]
+    jump = np.sum([k.direction * inside for k in hits], axis=0)
+    normal = jump - along.T @ (along @ jump)
+    length = float(np.linalg.norm(normal))
+    return (normal / length if length > 1e-9 else None), float(size[len(along) - 1])
 
 
 CANDIDATES = (
@@ -157,7 +167,7 @@ CANDIDATES = (
         name="hidden_wall",
         group="structure",
         law="a plane that bodies rebound from",
-        signature="paths that turn back along one straight line where nothing is seen",
+        signature="paths that turn back at one plane where nothing is seen",
         reference="Newton's law of impact at a fixed plane",
         variants=_wall,
         confused_with={

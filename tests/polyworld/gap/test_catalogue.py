@@ -304,7 +304,7 @@ def test_a_wall_that_nobody_sees_is_found_from_the_kinks_of_paths():
     hidden = Bouncing(planes=((np.array([0.0, 0.0, 1.0]), 0.0), (normal, offset)))
     trial = best_fit(scenes.ball_world(), scenes.ball_recording(hidden, begins, rng), "hidden_wall")
     assert trial.chi2 < 1.15 * trial.bench.design.length
-    assert_recovered(trial, {"turn": 2.6, "offset": offset / normal[0], "restitution": 0.8})
+    assert_recovered(trial, {"turn_z": 2.6 - np.pi, "offset": offset / normal[0], "restitution": 0.8})
 
 
 def test_a_puck_tells_viscous_friction_and_a_wrong_coefficient_of_friction():

@@ -38,7 +38,7 @@ def starts(data: Recording) -> list[tuple[float, float]]:
         }
     )
     found = catalogue()["hidden_wall"].variants(world, data)
-    return [(s["offset"], s["turn"]) for v in found if v.label == "across x" for s in v.starts]
+    return [(s["offset"], np.pi + s["turn_z"]) for v in found if v.label == "across x, facing -x" for s in v.starts]
 
 
 def turned(angle: float) -> float:
@@ -60,6 +60,24 @@ def test_one_hit_is_tried_with_the_jump_bent_to_either_side() -> None:
     data = recorded([Launch((0.0, 0.0, 2.0), (float(v[0]), float(v[1]), 2.0))])
     found = starts(data)
     assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself leads astray
+
+
+@pytest.mark.parametrize("normal", [(0.37, -0.21, 0.9), (-0.7, 0.3, 0.64)])
+def test_a_slanted_wall_is_found_in_free_flight(normal: tuple[float, float, float]) -> None:
+    """Throws without any floor, reflected by SciPy at a plane that is neither upright nor level."""
+    rng = np.random.default_rng(7)
+    begins = launches(rng, 6)
+    across = np.array(normal) / np.linalg.norm(normal)
+    offset = min(float(b.place @ across) for b in begins) - 1.2 * RADIUS
+    hidden = Bouncing(after=lambda speed, along: (0.7 * speed, along), planes=((across, offset),))
+    data = ball_recording(hidden, begins, rng, 0.002, duration=1.0, rate=60.0)
+    world = ball_world().model_copy(update={"statics": ()})
+    candidates = named(["hidden_wall", "hidden_body", "fan", "gravity_error", "tilt"])
+    settings = GapSettings(null_control=False, experiment=False)
+    report = find_gap(world, data, candidates=candidates, settings=settings)
+    assert report.names == ("hidden_wall",)
+    values = report.to_dict()["effects"][0]["unknowns"]
+    assert values["restitution"]["value"] == pytest.approx(0.7, abs=0.03)
 
 
 @pytest.mark.parametrize("pair", [0.87, 0.3])
