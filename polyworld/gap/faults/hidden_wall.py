@@ -135,7 +135,9 @@ def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tupl
             apart = extent > NEARBY * reach(world, world.object(group[0].name))
             if normal is not None and apart and all(k.direction @ normal > np.cos(cone) for k in group):
                 found.append((extent + (1e3 if count > 2 else 0.0), normal, group[0]))
-    faces = [(normal, kink) for _, normal, kink in sorted(found, key=lambda f: -f[0])]
+    faces: list[tuple[Array, Kink]] = []
+    for _, normal, kink in sorted(found, key=lambda f: -f[0]):
+        faces += [(way, kink) for way in (*_upright(world, normal), normal)]
     for kink in hits:
         jump = kink.jump * inside
         size = float(np.linalg.norm(jump))
@@ -148,6 +150,18 @@ def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tupl
             by = Rotation.from_rotvec(bend / max(turning, 1e-12) * turn)
             faces.append((by.apply(jump / size), kink))
     return faces
+
+
+def _upright(world: World, normal: Array) -> list[Array]:
+    """A normal (3,) made level, where it nearly is: most walls stand upright, and friction against a fall or a spin
+    bends jumps off them upwards."""
+    gravity = np.asarray(world.environment.gravity, dtype=float)
+    if world.planar or not gravity.any():
+        return []
+    down = gravity / np.linalg.norm(gravity)
+    level = normal - (normal @ down) * down
+    size = float(np.linalg.norm(level))
+    return [level / size] if size > np.cos(2.0 * SKEW) else []
 
 
 def _through(hits: Sequence[Kink], inside: Array) -> tuple[Array | None, float]:
