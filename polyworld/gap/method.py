@@ -27,7 +27,6 @@ from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
-from polyworld.gap.described import described, law_ebic
 from polyworld.gap.experiment import Contender, propose_experiment
 from polyworld.gap.held_out_gap import NullControl, SealedGap, sealed_gap, simulated_recording
 from polyworld.gap.outlying import (
@@ -44,11 +43,11 @@ from polyworld.gap.report import GapReport
 from polyworld.gap.screen import Screening, screen
 from polyworld.gap.search import SearchSettings
 from polyworld.gap.searching import Searched, Story, search_effects
-from polyworld.gap.settings import DecisionSettings, OutlierSettings
+from polyworld.gap.settings import DecisionSettings, OutlierSettings, SymbolicSettings
 from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.gap.stability import gain_with_error
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.unexplained import MAX_TERMS, ResidualForce
+from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
 from polyworld.gap.verdict import Verdict
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -64,17 +63,19 @@ SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to 
 class GapSettings:
     """How the gap is looked for.
 
-    search: how widely. decision, outliers: when a name is given, and a run set aside. alarm: by how much an effect must
-    lower the extended BIC to be looked into although the base explains the data. null_control: whether the procedure is
-    repeated on data simulated from the base world. experiment: whether the experiment that would decide is sought where
-    the verdict is ambiguous. residual_force: whether a law is sought for what stays unexplained. time_limit [s]: after
-    which the search ends with the best verdict so far. refuse: whether recordings whose units, axes or time base are
-    all but certainly not what they are taken for are refused with ValueError. seed: of the null control, of resampling.
+    search: how widely. decision, outliers: when a name is given, and a run set aside. symbolic: how the law of an
+    unexplained force is sought. alarm: by how much an effect must lower the extended BIC to be looked into although the
+    base explains the data. null_control: whether the procedure is repeated on data simulated from the base world.
+    experiment: whether the experiment that would decide is sought where the verdict is ambiguous. residual_force:
+    whether a law is sought for what stays unexplained. time_limit [s]: after which the search ends with the best
+    verdict so far. refuse: whether recordings whose units, axes or time base are all but certainly not what they are
+    taken for are refused with ValueError. seed: of the null control, of resampling.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
     decision: DecisionSettings = field(default_factory=DecisionSettings)
     outliers: OutlierSettings = field(default_factory=OutlierSettings)
+    symbolic: SymbolicSettings = field(default_factory=SymbolicSettings)
     alarm: float = 10.0
     null_control: bool = True
     experiment: bool = True
@@ -298,8 +299,8 @@ def _residual_force(
     unexplained = verdict.kind == "unexplained" or large
     if found.limited or not work.settings.residual_force or not (unexplained or several):
         return verdict, None, child
-    terms = MAX_TERMS if unexplained else 1
-    force = described(found.ground, best if unexplained else None, found.near, most_terms=terms, cancelled=work.clock)
+    symbolic = work.settings.symbolic if unexplained else replace(work.settings.symbolic, max_terms=1)
+    force = describe_unexplained(found.ground, best if unexplained else None, found.near, symbolic)
     if not unexplained:
         assert best is not None
         if not _simpler(force, found.ground, best):

@@ -31,7 +31,7 @@ from polyworld.gap.predicted_gains import identity
 from polyworld.gap.search import Search, SearchSettings
 from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
 from polyworld.gap.submodels import put_simpler
-from polyworld.gap.unexplained import Near
+from polyworld.gap.symbolic import Near
 from polyworld.gap.verdict import Verdict, beside_fewer, decide
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits

@@ -59,6 +59,34 @@ class OutlierSettings:
             raise ValueError(f"most is a share of the runs below one half, so that the others decide; got {self.most}")
 
 
+@dataclass(frozen=True)
+class SymbolicSettings:
+    """How the law of an unexplained force is sought.
+
+    max_terms: of the law: three have up to eight numbers, as many as one expression holds. contenders: terms fitted
+    in the simulator at each step, of those that the score test ranks. improvement: least fall of the extended BIC for
+    one more term; less is "not worth more than a bare mention" (Kass & Raftery 1995). near: laws within this of the
+    best are reported as alternatives; more is "very strong" evidence there. penalty: added for each factor that a term
+    depends on, so that of laws that are indistinguishable the one that depends on less is chosen. loudest: times the
+    variance seen in short differences of the data, beyond which what is left is no noise, whatever its course.
+    same_noise: relative change of chi2 below which a refined noise changes no choice. steps: integration steps in all,
+    after which no further law is tried: some minutes. rollout: steps that beginning a rollout costs as much as.
+    """
+
+    max_terms: int = 3
+    contenders: int = 6
+    improvement: float = 2.0
+    near: float = 10.0
+    penalty: float = 0.5
+    loudest: float = 2.0
+    same_noise: float = 0.02
+    steps: float = 4e7
+    rollout: float = 1e3
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+
 def _positive(settings: object) -> None:
     for field in fields(settings):  # type: ignore[arg-type]
         value = getattr(settings, field.name)
