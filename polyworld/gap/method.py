@@ -28,7 +28,8 @@ from polyworld.gap.cautions import cautions
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
 from polyworld.gap.experiment import Contender, propose_experiment
-from polyworld.gap.held_out_gap import NullControl, SealedGap, sealed_gap, simulated_recording
+from polyworld.gap.held_out import HeldOutGap, held_out_gap
+from polyworld.gap.null_control import NullControl, simulated_recording
 from polyworld.gap.outlying import (
     OutlyingRun,
     bearing_run,
@@ -89,8 +90,8 @@ def find_gap(
     world: World,
     recording: Recording,
     *,
-    sealed: Recording | None = None,
-    sealed_world: Callable[[World], World] | None = None,
+    held_out: Recording | None = None,
+    held_out_world: Callable[[World], World] | None = None,
     base: Sequence[Unknown] = (),
     candidates: Sequence[Candidate] | None = None,
     settings: GapSettings | None = None,
@@ -100,9 +101,9 @@ def find_gap(
     """Find what a world lacks to explain a recording.
 
     base: unknowns that are fitted in every hypothesis. candidates: effects to choose from, default the whole
-    catalogue. sealed: data that no step sees before the verdict, which they can only lower. sealed_world: gives a world
-    as it is where these begin, if that is later than where the fitted runs do. progress: called with the share done (0
-    to 1) and the step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises
+    catalogue. held_out: data that no step sees before the verdict, which they can only lower. held_out_world: gives a
+    world as it is where these begin, if that is later than where the fitted runs do. progress: called with the share
+    done (0 to 1) and the step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises
     ValueError where the recording does not fit the world.
     """
     settings = settings or GapSettings()
@@ -130,9 +131,9 @@ def find_gap(
 
     remainder = _remainder(found, verdict, graded)
     verdict, force, child_or_none = _residual_force(work, found, verdict, remainder, child_or_none)
-    gap = _proof(work, found, child_or_none, sealed, sealed_world or _as_it_is)
+    gap = _proof(work, found, child_or_none, held_out, held_out_world or _as_it_is)
     null = _null_control(work, found, best) if settings.null_control and not found.limited else None
-    checks = _checks(found, verdict, graded, gap, null, sealed, settings.decision)
+    checks = _checks(found, verdict, graded, gap, null, held_out, settings.decision)
     verdict = replace(verdict, kind=lowered(verdict.kind, checks))
     experiment = _experiment(work, found, verdict)
     story.tell(1.0, "done", {"rollouts": bench.rollouts})
@@ -142,7 +143,7 @@ def find_gap(
         base=ground,
         intervals=intervals,
         world=child_or_none,
-        sealed=gap,
+        held_out=gap,
         null=null,
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
@@ -328,14 +329,14 @@ def _as_it_is(world: World) -> World:
 
 
 def _proof(
-    work: _Work, found: Searched, child: World | None, sealed: Recording | None, begins: Callable[[World], World]
-) -> SealedGap | None:
-    """Hold the decision against the sealed data."""
-    if sealed is None:
+    work: _Work, found: Searched, child: World | None, held_out: Recording | None, begins: Callable[[World], World]
+) -> HeldOutGap | None:
+    """Hold the decision against the held-out data."""
+    if held_out is None:
         return None
     before = _fitted_world(found.ground, work.world)
     after = child if child is not None else before
-    gap = sealed_gap(begins(before), begins(after), sealed, found.bench.noise)
+    gap = held_out_gap(begins(before), begins(after), held_out, found.bench.noise)
     work.story.tell(0.85, "sealed data", gap.to_dict())
     return gap
 
@@ -364,9 +365,9 @@ def _checks(
     found: Searched,
     verdict: Decided,
     graded: Graded | None,
-    gap: SealedGap | None,
+    gap: HeldOutGap | None,
     null: NullControl | None,
-    sealed: Recording | None,
+    held_out: Recording | None,
     settings: DecisionSettings,
 ) -> list[Check]:
     """Collect what the program itself holds against a name."""
@@ -391,7 +392,7 @@ def _checks(
         if further and other.ebic_behind < settings.reach:
             names = " + ".join(names_of(other.trial))
             checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
-    if sealed is None and graded is None and not _predicted(found, verdict, settings):
+    if held_out is None and graded is None and not _predicted(found, verdict, settings):
         runs = len(found.bench.design.runs)
         parts = "later parts" if runs == 1 else "the other runs"
         checks.append(
@@ -409,8 +410,8 @@ def _predicted(found: Searched, verdict: Decided, settings: DecisionSettings) ->
     return folds > 1 and gain * folds > settings.decisive and gain > settings.clearly * error
 
 
-def _unsupported(verdict: Decided, gap: SealedGap | None) -> tuple[str, ...]:
-    """What sealed data say against a world in which nothing is missing."""
+def _unsupported(verdict: Decided, gap: HeldOutGap | None) -> tuple[str, ...]:
+    """What held-out data say against a world in which nothing is missing."""
     found = gap.contradicts if gap is not None and verdict.kind == "nothing_missing" else None
     return () if found is None else (found,)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class DecisionSettings:
@@ -57,6 +59,41 @@ class OutlierSettings:
         _positive(self)
         if not self.most < 0.5:
             raise ValueError(f"most is a share of the runs below one half, so that the others decide; got {self.most}")
+
+
+@dataclass(frozen=True)
+class HoldOutSettings:
+    """Which part of a recording is held out.
+
+    share: of the runs, or of the only run's time; a quarter costs the fit a seventh of its precision. fewest_runs: of
+    which one can be spared; with two, the fit would rest on a single one. fewest_instants: that each part of a divided
+    run must keep, for an initial state and a noise level of its own.
+    """
+
+    share: float = 0.25
+    fewest_runs: int = 3
+    fewest_instants: int = 12
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+
+@dataclass(frozen=True)
+class ExperimentSettings:
+    """Which experiments are tried, and when one decides.
+
+    enough: separation in standard deviations of the noise that decides: an odds ratio of e^12 in a Gaussian likelihood.
+    speeds: shares of the fastest start seen; laws that agree at one speed part at a multiple of it. slowest [m/s]: what
+    counts as the fastest where nothing was thrown. headings, rises [rad]: directions of the start. lifts: heights of
+    the start, as shares of the extent of the motion seen.
+    """
+
+    enough: float = 5.0
+    speeds: tuple[float, ...] = (0.0, 1.0, 3.0)
+    slowest: float = 0.5
+    headings: tuple[float, ...] = (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)
+    rises: tuple[float, ...] = (0.0, np.pi / 4)
+    lifts: tuple[float, ...] = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
