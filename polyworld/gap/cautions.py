@@ -17,6 +17,7 @@ def cautions(plan: Design) -> tuple[str, ...]:
     found = []
     measured = {(owner(s.name), s.axis) for s in plan.series if s.kind == "position"}
     turned = {owner(s.name) for s in plan.series if s.kind == "rotation"}
+    turned |= {s.name for r in plan.runs for s in r.states if any("angular_velocity" in label for label in s.known)}
     names = sorted({name for name, _ in measured})
     held = {name for name in names if is_held(plan.world, name)}
     for name in () if plan.world.planar else [n for n in names if n not in held]:
