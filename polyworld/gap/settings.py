@@ -62,6 +62,27 @@ class OutlierSettings:
 
 
 @dataclass(frozen=True)
+class LocaliseSettings:
+    """How residuals are shared out, and what counts as a difference.
+
+    clear: standard errors above noise from which on a level counts. parts: of every run's time; cells: of the region
+    along each of its two longest sides: so few that each holds several modes of a run of a hundred samples. alarm:
+    standard deviations by which the mean of a window of forecast errors announces an onset: once in a million windows
+    of noise. windows: their lengths, as shares of the run's samples. after [s]: that count as just after a collision.
+    lasting [s]: from which on a contact is more than a collision. grip: slip over speed, below which a ball rolls.
+    """
+
+    clear: float = 3.0
+    parts: int = 6
+    cells: int = 3
+    alarm: float = 5.0
+    windows: tuple[float, ...] = (1 / 48, 1 / 24, 1 / 12, 1 / 6)
+    after: float = 0.1
+    lasting: float = 0.05
+    grip: float = 0.05
+
+
+@dataclass(frozen=True)
 class HoldOutSettings:
     """Which part of a recording is held out.
 
