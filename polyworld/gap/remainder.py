@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.localise import Localisation, localise
+from polyworld.gap.settings import LocaliseSettings
 
 Array = NDArray[np.float64]
-
-CLEAR = 0.2  # absolute correlation from which on a quantity is named; explains 4% of the variance
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Remainder:
 
     rms, noise: of positions [m] (of rotations [rad] where none was measured), and of their noise. before: rms of the
     base without effects. where: by run, object, time, phase, region, speed and axis. correlation: quantity -> Pearson
-    correlation of the residual's size with it, over all samples.
+    correlation of the residual's size with it, over all samples; named: absolute value from which on it is reported.
     """
 
     rms: float
@@ -31,6 +30,7 @@ class Remainder:
     unit: str
     where: Localisation
     correlation: dict[str, float]
+    named: float
 
     @property
     def beyond_noise(self) -> float:
@@ -43,7 +43,7 @@ class Remainder:
             f"What remains is {self.beyond_noise:.3g} {self.unit} rms beside a noise of {self.noise:.3g} {self.unit} "
             f"(without the effects {max(self.before**2 - self.noise**2, 0.0) ** 0.5:.3g} {self.unit})"
         )
-        named = [f"{k} ({v:+.2f})" for k, v in self.correlation.items() if abs(v) >= CLEAR]
+        named = [f"{k} ({v:+.2f})" for k, v in self.correlation.items() if abs(v) >= self.named]
         text += (
             f"; its size correlates with {', '.join(named)}" if named else "; its size correlates with nothing tested"
         )
@@ -63,16 +63,20 @@ class Remainder:
         }
 
 
-def remainder_of(trial: FittedHypothesis, base: FittedHypothesis) -> Remainder:
-    """Describe the residuals of a fit, held against those of the base."""
+def remainder_of(
+    trial: FittedHypothesis, base: FittedHypothesis, settings: LocaliseSettings | None = None
+) -> Remainder:
+    """Describe the residuals of a fit, compared with those of the base."""
+    settings = settings or LocaliseSettings()
     design, noise = trial.bench.design, trial.bench.noise
     kind = "position" if any(s.kind == "position" for s in design.series) else "rotation"
     left, size = _rms(trial, kind)
     before, _ = _rms(base, kind)
     sigma = np.concatenate([noise.sigma[s.run][s.where] for s in design.series if s.kind == kind])
-    where = localise(design, noise, trial.fit, unknowns=trial.hypothesis.unknowns)
+    where = localise(design, noise, trial.fit, unknowns=trial.hypothesis.unknowns, settings=settings)
     unit = "m" if kind == "position" else "rad"
-    return Remainder(left, float(np.sqrt(np.mean(sigma**2))), before, unit, where, _correlations(trial, size))
+    level = float(np.sqrt(np.mean(sigma**2)))
+    return Remainder(left, level, before, unit, where, _correlations(trial, size), settings.named)
 
 
 def _rms(trial: FittedHypothesis, kind: str) -> tuple[float, list[Array]]:

@@ -70,6 +70,7 @@ class LocaliseSettings:
     standard deviations by which the mean of a window of forecast errors announces an onset: once in a million windows
     of noise. windows: their lengths, as shares of the run's samples. after [s]: that count as just after a collision.
     lasting [s]: from which on a contact is more than a collision. grip: slip over speed, below which a ball rolls.
+    named: absolute correlation of the residual's size with a quantity from which on that is named: 4% of the variance.
     """
 
     clear: float = 3.0
@@ -80,6 +81,7 @@ class LocaliseSettings:
     after: float = 0.1
     lasting: float = 0.05
     grip: float = 0.05
+    named: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,26 @@ class ExperimentSettings:
     headings: tuple[float, ...] = (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)
     rises: tuple[float, ...] = (0.0, np.pi / 4)
     lifts: tuple[float, ...] = (0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PowerSettings:
+    """What it means that an effect could have been seen.
+
+    power: probability with which an effect of the strength reported is seen. alarm: by how much an effect must lower
+    the extended BIC to be looked into, as in the search. starts: of an effect with a place or a rhythm, spread over all
+    of its own, that are planted. corrections: of the strength, for effects that do not grow in proportion to it.
+    """
+
+    power: float = 0.95
+    alarm: float = 10.0
+    starts: int = 4
+    corrections: int = 2
+
+    def __post_init__(self) -> None:
+        _positive(self)
+        if not self.power < 1.0:
+            raise ValueError(f"power is a probability below 1; got {self.power}")
 
 
 @dataclass(frozen=True)
