@@ -85,6 +85,49 @@ class LocaliseSettings:
 
 
 @dataclass(frozen=True)
+class MapSettings:
+    """How an effect with an edge is located by its strength in windows.
+
+    windows: at most. iterations: of the fit to them; so short a window is nearly straight. samples: of each, by which
+    it is counted how much of it lies inside. sure: standard deviations by which a window, or a disc, is significant.
+    rough: relative error of a strength by its slope: friction ends the slide that it acts on. filled: share of a window
+    that has to lie inside for the effect to show in full. bands: bounds of the radius in typical changes: small and
+    large discs are sought separately. kept: discs of each band. apart: share of the information that two of these must
+    not have in common. damped: share of the strength estimated at which a fit begins: beyond its bound, as with less
+    friction than none, there is no gradient. population, generations: of the search for discs.
+    """
+
+    windows: int = 512
+    iterations: int = 4
+    samples: int = 8
+    sure: float = 4.0
+    rough: float = 0.3
+    filled: float = 0.4
+    bands: tuple[float, ...] = (0.0, 1.2, 2.5, 5.0, np.inf)
+    kept: int = 2
+    apart: float = 0.1
+    damped: float = 0.7
+    population: int = 40
+    generations: int = 60
+
+
+@dataclass(frozen=True)
+class ZoomSettings:
+    """How the start of an effect with a place or a rhythm is refined.
+
+    levels: of refinement. kept: places that are refined at each. around: new ones around each. width: standard
+    deviation of their distances in typical changes, halved at each level. apart: typical changes by which places that
+    are kept differ.
+    """
+
+    levels: int = 3
+    kept: int = 4
+    around: int = 24
+    width: float = 1.0
+    apart: float = 0.1
+
+
+@dataclass(frozen=True)
 class HoldOutSettings:
     """Which part of a recording is held out.
 
