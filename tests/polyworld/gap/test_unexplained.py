@@ -12,9 +12,10 @@ from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.expressions import Expression, compile_expression
 from polyworld.gap.examine import fitted_base
 from polyworld.gap.settings import SymbolicSettings
-from polyworld.gap.symbolic import ResidualForce, describe_unexplained
+from polyworld.gap.symbolic import Near, ResidualForce, describe_unexplained
 from polyworld.gap.symbolic_law import Law
 from polyworld.gap.symbolic_terms import Scales, library, scales_of
+from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.rollout import simulator
 from polyworld.world import World
@@ -202,3 +203,17 @@ def test_a_world_that_holds_an_unexplained_force_may_get_another():
         {"unexplained"},
         {"unexplained_2"},
     ]
+
+
+def test_a_law_that_is_sought_on_windows_holds_on_whole_runs():
+    """An attraction that bends paths by their own length, far from any straight line."""
+    ground = fitted_base(design(puck_world(), recorded(lambda _t, x, _v: -9.0 * np.linalg.norm(x) * x, 4)), ())
+    cut = windows(ground.bench, 4)
+    assert cut is not None
+    on_windows = cut.ground(ground.hypothesis, ground.values)
+    found = describe_unexplained(ground, near=Near(cut, on_windows.bench.noise, on_windows.fit))
+    assert found.explains
+    assert len(found.trial.fit.states) == len(ground.fit.states)
+    assert directions(found) == ["towards a point"]
+    assert found.numbers["q"].value == pytest.approx(2.0, abs=0.05)
+    assert [found.numbers["cx"].value, found.numbers["cy"].value] == pytest.approx([0.0, 0.0], abs=0.01)
