@@ -76,22 +76,22 @@ def _run(options: argparse.Namespace) -> int:
     from atw_mcp.world_from_options import world_of
     from polyworld.gap import GapSettings, find_gap
     from polyworld.gap.catalogue import named
-    from polyworld.gap.hold_back import HeldBack, hold_back
+    from polyworld.gap.held_out import Split, hold_out
     from polyworld.gap.settings import SearchSettings
 
     wanted = named(options.effects.split(",")) if options.effects else None
     world, form = world_of(options), recording_form(options)
     recording = read_with_remarks(options.data, form, world)
     if options.sealed is not None:
-        parts = HeldBack(recording, read_with_remarks(options.sealed, form, world), f"sealed {options.sealed}")
+        parts = Split(recording, read_with_remarks(options.sealed, form, world), f"sealed {options.sealed}")
     else:
         chosen = None if options.seal is None else [] if options.seal == "none" else options.seal.split(",")
-        parts = hold_back(recording, chosen)
+        parts = hold_out(recording, chosen)
     report = find_gap(
         world,
         parts.fitted,
-        sealed=parts.sealed,
-        sealed_world=parts.sealed_world,
+        held_out=parts.held_out,
+        held_out_world=parts.held_out_world,
         base=unknowns_at(world, options.fit),
         candidates=wanted,
         settings=GapSettings(
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> int:
         progress=_Steps(),
     )
     told = report.to_dict()
-    told["sealed_data"] = parts.said
+    told["sealed_data"] = parts.summary
     if options.out is not None and told["world"] is not None:
         options.out.write_text(json.dumps(told["world"], indent=2) + "\n")
     if options.pictures is not None:

@@ -24,8 +24,7 @@ from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.cautions import cautions
 from polyworld.gap.comparison import Compared, compared
 from polyworld.gap.examine import fitted_base, with_refined_noise
-from polyworld.gap.held_out_gap import sealed_gap
-from polyworld.gap.hold_back import HeldBack
+from polyworld.gap.held_out import Split, held_out_gap
 from polyworld.gap.localise import localise
 from polyworld.gap.power import power_check
 from polyworld.gap.report import effects_of, finite
@@ -72,7 +71,7 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
 
 def propose(
     world: World,
-    parts: HeldBack,
+    parts: Split,
     base: tuple[Unknown, ...],
     candidates: Sequence[Candidate] | None,
     settings: GapSettings,
@@ -84,8 +83,8 @@ def propose(
         report = find_gap(
             world,
             recording,
-            sealed=parts.sealed,
-            sealed_world=parts.sealed_world,
+            held_out=parts.held_out,
+            held_out_world=parts.held_out_world,
             base=base,
             candidates=candidates,
             settings=settings,
@@ -198,7 +197,7 @@ def _evidence(ground: FittedHypothesis, trial: FittedHypothesis) -> dict[str, fl
     }
 
 
-def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
+def worth(proposal: Proposal, parts: Split, progress: Progress) -> Outcome:
     """Hold a world with effects against the one without, initial states fitted anew: on fitted, then on sealed data.
 
     Where the data are a single run, the world made starts as that run did.
@@ -206,15 +205,15 @@ def worth(proposal: Proposal, parts: HeldBack, progress: Progress) -> Outcome:
     pair = (proposal.before, proposal.after)
     with _interruptible():
         progress.report(0.6, 1.0, "before and after on the data fitted")
-        fitted = sealed_gap(*pair, parts.fitted)
+        fitted = held_out_gap(*pair, parts.fitted)
         trials = _alone(pair, parts.fitted, progress)
         made = proposal.after if len(parts.fitted.runs) > 1 else _starting_as(trials[1])
         gap = None
-        if parts.sealed is not None:
+        if parts.held_out is not None:
             progress.report(0.8, 1.0, "before and after on the sealed data")
-            pair = (parts.sealed_world(pair[0]), parts.sealed_world(pair[1]))
-            gap = sealed_gap(*pair, parts.sealed)
-            trials = _alone(pair, parts.sealed, progress)
+            pair = (parts.held_out_world(pair[0]), parts.held_out_world(pair[1]))
+            gap = held_out_gap(*pair, parts.held_out)
+            trials = _alone(pair, parts.held_out, progress)
     data = finite(
         {
             "effects": proposal.effects,

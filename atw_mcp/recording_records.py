@@ -16,7 +16,7 @@ from atw_mcp.cases import path_hash
 from atw_mcp.gap_unknowns import last_fit
 from atw_mcp.track_records import at_rate, read_record
 from evidence_store import Case
-from polyworld.gap.hold_back import HeldBack, hold_back
+from polyworld.gap.held_out import Split, hold_out
 from polyworld.recording import Recording, Run
 from polyworld.recording_csv import read_recording
 from polyworld.recording_header import RecordingForm
@@ -31,7 +31,7 @@ class CaseRecording:
     """What the gap of a case is measured on. id: of the observation; parts: what may be fitted and what is sealed."""
 
     id: str
-    parts: HeldBack
+    parts: Split
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Imported:
 
     id: str
     recording: Recording
-    parts: HeldBack
+    parts: Split
     remarks: tuple[str, ...]
 
 
@@ -49,7 +49,7 @@ def keep_recording(
 ) -> Imported:
     """Keep a CSV of runs as the case's latest recording.
 
-    sealed: names of the runs that are sealed; default: as `hold_back` chooses. seconds_per_frame [s]: of a file that
+    sealed: names of the runs that are sealed; default: as `hold_out` chooses. seconds_per_frame [s]: of a file that
     counts frames. A file without a column `object` shows the only moving object of the case's latest world, and angles
     are of bodies on that world's hinges. Raises ValueError or KeyError for files that cannot be read.
     """
@@ -58,7 +58,7 @@ def keep_recording(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         recording = read_recording(path, form=RecordingForm(seconds_per_frame=seconds_per_frame), world=world)
-    parts = hold_back(recording, sealed)
+    parts = hold_out(recording, sealed)
     listed = None if sealed is None else list(sealed)
     inputs: dict[str, Any] = {
         "file": path_hash(path),
@@ -87,7 +87,7 @@ def case_recording(app: App, case: Case, world: World) -> CaseRecording:
     if known:
         document = app.store.observations.get(known[0]).document
         recording = _known_objects(_recording(document), world)
-        return CaseRecording(known[0], hold_back(recording, document["sealed"]))
+        return CaseRecording(known[0], hold_out(recording, document["sealed"]))
     record = read_record(app.store, case, app.store.cases.modelled_observation(case.id, world.id))
     if record is None:
         raise ValueError(
@@ -100,10 +100,10 @@ def case_recording(app: App, case: Case, world: World) -> CaseRecording:
     run = replace(_present(filmed, world), lead=float(filmed.times[0]))
     fit = last_fit(app, world)
     unseen = None if fit is None or fit.unseen_from is None else fit.unseen_from * step
-    parts = hold_back(_known_objects(Recording((run,)), world), begin=unseen)
-    if fit is not None and unseen is None and parts.sealed is not None:
+    parts = hold_out(_known_objects(Recording((run,)), world), begin=unseen)
+    if fit is not None and unseen is None and parts.held_out is not None:
         seen = "FitWorld has seen it, but all that it fitted is fitted anew without it (holdout_from keeps it unseen)"
-        parts = replace(parts, said=f"{parts.said}; {seen}")
+        parts = replace(parts, summary=f"{parts.summary}; {seen}")
     return CaseRecording(record.id, parts)
 
 

@@ -264,7 +264,7 @@ def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, g
 
 
 def _told(recording: CaseRecording) -> dict[str, Any]:
-    return {"recording": recording.id, "sealed_data": recording.parts.said}
+    return {"recording": recording.id, "sealed_data": recording.parts.summary}
 
 
 def _plain(unknowns: tuple[Unknown, ...]) -> list[dict[str, Any]]:

@@ -125,7 +125,7 @@ def import_observation(
 
 
 def _recording_answer(case: Case, imported: Imported) -> Answer:
-    recording, sealed = imported.recording, imported.parts.sealed
+    recording, sealed = imported.recording, imported.parts.held_out
     names = tuple(dict.fromkeys(name for run in recording.runs for name in run.names))
     rows = [
         {
@@ -143,12 +143,12 @@ def _recording_answer(case: Case, imported: Imported) -> Answer:
     objects = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
     remarks = "".join(f". {remark}" for remark in imported.remarks)
     return Answer(
-        summary=f"recording {imported.id}: {len(rows)} runs of {objects}; {imported.parts.said}{remarks}",
+        summary=f"recording {imported.id}: {len(rows)} runs of {objects}; {imported.parts.summary}{remarks}",
         data={
             "recording": imported.id,
             "runs": rows,
             "objects": list(names),
-            "sealed_data": imported.parts.said,
+            "sealed_data": imported.parts.summary,
             "remarks": list(imported.remarks),
             "next": f"BuildWorld(case={case.id!r}, objects=[{{name, shape, position, mass, ...}}, ...]) or world=JSON, "
             f"with these names of objects; then FindDiscrepancy(case={case.id!r})",

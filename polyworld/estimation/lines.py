@@ -1,8 +1,8 @@
-"""Rhythms in residuals: lines of the spectrum that stick out of what lies beside them.
+"""Detect spectral lines in residuals above the continuum around them.
 
-What swings faster than the low modes that `goodness` looks at, as a table that shakes, leaves its energy in a few
-neighbouring modes. Held against the median of the modes around, it is told from noise whatever the noise's level and
-colour (Fisher 1929, Proc. R. Soc. A 125, 54, with the level from the modes around and not from all).
+What oscillates faster than the low modes of `goodness`, as a table that shakes, leaves its energy in a few neighbouring
+modes. Compared with the median of the modes around, it is distinguished from noise of any level and colour (Fisher
+1929, Proc. R. Soc. A 125, 54, with the level from the modes around and not from all).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.special import fdtrc
+from scipy.special import chdtri, fdtrc
 
 from polyworld.estimation.design import Design, Series
 from polyworld.estimation.noise import Noise, resolution
@@ -22,11 +22,11 @@ from polyworld.estimation.spectrum import modes
 Array = NDArray[np.float64]
 
 AROUND = 151  # modes whose median is the level; a line fills a few of them
-FEWEST = 96  # modes of a series that is looked at
+FEWEST = 96  # modes of a series, below which too few are around a line to know the level
 TOGETHER = 3  # neighbouring modes that hold most of a line, whatever its phase
-MEDIAN = 0.4549  # of the chi-squared distribution with one degree of freedom
+MEDIAN = float(chdtri(1, 0.5))  # of the chi-squared distribution with one degree of freedom
 EFFICIENCY = 0.37  # of a median, against a mean, for the level of such modes
-ROUNDED = 0.5  # share of the noise by rounding beyond which it may beat with the motion, and is a rhythm itself
+ROUNDED = 0.5  # share of the noise by rounding, beyond which rounding may beat with the motion: a line by itself
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ NO_LINE = Line(1.0, 0.0, "", "", "position", 0)
 
 
 def strongest_line(design: Design, noise: Noise, whitened: Sequence[Array], lowest: int) -> Line:
-    """The line that noise would least show, among the modes from `lowest` on of whitened residuals, run by run."""
+    """Find the most significant line among the modes from `lowest` on of whitened residuals, run by run."""
     best, places = NO_LINE, 0
     for s in design.series:
         if len(s.rows) < FEWEST or _is_rounded(design, noise, s):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.estimation.initial_support import is_aloft, is_borne, keeps_height, may_be_borne, rest_place
 from polyworld.estimation.linkage import Linkage, is_held, linkages
+from polyworld.estimation.measured_spin import initial_spin
 from polyworld.recording import Run
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.rigid import RigidObject
@@ -41,8 +42,8 @@ class StateCoordinates:
     labels (N,). start (N,): first guess. typical (N,): ordinary changes.
     spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
     reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
-    samples, in case a body hits something right after the start. at_rest: components of the position that are known,
-    of a ball that lies on something.
+    samples, in case a body hits something right after the start. known: components that are not fitted: the position
+    of a ball that lies on something, a spin that was measured without an orientation.
     """
 
     name: str
@@ -53,14 +54,14 @@ class StateCoordinates:
     spread: Array
     reach: Array
     hasty: Array
-    at_rest: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
     linkage: Linkage | None = None
 
     def overrides(self, values: Array, given: Mapping[str, Array]) -> dict[str, Array]:
         """Parameter path -> values (k,) for coordinates (k, N); `given`: parameters (k,) that differ from it."""
         if self.linkage is not None:
             return self.linkage.overrides(values, given)
-        known = {label: np.full(len(values), v) for label, v in self.at_rest.items()}
+        known = {label: np.full(len(values), v) for label, v in self.known.items()}
         found = {label: values[:, i] for i, label in enumerate(self.labels)}
         return {_path(self.name, label): v for label, v in (known | found).items()}
 
@@ -121,7 +122,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     start: list[float] = []
     typical: list[float] = []
     reach: dict[str, float] = {}
-    at_rest: dict[str, float] = {}
+    fixed: dict[str, float] = {}
     planar = item.representation == "rigid_planar"
     normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
     gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
@@ -137,7 +138,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         borne = level and may_be_borne(world, item, run)
         known = rest_place(world, item, run, axis) if borne else None
         if known is not None and not is_aloft(values[rows], known):
-            at_rest[f"position.{letter}"] = known
+            fixed[f"position.{letter}"] = known
             continue
         if borne and known is None:
             labels.append(f"position.{letter}")
@@ -149,24 +150,24 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         labels += [f"position.{letter}", f"velocity.{letter}"]
         start += [place, speed]
         typical += [LENGTH, 10.0 * LENGTH]
-    turned = run.orientations[:, column]
+    turned, spin = run.orientations[:, column], initial_spin(run, column)
     rows = np.flatnonzero(np.all(np.isfinite(turned), axis=-1) & (times >= begin - 1e-9))
     if len(rows) >= 2:
         first = np.asarray(item.orientation)
         first_rows = rows[:early]
         steps = rotation_vector(turned[first_rows[1:]], turned[first_rows[:-1]]) / np.diff(times[first_rows])[:, None]
-        spin = _measured_spin(run, column, np.median(steps, axis=0))
+        first_spin = np.where(np.isfinite(spin), spin, np.median(steps, axis=0))
         turn = rotation_vector(turned[rows[0]][None], first[None])[0]
         for axis, letter in enumerate("xyz"):
             if planar and normal[axis] < 1.0 - 1e-9:
                 continue
             labels += [f"rotation.{letter}", f"angular_velocity.{letter}"]
-            start += [float(turn[axis]), float(spin[axis])]
+            start += [float(turn[axis]), float(first_spin[axis])]
             typical += [TURN, 10.0 * TURN]
     else:
         for axis in _measured_axes(run, column, normal):
             labels.append(f"angular_velocity.{'xyz'[axis]}")
-            start.append(float(_measured_spin(run, column, np.zeros(3))[axis]))
+            start.append(float(np.nan_to_num(spin[axis])))
             typical.append(10.0 * TURN)
     for effect in world.effects:
         if effect.kind == "unseen_spin_lift" and effect.enabled and item.name in (effect.objects or (item.name,)):
@@ -181,6 +182,12 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest nothing tells which way to go
         typical.append(10.0 * TURN)
         spread = np.append(spread, SPIN)
+    elif len(rows) < 2 and label not in labels and not any(item.angular_velocity) and _is_lifted(world, item):
+        axes = [int(np.argmax(normal))] if planar else [0, 1, 2]
+        labels += [f"angular_velocity.{'xyz'[axis]}" for axis in axes]
+        start += [0.0] * len(axes)
+        typical += [SPIN] * len(axes)
+        spread = np.append(spread, np.zeros(len(axes)))
     return StateCoordinates(
         item.name,
         "free",
@@ -190,7 +197,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         spread,
         np.array([reach.get(label, 0.0) for label in labels]),
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
-        at_rest,
+        fixed,
     )
 
 
@@ -201,14 +208,15 @@ def _measured_axes(run: Run, column: int, normal: Array) -> list[int]:
     return [a for a in axes if not normal.any() or a == int(np.argmax(normal))]
 
 
-def _measured_spin(run: Run, column: int, otherwise: Array) -> Array:
-    """Return the first measured angular velocity (3,) of an object, component by component [rad/s]; `otherwise` where
-    none was measured."""
-    spin = otherwise.copy()
-    for axis, values in enumerate(run.angular_velocities[:, column].T):
-        seen = values[np.isfinite(values)]
-        spin[axis] = seen[0] if len(seen) else otherwise[axis]
-    return spin
+def _is_lifted(world: World, item: RigidObject) -> bool:
+    """Whether the path of a body in flight depends on its spin."""
+    return any(
+        e.kind == "magnus_lift"
+        and e.enabled
+        and e.parameters.get("coefficient")
+        and item.name in (e.objects or (item.name,))
+        for e in world.effects
+    )
 
 
 def _highest_speed(times: Array, values: Array) -> float:

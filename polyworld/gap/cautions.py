@@ -1,4 +1,4 @@
-"""What a recording cannot tell, whatever the verdict on it."""
+"""List what a recording leaves undetermined, whatever the verdict on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FEW = 16  # instants of a series below which its noise is a guess
 
 
 def cautions(plan: Design) -> tuple[str, ...]:
-    """In words: what no run measured and starts as the world says, and series too short to tell noise from motion."""
+    """State what no run measured and starts as the world says, and which series are too short to know their noise."""
     found = []
     measured = {(owner(s.name), s.axis) for s in plan.series if s.kind == "position"}
     turned = {owner(s.name) for s in plan.series if s.kind != "position"}
@@ -55,9 +55,9 @@ def cautions(plan: Design) -> tuple[str, ...]:
     for name in whole:
         lengths = [len(r.times) for r in plan.runs if r.run.part_of == name]
         long = sum(lengths) > MOST
-        why = "long" if long else "too chaotic to be foretold as a whole"
+        why = "long" if long else "too chaotic to be predicted as a whole"
         if long and swings_on_others(plan.world):
-            why = "long, or too chaotic to be foretold as a whole"
+            why = "long, or too chaotic to be predicted as a whole"
         found.append(
             f"run {name} is {why}: it was fitted in {len(lengths)} parts of {min(lengths)} to {max(lengths)} instants, "
             "each with an initial state of its own; what shows only over a longer time was not asked"

@@ -37,7 +37,7 @@ class Compared:
 
 
 def compared(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Compared, ...]:
-    """Every object of every run beside what a fitted hypothesis makes of it."""
+    """Compare every object of every run with what a fitted hypothesis makes of it."""
     plan: Design = forward.design
     settings = [Settings(r.index, fitted.values[None], fitted.states[r.index][None]) for r in plan.runs]
     found: list[Compared] = []

@@ -203,6 +203,10 @@ def _spin(world: World, recording: Recording) -> float:
             cosine = np.abs(np.einsum("tk,tk->t", q[rows[1:]], q[rows[:-1]]))
             rate = 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0)) / np.diff(run.times[rows])
             found.append(float(np.median(rate)))
+        measured = run.angular_velocities[:, [c for c, name in enumerate(run.names) if name in rigid]]
+        measured = measured[np.isfinite(measured).any(axis=-1)]
+        if len(measured):
+            found.append(float(np.median(np.linalg.norm(np.nan_to_num(measured), axis=-1))))
     return float(np.median(found)) if found else 0.0
 
 

@@ -1,7 +1,7 @@
 """The experiment that would decide between hypotheses: which object, started how, and what to watch.
 
 Starts are tried on a grid that reaches beyond what was measured: at rest, three times the speeds seen, opposite
-headings, other heights, spin reversed. For each, every hypothesis foretells the motion. How far two of them are apart
+headings, other heights, spin reversed. For each, every hypothesis predicts the motion. How far two of them are apart
 is what no change of the new run's initial state, and no change of the parameters within what is known of them, can make
 up: the length of the difference of the two forecasts, whitened, with those directions projected out (a linearised form
 of the criterion of Box & Hill 1967, Technometrics 9, 57).
@@ -9,9 +9,9 @@ of the criterion of Box & Hill 1967, Technometrics 9, 57).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -21,18 +21,14 @@ from polyworld.estimation.design import Design, RunDesign, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap.settings import ExperimentSettings
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-ENOUGH = 5.0  # separation in noise units that decides: an odds ratio of e^12 in a Gaussian likelihood
-SPEEDS = (0.0, 1.0, 3.0)  # of the fastest start seen
-HEADINGS = np.arange(4) * (np.pi / 2)
-RISES = (0.0, np.pi / 4)
-LIFTS = (0.0, 1.0)  # of the extent of the motion seen, upwards
-SPINS = (1.0, -1.0)
 STATE_STEP = 1e-4  # of a typical change, for difference quotients
+PARAMETER_STEP = 0.1  # of a standard deviation, likewise
 
 
 @dataclass(frozen=True)
@@ -61,7 +57,7 @@ class Experiment:
 
     watch: component and instant at which the two likeliest contenders differ most, as they stand and once their starts
     are adjusted;
-    forecasts: what each contender expects there. decides: whether every pair is separated by at least `ENOUGH`.
+    forecasts: what each contender expects there. decides: whether every pair is separated by enough noise.
     """
 
     object: str
@@ -93,55 +89,38 @@ class Experiment:
         }
 
 
-def propose_experiment(plan: Design, noise: Noise, contenders: Sequence[Contender]) -> Experiment | None:
-    """The start, among those of a grid, at which the least separated pair of contenders is separated most.
+def propose_experiment(
+    plan: Design, noise: Noise, contenders: Sequence[Contender], settings: ExperimentSettings | None = None
+) -> Experiment | None:
+    """Find the start, among those of a grid, at which the least separated pair of contenders is separated most.
 
-    Only one free rigid object is started anew; the others start as in the first run. None where no object can be (all
+    One free rigid object is started differently; the others start as in the first run. None where no object can be (all
     are held by joints or deformable) or where fewer than two contenders are given.
     """
     if len(contenders) < 2:
         return None
-    best: Experiment | None = None
-    for name in dict.fromkeys(s.name for s in plan.runs[0].states if s.kind == "free" and "position.x" in s.labels):
-        found = _best_for(plan, noise, contenders, name)
-        if found is not None and (best is None or _least(found) > _least(best)):
-            best = found
-    return best
+    names = dict.fromkeys(s.name for s in plan.runs[0].states if s.kind == "free" and "position.x" in s.labels)
+    found = [_best_for(plan, noise, contenders, name, settings or ExperimentSettings()) for name in names]
+    return max(found, key=lambda e: min(s.sigmas for s in e.separations), default=None)
 
 
-def _least(experiment: Experiment) -> float:
-    return min(s.sigmas for s in experiment.separations)
-
-
-def _best_for(plan: Design, noise: Noise, contenders: Sequence[Contender], name: str) -> Experiment | None:
-    run = plan.runs[0]
-    interval = float(np.median(np.diff(run.run.times)))
-    count = len(run.run.times)
-    times = np.arange(count, dtype=np.float64) * interval
-    # A fall, so that no body is taken for one at rest, which has fewer coordinates.
-    fall = 0.5 * np.asarray(plan.world.environment.gravity) * times[:, None] ** 2
-    blank = Run(
-        "trial",
-        run.run.names,
-        times,
-        np.repeat(fall[:, None], len(run.run.names), axis=1),
-        np.where(np.isfinite(run.run.orientations), run.run.orientations, np.nan),
-        symmetry=run.run.symmetry,
-    )
-    blank = _with_measured_axes(blank, run)
-    trial = design(plan.world, Recording((blank,)))
-    own = trial.runs[0]
-    starts = _starts(plan, own, name)
-    if not len(starts):
-        return None
+def _best_for(
+    plan: Design, noise: Noise, contenders: Sequence[Contender], name: str, settings: ExperimentSettings
+) -> Experiment:
+    spins = _spins(plan, name)
+    trials = design(plan.world, Recording(tuple(_blank_run(plan, name, spin, k) for k, spin in enumerate(spins))))
+    own = trials.runs[0]
+    starts = np.array([_starts(plan, r, name, spin, settings) for r, spin in zip(trials.runs, spins, strict=True)])
     sigma = _sigma(noise, plan, own)
-    forecasts = [_forecast(trial, c, starts, sigma) for c in contenders]
-    pairs = list(combinations(range(len(contenders)), 2))
-    separation = np.array([[_separation(forecasts[i], forecasts[j], e) for i, j in pairs] for e in range(len(starts))])
+    forecasts = [_forecast(trials, c, starts, sigma) for c in contenders]
+    pairs = list(itertools.combinations(range(len(contenders)), 2))
+    count = starts.shape[0] * starts.shape[1]
+    separation = np.array([[_separation(forecasts[i], forecasts[j], e) for i, j in pairs] for e in range(count)])
     separation = np.where(np.isfinite(separation), separation, 0.0)
     chosen = int(np.argmax(separation.min(axis=1)))
     watched, expected = _watch(own, contenders, forecasts, chosen, sigma)
-    state = dict(zip(own.labels, starts[chosen], strict=True))
+    of_spin, of_start = divmod(chosen, starts.shape[1])
+    state = dict(zip(own.labels, starts[of_spin, of_start], strict=True))
     item = plan.world.object(name)
 
     def vector(label: str, default: Sequence[float]) -> tuple[float, float, float]:
@@ -152,29 +131,62 @@ def _best_for(plan: Design, noise: Noise, contenders: Sequence[Contender], name:
         object=name,
         position=vector("position", item.position),
         velocity=vector("velocity", item.velocity),
-        angular_velocity=vector("angular_velocity", item.angular_velocity),
+        angular_velocity=vector("angular_velocity", spins[of_spin].tolist()),
         duration=float(own.times[-1]),
-        interval=interval,
+        interval=float(own.times[1]),
         separations=tuple(
             Separation(contenders[i].names, contenders[j].names, float(separation[chosen, p]))
             for p, (i, j) in enumerate(pairs)
         ),
         watch=watched,
         forecasts=expected,
-        decides=bool(separation[chosen].min() >= ENOUGH),
+        decides=bool(separation[chosen].min() >= settings.enough),
     )
 
 
-def _with_measured_axes(blank: Run, own: RunDesign) -> Run:
-    """The blank run with those components alone that the first run measured."""
-    for column, name in enumerate(blank.names):
-        axes = {s.axis for s in own.series if s.name == name and s.kind == "position"}
-        blank.positions[:, column, [a for a in range(3) if a not in axes]] = np.nan
-        if not any(s.name == name and s.kind == "rotation" for s in own.series):
-            blank.orientations[:, column] = np.nan
-        spins = [s.axis for s in own.series if s.name == name and s.kind == "spin"]
-        blank.angular_velocities[:, column, spins] = 0.0
-    return blank
+def _states(run: RunDesign) -> dict[str, float]:
+    """All coordinates of a run's initial state by name, as the data suggest them."""
+    known = {f"{s.name}.{label}": v for s in run.states for label, v in s.known.items()}
+    return known | dict(zip(run.labels, run.start.tolist(), strict=True))
+
+
+def _vector_of(state: dict[str, float], name: str, label: str, default: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+    return np.array([state.get(f"{name}.{label}.{a}", default[i]) for i, a in enumerate("xyz")])
+
+
+def _spins(plan: Design, name: str) -> list[Array]:
+    """The fastest spin (3,) of an object in any run, and its reverse; one where it does not spin."""
+    described = plan.world.object(name).angular_velocity
+    seen = [_vector_of(_states(r), name, "angular_velocity", described) for r in plan.runs]
+    spin = max(seen, key=lambda w: float(np.linalg.norm(w)))
+    return [spin, -spin] if np.any(spin) else [spin]
+
+
+def _blank_run(plan: Design, name: str, spin: Array, number: int) -> Run:
+    """A run sampled as the first one, in which an object has a spin."""
+    first, run = plan.runs[0], plan.runs[0].run
+    times: Array = np.arange(len(run.times), dtype=np.float64) * float(np.median(np.diff(run.times)))
+    # A fall, so that no body is taken for one at rest, which has fewer coordinates.
+    fall = 0.5 * np.asarray(plan.world.environment.gravity) * times[:, None] ** 2
+    positions = np.repeat(fall[:, None], len(run.names), axis=1)
+    orientations, spins = run.orientations.copy(), np.full(positions.shape, np.nan)
+    for column, other in enumerate(run.names):
+        measured = {(s.kind, s.axis) for s in first.series if s.name == other}
+        positions[:, column, [a for a in range(3) if ("position", a) not in measured]] = np.nan
+        if not any(kind == "rotation" for kind, _ in measured):
+            orientations[:, column] = np.nan
+        of_spin = [a for a in range(3) if ("spin", a) in measured]
+        given = spin if other == name else _vector_of(_states(first), other, "angular_velocity")
+        spins[:, column, of_spin] = given[of_spin]
+    return Run(
+        f"trial {number}",
+        run.names,
+        times,
+        positions,
+        orientations,
+        symmetry=run.symmetry,
+        angular_velocities=spins,
+    )
 
 
 def _sigma(noise: Noise, plan: Design, own: RunDesign) -> Array:
@@ -187,45 +199,28 @@ def _sigma(noise: Noise, plan: Design, own: RunDesign) -> Array:
     return sigma
 
 
-def _starts(plan: Design, own: RunDesign, name: str) -> Array:
-    """Initial-state coordinates (E, N) of the experiments tried with one object."""
-    labels = list(own.labels)
-    at_rest = [{f"{s.name}.{k}": v for s in r.states for k, v in s.at_rest.items()} for r in plan.runs]
-    states = [known | dict(zip(r.labels, r.start, strict=True)) for known, r in zip(at_rest, plan.runs, strict=True)]
-    first = np.array([states[0].get(label, 0.0) for label in labels])
-    speeds = [np.linalg.norm([s.get(f"{name}.velocity.{a}", 0.0) for a in "xyz"]) for s in states]
-    fastest = max(float(np.max(speeds)), 0.5)
-    spins = [np.array([s.get(f"{name}.angular_velocity.{a}", 0.0) for a in "xyz"]) for s in states]
-    spin = spins[int(np.argmax([np.linalg.norm(s) for s in spins]))]
-    seen = [r.run.positions[:, r.run.names.index(name)] for r in plan.runs if name in r.run.names]
-    everywhere = np.concatenate(seen)
+def _starts(plan: Design, own: RunDesign, name: str, spin: Array, settings: ExperimentSettings) -> Array:
+    """Initial-state coordinates (E, N) of the experiments tried with one object and one spin."""
+    states = [_states(r) for r in plan.runs]
+    fastest = max(*(float(np.linalg.norm(_vector_of(s, name, "velocity"))) for s in states), settings.slowest)
+    everywhere = np.concatenate([r.run.positions[:, r.run.names.index(name)] for r in plan.runs if name in r.run.names])
     extent = float(np.nanmax(np.ptp(np.nan_to_num(everywhere, nan=0.0), axis=0)))
     middle = np.nan_to_num(np.nanmedian(everywhere, axis=0))
-    flat = f"{name}.position.z" not in labels
+    flat = f"{name}.position.z" not in own.labels
     found = []
-    for speed in SPEEDS:
-        for heading in HEADINGS if speed > 0.0 else HEADINGS[:1]:
-            for rise in (0.0,) if flat or speed == 0.0 else RISES:
-                for lift in (0.0,) if flat else LIFTS:
-                    for turn in SPINS if np.any(spin) else (1.0,):
-                        velocity = speed * fastest * _direction(heading, rise)
-                        place = middle + np.array([0.0, 0.0, lift * extent])
-                        found.append(_placed(first, labels, name, place, velocity, turn * spin))
+    for speed, lift in itertools.product(settings.speeds, (0.0,) if flat else settings.lifts):
+        place = middle + np.array([0.0, 0.0, lift * extent])
+        rises = (0.0,) if flat else settings.rises
+        directions = [_direction(h, r) for h in settings.headings for r in rises] if speed else [np.zeros(3)]
+        for direction in directions:
+            vectors = {"position": place, "velocity": speed * fastest * direction, "angular_velocity": spin}
+            begin = {f"{name}.{k}.{a}": float(v[i]) for k, v in vectors.items() for i, a in enumerate("xyz")}
+            found.append([begin.get(label, states[0].get(label, 0.0)) for label in own.labels])
     return np.array(found)
 
 
 def _direction(heading: float, rise: float) -> Array:
     return np.array([np.cos(heading) * np.cos(rise), np.sin(heading) * np.cos(rise), np.sin(rise)])
-
-
-def _placed(first: Array, labels: list[str], name: str, place: Array, velocity: Array, spin: Array) -> Array:
-    state = first.copy()
-    for field, vector in (("position", place), ("velocity", velocity), ("angular_velocity", spin)):
-        for i, axis in enumerate("xyz"):
-            label = f"{name}.{field}.{axis}"
-            if label in labels:
-                state[labels.index(label)] = vector[i]
-    return state
 
 
 @dataclass(frozen=True)
@@ -238,9 +233,10 @@ class _Forecast:
     by_parameter: Array
 
 
-def _forecast(trial: Design, contender: Contender, starts: Array, sigma: Array) -> _Forecast:
-    own = trial.runs[0]
-    n, s, e = own.count, len(contender.unknowns), len(starts)
+def _forecast(trials: Design, contender: Contender, starts: Array, sigma: Array) -> _Forecast:
+    """Roll out all starts (K, E, N) of K runs, each also with every coordinate and parameter changed a little."""
+    own = trials.runs[0]
+    n, s, (k, e) = own.count, len(contender.unknowns), starts.shape[:2]
     # Directions in which the parameters are uncertain, one standard deviation long.
     values, vectors = np.linalg.eigh(contender.covariance) if s else (np.zeros(0), np.zeros((0, 0)))
     typical = np.array([u.typical for u in contender.unknowns])
@@ -248,21 +244,28 @@ def _forecast(trial: Design, contender: Contender, starts: Array, sigma: Array) 
     lower = np.array([u.lower for u in contender.unknowns])
     upper = np.array([u.upper for u in contender.unknowns])
     step = STATE_STEP * own.typical
-    shared = np.repeat(contender.values[None, None], e, axis=0).repeat(1 + n + s, axis=1)
-    states = np.repeat(starts[:, None], 1 + n + s, axis=1)
-    states[:, 1 + np.arange(n), np.arange(n)] += step
-    small = 0.1
-    shared[:, 1 + n :] += small * roots.T
+    shared = np.tile(contender.values, (k, e, 1 + n + s, 1))
+    states = np.repeat(starts[:, :, None], 1 + n + s, axis=2)
+    states[:, :, 1 + np.arange(n), np.arange(n)] += step
+    shared[:, :, 1 + n :] += PARAMETER_STEP * roots.T
     shared = np.clip(shared, lower, upper)
-    forward = Forward(trial, contender.world, contender.unknowns)
-    flat = Settings(0, shared.reshape(-1, s), states.reshape(-1, n))
-    motion = (forward.residuals([flat])[0] / sigma).reshape(e, 1 + n + s, -1)
+    forward = Forward(trials, contender.world, contender.unknowns)
+    settings = [Settings(r.index, shared[r.index].reshape(-1, s), states[r.index].reshape(-1, n)) for r in trials.runs]
+    motion = (np.concatenate(forward.residuals(settings)) / sigma).reshape(k * e, 1 + n + s, -1)
     slopes = np.nan_to_num(motion[:, 1:] - motion[:, :1])
     return _Forecast(
         motion[:, 0],
         np.swapaxes(slopes[:, :n] / step[:, None], 1, 2),
-        np.swapaxes(slopes[:, n:] / small, 1, 2),
+        np.swapaxes(slopes[:, n:] / PARAMETER_STEP, 1, 2),
     )
+
+
+def _off_starts(forecast: _Forecast, experiment: int, vectors: Array) -> Array:
+    """Vectors (m,) or (m, K) less what another start of the run can make up."""
+    basis, size, _ = np.linalg.svd(forecast.by_start[experiment], full_matrices=False)
+    basis = basis[:, size > 1e-9 * size.max(initial=0.0)]
+    rest: Array = vectors - basis @ (basis.T @ vectors)
+    return rest
 
 
 def _separation(a: _Forecast, b: _Forecast, experiment: int) -> float:
@@ -272,15 +275,12 @@ def _separation(a: _Forecast, b: _Forecast, experiment: int) -> float:
         return 0.0
     lengths = []
     for own in (a, b):
-        starts = own.by_start[experiment]
-        basis, size, _ = np.linalg.svd(starts, full_matrices=False)
-        basis = basis[:, size > 1e-9 * size.max(initial=0.0)]
-        left = difference - basis @ (basis.T @ difference)
+        left = _off_starts(own, experiment, difference)
         # Parameters are known to one standard deviation: moving them so far costs as much as a residual of one.
         wide = np.concatenate([a.by_parameter[experiment], b.by_parameter[experiment]], axis=1)
-        wide = wide - basis @ (basis.T @ wide)
+        wide = _off_starts(own, experiment, wide)
         moves = np.linalg.solve(wide.T @ wide + np.eye(wide.shape[1]), wide.T @ left)
-        lengths.append(float(np.sqrt(max(left @ (left - wide @ moves), 0.0))))
+        lengths.append(float(np.sqrt(max(float(left @ (left - wide @ moves)), 0.0))))
     return min(lengths)
 
 
@@ -292,10 +292,7 @@ def _watch(
     It counts as far as the forecasts are apart, and as far as another start cannot make that up.
     """
     difference = forecasts[0].motion[chosen] - forecasts[1].motion[chosen]
-    starts = forecasts[0].by_start[chosen]
-    basis, size, _ = np.linalg.svd(starts, full_matrices=False)
-    basis = basis[:, size > 1e-9 * size.max(initial=0.0)]
-    left = np.abs(np.nan_to_num(difference - basis @ (basis.T @ difference)))
+    left = np.abs(np.nan_to_num(_off_starts(forecasts[0], chosen, difference)))
     at = int(np.argmax(np.minimum(left, np.abs(np.nan_to_num(difference)))))
     series = next(s for s in own.series if s.where.start <= at < s.where.stop)
     time = own.times[series.rows[at - series.where.start]]

@@ -27,9 +27,9 @@ from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Check, Graded, Kind, grade, lowered, names_of, widened
-from polyworld.gap.described import described, law_ebic
 from polyworld.gap.experiment import Contender, propose_experiment
-from polyworld.gap.held_out_gap import NullControl, SealedGap, sealed_gap, simulated_recording
+from polyworld.gap.held_out import HeldOutGap, held_out_gap
+from polyworld.gap.null_control import NullControl, simulated_recording
 from polyworld.gap.outlying import (
     OutlyingRun,
     bearing_run,
@@ -41,11 +41,11 @@ from polyworld.gap.outlying import (
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
 from polyworld.gap.searching import Searched, Story, search_effects
-from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings
+from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
 from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.gap.stability import gain_with_error
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.unexplained import MAX_TERMS, ResidualForce
+from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
 from polyworld.gap.verdict import Verdict
 from polyworld.recording import Recording
 from polyworld.screening import Screening, screen
@@ -62,17 +62,19 @@ SIMPLER = 2.0  # by how much BIC has to prefer one law outside the catalogue to 
 class GapSettings:
     """How the gap is looked for.
 
-    search: how widely. decision, outliers: when a name is given, and a run set aside. alarm: by how much an effect must
-    lower the extended BIC to be looked into although the base explains the data. null_control: whether the procedure is
-    repeated on data simulated from the base world. experiment: whether the experiment that would decide is sought where
-    the verdict is ambiguous. residual_force: whether a law is sought for what stays unexplained. time_limit [s]: after
-    which the search ends with the best verdict so far. refuse: whether recordings whose units, axes or time base are
-    all but certainly not what they are taken for are refused with ValueError. seed: of the null control, of resampling.
+    search: how widely. decision, outliers: when a name is given, and a run set aside. symbolic: how the law of an
+    unexplained force is sought. alarm: by how much an effect must lower the extended BIC to be looked into although the
+    base explains the data. null_control: whether the procedure is repeated on data simulated from the base world.
+    experiment: whether the experiment that would decide is sought where the verdict is ambiguous. residual_force:
+    whether a law is sought for what stays unexplained. time_limit [s]: after which the search ends with the best
+    verdict so far. refuse: whether recordings whose units, axes or time base are all but certainly not what they are
+    taken for are refused with ValueError. seed: of the null control, of resampling.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
     decision: DecisionSettings = field(default_factory=DecisionSettings)
     outliers: OutlierSettings = field(default_factory=OutlierSettings)
+    symbolic: SymbolicSettings = field(default_factory=SymbolicSettings)
     alarm: float = 10.0
     null_control: bool = True
     experiment: bool = True
@@ -86,8 +88,8 @@ def find_gap(
     world: World,
     recording: Recording,
     *,
-    sealed: Recording | None = None,
-    sealed_world: Callable[[World], World] | None = None,
+    held_out: Recording | None = None,
+    held_out_world: Callable[[World], World] | None = None,
     base: Sequence[Unknown] = (),
     candidates: Sequence[Candidate] | None = None,
     settings: GapSettings | None = None,
@@ -97,9 +99,9 @@ def find_gap(
     """Find what a world lacks to explain a recording.
 
     base: unknowns that are fitted in every hypothesis. candidates: effects to choose from, default the whole
-    catalogue. sealed: data that no step sees before the verdict, which they can only lower. sealed_world: gives a world
-    as it is where these begin, if that is later than where the fitted runs do. progress: called with the share done (0
-    to 1) and the step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises
+    catalogue. held_out: data that no step sees before the verdict, which they can only lower. held_out_world: gives a
+    world as it is where these begin, if that is later than where the fitted runs do. progress: called with the share
+    done (0 to 1) and the step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises
     ValueError where the recording does not fit the world.
     """
     settings = settings or GapSettings()
@@ -127,9 +129,9 @@ def find_gap(
 
     remainder = _remainder(found, verdict, graded)
     verdict, force, child_or_none = _residual_force(work, found, verdict, remainder, child_or_none)
-    gap = _proof(work, found, child_or_none, sealed, sealed_world or _as_it_is)
+    gap = _proof(work, found, child_or_none, held_out, held_out_world or _as_it_is)
     null = _null_control(work, found, best) if settings.null_control and not found.limited else None
-    checks = _checks(found, verdict, graded, gap, null, sealed, settings.decision)
+    checks = _checks(found, verdict, graded, gap, null, held_out, settings.decision)
     verdict = replace(verdict, kind=lowered(verdict.kind, checks))
     experiment = _experiment(work, found, verdict)
     story.tell(1.0, "done", {"rollouts": bench.rollouts})
@@ -139,7 +141,7 @@ def find_gap(
         base=ground,
         intervals=intervals,
         world=child_or_none,
-        sealed=gap,
+        held_out=gap,
         null=null,
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
@@ -290,8 +292,8 @@ def _residual_force(
     unexplained = verdict.kind == "unexplained" or large
     if found.limited or not work.settings.residual_force or not (unexplained or several):
         return verdict, None, child
-    terms = MAX_TERMS if unexplained else 1
-    force = described(found.ground, best if unexplained else None, found.near, most_terms=terms, cancelled=work.clock)
+    symbolic = work.settings.symbolic if unexplained else replace(work.settings.symbolic, max_terms=1)
+    force = describe_unexplained(found.ground, best if unexplained else None, found.near, symbolic)
     if not unexplained:
         assert best is not None
         if not _simpler(force, found.ground, best):
@@ -319,14 +321,14 @@ def _as_it_is(world: World) -> World:
 
 
 def _proof(
-    work: _Work, found: Searched, child: World | None, sealed: Recording | None, begins: Callable[[World], World]
-) -> SealedGap | None:
-    """Hold the decision against the sealed data."""
-    if sealed is None:
+    work: _Work, found: Searched, child: World | None, held_out: Recording | None, begins: Callable[[World], World]
+) -> HeldOutGap | None:
+    """Hold the decision against the held-out data."""
+    if held_out is None:
         return None
     before = _fitted_world(found.ground, work.world)
     after = child if child is not None else before
-    gap = sealed_gap(begins(before), begins(after), sealed, found.bench.noise)
+    gap = held_out_gap(begins(before), begins(after), held_out, found.bench.noise)
     work.story.tell(0.85, "sealed data", gap.to_dict())
     return gap
 
@@ -355,9 +357,9 @@ def _checks(
     found: Searched,
     verdict: Decided,
     graded: Graded | None,
-    gap: SealedGap | None,
+    gap: HeldOutGap | None,
     null: NullControl | None,
-    sealed: Recording | None,
+    held_out: Recording | None,
     settings: DecisionSettings,
 ) -> list[Check]:
     """Collect what the program itself holds against a name."""
@@ -382,7 +384,7 @@ def _checks(
         if further and other.ebic_behind < settings.reach:
             names = " + ".join(names_of(other.trial))
             checks.append(Check("runner_up", f"{names} is only {other.ebic_behind:.2g} behind in the extended BIC"))
-    if sealed is None and graded is None and not _predicted(found, verdict, settings):
+    if held_out is None and graded is None and not _predicted(found, verdict, settings):
         runs = len(found.bench.design.runs)
         parts = "later parts" if runs == 1 else "the other runs"
         checks.append(
@@ -400,8 +402,8 @@ def _predicted(found: Searched, verdict: Decided, settings: DecisionSettings) ->
     return folds > 1 and gain * folds > settings.decisive and gain > settings.clearly * error
 
 
-def _unsupported(verdict: Decided, gap: SealedGap | None) -> tuple[str, ...]:
-    """What sealed data say against a world in which nothing is missing."""
+def _unsupported(verdict: Decided, gap: HeldOutGap | None) -> tuple[str, ...]:
+    """What held-out data say against a world in which nothing is missing."""
     found = gap.contradicts if gap is not None and verdict.kind == "nothing_missing" else None
     return () if found is None else (found,)
 

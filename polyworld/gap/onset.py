@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.design import RunDesign
 from polyworld.estimation.profile import Fit
+from polyworld.gap.settings import LocaliseSettings
 
 Array = NDArray[np.float64]
 
-PRIOR = 1e3  # ordinary changes of an initial state: what is known of it before the first sample
-ALARM = 5.0  # standard deviations of a window's mean
-WINDOWS = (1.0 / 48.0, 1.0 / 24.0, 1.0 / 12.0, 1.0 / 6.0)  # of the run's samples
+PRIOR = 1e3  # ordinary changes of an initial state: next to nothing is known of it before the first sample
 
 
 @dataclass(frozen=True)
@@ -37,14 +36,15 @@ class Onset:
         return {"run": self.run, "object": self.name, "time": self.time, "strength": self.strength}
 
 
-def onsets(run: RunDesign, fit: Fit, kept: NDArray[np.bool_]) -> list[Onset]:
-    """The onset of every object of a run that shows one; shared unknowns stay as fitted."""
+def onsets(run: RunDesign, fit: Fit, kept: NDArray[np.bool_], settings: LocaliseSettings | None = None) -> list[Onset]:
+    """Find the onset of every object of a run that shows one; shared unknowns stay as fitted."""
+    settings = settings or LocaliseSettings()
     forecast = recursive_residuals(run, fit.linear.r[run.index], fit.linear.b[run.index])
     found: dict[str, Onset] = {}
     for s in run.series:
         own = kept[s.where]
         times, w = run.times[s.rows[own]], forecast[s.where][own]
-        first = _first_alarm(times, w)
+        first = _first_alarm(times, w, settings)
         if first is None:
             continue
         known = found.get(s.name)
@@ -80,17 +80,17 @@ def recursive_residuals(run: RunDesign, residual: Array, slopes: Array) -> Array
     return result
 
 
-def _first_alarm(times: Array, errors: Array) -> tuple[float, float] | None:
+def _first_alarm(times: Array, errors: Array, settings: LocaliseSettings) -> tuple[float, float] | None:
     """Where the earliest window begins whose mean is too far off, and how far."""
-    m = len(errors)
     total = np.concatenate([[0.0], np.cumsum(errors)])
-    best: tuple[int, int, float] | None = None
-    for part in WINDOWS:
-        length = max(round(part * m), 3)
-        if length > m:
-            continue
+    found: list[tuple[int, int, float]] = []  # end, begin, standard deviations
+    for share in settings.windows:
+        length = max(round(share * len(errors)), 3)
         mean = np.abs(total[length:] - total[:-length]) / np.sqrt(length)
-        over = np.flatnonzero(mean > ALARM)
-        if len(over) and (best is None or over[0] + length < best[1]):
-            best = (int(over[0]), int(over[0]) + length, float(mean[over[0]]))
-    return None if best is None else (float(times[best[0]]), best[2])
+        over = np.flatnonzero(mean > settings.alarm)
+        if len(over):
+            found.append((int(over[0]) + length, int(over[0]), float(mean[over[0]])))
+    if not found:
+        return None
+    _, begin, strength = min(found, key=lambda f: f[0])
+    return float(times[begin]), strength

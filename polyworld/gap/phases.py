@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.design import Design, RunDesign, owner
 from polyworld.estimation.unknown import Unknown
 from polyworld.events import REST_SPEED, REST_SPIN
+from polyworld.gap.settings import LocaliseSettings
 from polyworld.parameters import parameter_paths
 from polyworld.rollout import simulator
 from polyworld.shapes import Sphere
@@ -20,9 +21,6 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]
 
-AFTER = 0.1  # [s] that count as just after a collision
-LASTING = 0.05  # [s] from which on a contact is more than a collision
-GRIP = 0.05  # slip over speed, below which a ball rolls
 FREE, TOUCHING, SLIDING, ROLLING, REST, HIT = (
     "free",
     "touching",
@@ -43,9 +41,18 @@ class Motion:
 
 
 def motions(
-    design: Design, run: RunDesign, values: Array, states: Array, unknowns: Sequence[Unknown] = ()
+    design: Design,
+    run: RunDesign,
+    values: Array,
+    states: Array,
+    unknowns: Sequence[Unknown] = (),
+    settings: LocaliseSettings | None = None,
 ) -> dict[str, Motion]:
-    """How the world moves in one run, by recorded name. values: of the unknowns, where there are any; states (N,)."""
+    """Simulate how the world moves in one run, by recorded name.
+
+    values: of the unknowns, where there are any. states (N,): initial state of the run.
+    """
+    settings = settings or LocaliseSettings()
     world = run.world(design.world)
     known = {p for p in parameter_paths(world) if not p.startswith("observer.")}
     overrides = {
@@ -67,35 +74,39 @@ def motions(
     for name in run.run.names:
         i = trajectory.index(owner(name))
         velocity, spin = trajectory.velocities[rows, i], trajectory.angular_velocities[rows, i]
-        phases = _phases(world, owner(name), run.times, velocity, spin, batch.events[0])
+        phases = _phases(world, owner(name), run.times, velocity, spin, batch.events[0], settings)
         found[name] = Motion(trajectory.positions[rows, i], np.linalg.norm(velocity, axis=1), phases)
     return found
 
 
-def _phases(world: World, name: str, times: Array, velocity: Array, spin: Array, events: Sequence[Event]) -> Texts:
-    phases = np.full(len(times), FREE, dtype="U24")
+def _phases(
+    world: World,
+    name: str,
+    times: Array,
+    velocity: Array,
+    spin: Array,
+    events: Sequence[Event],
+    settings: LocaliseSettings,
+) -> Texts:
     speed = np.linalg.norm(velocity, axis=1)
     slow = (speed < REST_SPEED) & (np.linalg.norm(spin, axis=1) < REST_SPIN)
-    if world.planar:
-        phases[:] = SLIDING  # over the plane of motion
+    contacts = _contacts(name, events, float(times[-1]))
     touching = np.zeros(len(times), dtype=bool)
-    for begin, end in _contacts(name, events, float(times[-1])):
-        if end - begin >= LASTING:
+    for begin, end in contacts:
+        if end - begin >= settings.lasting:
             touching |= (times >= begin) & (times <= end)
-    phases[touching & ~_planar(world, len(times))] = TOUCHING
-    if not world.planar and touching.any():
-        phases[touching] = _sliding_or_rolling(world, name, velocity, spin, speed)[touching]
-    for begin, _ in _contacts(name, events, float(times[-1])):
-        phases[(times > begin) & (times <= begin + AFTER) & ~touching] = HIT
-    phases[slow & (touching | _planar(world, len(times)))] = REST
+    if world.planar:  # it slides over the plane of motion
+        phases = np.full(len(times), SLIDING, dtype="U24")
+    else:
+        phases = np.where(touching, _in_contact(world, name, velocity, spin, speed, settings.grip), FREE).astype("U24")
+    for begin, _ in contacts:
+        phases[(times > begin) & (times <= begin + settings.after) & ~touching] = HIT
+    phases[slow & (touching | world.planar)] = REST
     return phases
 
 
-def _planar(world: World, length: int) -> NDArray[np.bool_]:
-    return np.full(length, world.planar)
-
-
-def _sliding_or_rolling(world: World, name: str, velocity: Array, spin: Array, speed: Array) -> Texts:
+def _in_contact(world: World, name: str, velocity: Array, spin: Array, speed: Array, grip: float) -> Texts:
+    """Whether a ball slides or rolls; any other body touches."""
     shape = getattr(world.item(name), "shape", None)
     if not isinstance(shape, Sphere):
         return np.full(len(speed), TOUCHING, dtype="U24")
@@ -103,7 +114,7 @@ def _sliding_or_rolling(world: World, name: str, velocity: Array, spin: Array, s
     up = up / max(float(np.linalg.norm(up)), 1e-12)
     slip = velocity - np.cross(spin, shape.radius * up)
     slip = slip - (slip @ up)[:, None] * up
-    rolls = np.linalg.norm(slip, axis=1) < GRIP * np.maximum(speed, REST_SPEED)
+    rolls = np.linalg.norm(slip, axis=1) < grip * np.maximum(speed, REST_SPEED)
     return np.where(rolls, ROLLING, SLIDING).astype("U24")
 
 

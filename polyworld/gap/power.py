@@ -1,8 +1,8 @@
-"""Whether an effect could have been seen: each candidate is planted in this very design, at strengths of its own.
+"""Compute the power of a design: how strong each effect had to be to be seen.
 
-The motion with the effect in it, less what initial states and base unknowns can take up, against the noise: its squared
-length is the noncentrality of the gain in chi2 that a search would find. An effect counts as seen where that gain
-lowers the extended BIC by more than the search asks for.
+Each candidate is planted in the design. The change of the motion, less what initial states and base unknowns can take
+up, against the noise: its squared length is the noncentrality of the gain in chi2 that a search would find. An effect
+counts as seen where that gain lowers the extended BIC by more than the search asks for.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chndtr
+from scipy.special import chndtrinc
 
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
@@ -20,21 +20,17 @@ from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap.settings import PowerSettings
 
 Array = NDArray[np.float64]
-
-POWER = 0.95  # probability with which an effect of the strength told is seen
-ALARM = 10.0  # by how much an effect must lower the extended BIC to be looked into
-PLACES = 4  # starts of an effect with a place or a rhythm that are planted
-PASSES = 2  # corrections of the strength, for effects that do not grow in proportion
 
 
 @dataclass(frozen=True)
 class Power:
-    """What one way to add an effect would have had to be.
+    """How strong one way to add an effect had to be.
 
     effect, label: which one, and whom it acts on. unknown, unit: the number planted; empty for an effect that is there
-    or not. strength: its least change from neutral that is seen with a probability of POWER, the median over the starts
+    or not. strength: its least change from neutral that is seen with the power asked for, the median over the starts
     planted; infinite where none within its bounds is. typical: an ordinary change. noncentrality: of chi2's gain at the
     ordinary change; needed: for it to be seen. seen: whether an ordinary effect would have been.
     """
@@ -54,20 +50,20 @@ class Power:
         return self.noncentrality >= self.needed
 
     def summary(self) -> str:
-        """The power in words."""
+        """Describe the power in words."""
         name = f"{self.effect} ({self.label})" if self.label else self.effect
         if not self.unknown:
             return f"{name}: {'would have been seen' if self.seen else 'cannot be seen'} where it was planted."
         if not np.isfinite(self.strength):
             return f"{name}: cannot be seen in these data, at no {self.unknown} within its bounds."
-        told = "would have been seen" if self.seen else "could have been missed"
+        ordinary = "would have been seen" if self.seen else "could have been missed"
         return (
             f"{name}: seen from {self.unknown} {self.strength:.3g} {self.unit} on; an ordinary one "
-            f"({self.typical:.3g}) {told}."
+            f"({self.typical:.3g}) {ordinary}."
         )
 
     def to_json(self) -> dict[str, object]:
-        """The power as plain data."""
+        """Return the power as plain data."""
         return {
             "effect": self.effect,
             "label": self.label,
@@ -82,56 +78,57 @@ class Power:
         }
 
 
-def power_check(trial: FittedHypothesis, candidates: Sequence[Candidate] | None = None) -> tuple[Power, ...]:
-    """The power of a trial's design against every way to add each candidate (default: the catalogue), weakest first.
+def power_check(
+    trial: FittedHypothesis, candidates: Sequence[Candidate] | None = None, settings: PowerSettings | None = None
+) -> tuple[Power, ...]:
+    """Compute the power of a trial's design against every way to add each candidate, weakest first.
 
-    Effects whose unknowns are free already are left out. Planted motion is compared by one simulation a strength;
-    what fits could take up of it is projected out in the linear approximation at the trial's fit.
+    candidates: default the catalogue. Effects whose unknowns are free already are left out. Planted motion is compared
+    by one simulation a strength; what fits could take up of it is projected out linearly at the trial's fit.
     """
+    settings = settings or PowerSettings()
     if candidates is None:
         from polyworld.gap.catalogue import catalogue
 
         candidates = tuple(catalogue().values())
+    count = max(trial.bench.candidates, len(candidates))
     found: list[Power] = []
     for candidate in candidates:
         for hypothesis in extended(trial.hypothesis, candidate, trial.bench.design.recording):
-            found += _of_hypothesis(trial, hypothesis, max(trial.bench.candidates, len(candidates)))
+            extra = hypothesis.extra - trial.hypothesis.extra
+            needed = noncentrality_needed(extra, trial.bench.observations, count, settings)
+            found += _of_hypothesis(trial, hypothesis, needed, settings)
     return tuple(sorted(found, key=lambda p: (p.noncentrality / p.needed, p.effect, p.label)))
 
 
-def noncentrality_needed(unknowns: int, observations: float, candidates: int) -> float:
-    """Noncentrality with which the gain of an effect with so many unknowns suffices with a probability of POWER."""
-    price = extended_bic(0.0, unknowns, observations, 1, candidates) + ALARM
-    lower, upper = 0.0, 4.0 * price + 100.0
-    for _ in range(60):
-        middle = 0.5 * (lower + upper)
-        if 1.0 - chndtr(price, unknowns, middle) >= POWER:
-            upper = middle
-        else:
-            lower = middle
-    return upper
+def noncentrality_needed(
+    unknowns: int, observations: float, candidates: int, settings: PowerSettings | None = None
+) -> float:
+    """Noncentrality with which the gain of an effect with so many unknowns suffices with the power asked for."""
+    settings = settings or PowerSettings()
+    price = extended_bic(0.0, unknowns, observations, 1, candidates) + settings.alarm
+    return float(chndtrinc(price, unknowns, 1.0 - settings.power))
 
 
-def _of_hypothesis(trial: FittedHypothesis, hypothesis: Hypothesis, candidates: int) -> list[Power]:
+def _of_hypothesis(
+    trial: FittedHypothesis, hypothesis: Hypothesis, needed: float, settings: PowerSettings
+) -> list[Power]:
     part = hypothesis.parts[-1]
     variant = part.variant
     starts = hypothesis.starts(trial.values)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(PLACES, len(starts))).astype(int))
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(settings.starts, len(starts))).astype(int))
     at = np.array([starts[i] for i in chosen])
-    extra = hypothesis.extra - trial.hypothesis.extra
-    needed = noncentrality_needed(extra, trial.bench.observations, candidates)
-    name, label = part.candidate.name, variant.label
     strong = [u for u in variant.unknowns if variant.strength == u.name]
     if not strong and variant.strength is None:
         strong = [u for u in variant.unknowns if u.name not in variant.idle]
-    still = _noncentralities(trial, hypothesis, at)
-    if np.nanmedian(still) > 0.1 * needed:  # it acts at its starts already: it is there or not
-        return [Power(name, label, "", "", 0.0, 0.0, float(np.nanmedian(still)), needed)]
-    return [_of_unknown(trial, hypothesis, at, u, needed) for u in strong]
+    still = float(np.nanmedian(_noncentralities(trial, hypothesis, at)))
+    if still > 0.1 * needed:  # it acts at its starts already: it is there or not
+        return [Power(part.candidate.name, variant.label, "", "", 0.0, 0.0, still, needed)]
+    return [_of_unknown(trial, hypothesis, at, u, needed, settings.corrections) for u in strong]
 
 
 def _of_unknown(
-    trial: FittedHypothesis, hypothesis: Hypothesis, starts: Array, unknown: Unknown, needed: float
+    trial: FittedHypothesis, hypothesis: Hypothesis, starts: Array, unknown: Unknown, needed: float, corrections: int
 ) -> Power:
     part = hypothesis.parts[-1]
     unknowns = part.variant.unknowns
@@ -147,7 +144,7 @@ def _of_unknown(
 
     usual = planted(ordinary)
     change, reached = ordinary, usual
-    for _ in range(PASSES):
+    for _ in range(corrections):
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.sqrt(needed / reached)
         factor = np.where(np.isfinite(factor), np.clip(factor, 1e-4, 1e4), 1e4)

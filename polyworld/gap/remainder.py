@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from polyworld.estimation.noise import UNITS, first_kind
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.localise import Localisation, localise
+from polyworld.gap.settings import LocaliseSettings
 
 Array = NDArray[np.float64]
-
-CLEAR = 0.2  # absolute correlation from which on a quantity is named; explains 4% of the variance
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class Remainder:
 
     rms, noise: of positions [m] (else of rotations [rad] or spins [rad/s]), and of their noise. before: rms of the
     base without effects. where: by run, object, time, phase, region, speed and axis. correlation: quantity -> Pearson
-    correlation of the residual's size with it, over all samples.
+    correlation of the residual's size with it, over all samples; named: absolute value from which on it is reported.
     """
 
     rms: float
@@ -32,6 +31,7 @@ class Remainder:
     unit: str
     where: Localisation
     correlation: dict[str, float]
+    named: float
 
     @property
     def beyond_noise(self) -> float:
@@ -44,7 +44,7 @@ class Remainder:
             f"What remains is {self.beyond_noise:.3g} {self.unit} rms beside a noise of {self.noise:.3g} {self.unit} "
             f"(without the effects {max(self.before**2 - self.noise**2, 0.0) ** 0.5:.3g} {self.unit})"
         )
-        named = [f"{k} ({v:+.2f})" for k, v in self.correlation.items() if abs(v) >= CLEAR]
+        named = [f"{k} ({v:+.2f})" for k, v in self.correlation.items() if abs(v) >= self.named]
         text += (
             f"; its size correlates with {', '.join(named)}" if named else "; its size correlates with nothing tested"
         )
@@ -64,15 +64,19 @@ class Remainder:
         }
 
 
-def remainder_of(trial: FittedHypothesis, base: FittedHypothesis) -> Remainder:
-    """Describe the residuals of a fit, held against those of the base."""
+def remainder_of(
+    trial: FittedHypothesis, base: FittedHypothesis, settings: LocaliseSettings | None = None
+) -> Remainder:
+    """Describe the residuals of a fit, compared with those of the base."""
+    settings = settings or LocaliseSettings()
     design, noise = trial.bench.design, trial.bench.noise
     kind = first_kind(design.series)
     left, size = _rms(trial, kind)
     before, _ = _rms(base, kind)
     sigma = np.concatenate([noise.sigma[s.run][s.where] for s in design.series if s.kind == kind])
-    where = localise(design, noise, trial.fit, unknowns=trial.hypothesis.unknowns)
-    return Remainder(left, float(np.sqrt(np.mean(sigma**2))), before, UNITS[kind], where, _correlations(trial, size))
+    where = localise(design, noise, trial.fit, unknowns=trial.hypothesis.unknowns, settings=settings)
+    level = float(np.sqrt(np.mean(sigma**2)))
+    return Remainder(left, level, before, UNITS[kind], where, _correlations(trial, size), settings.named)
 
 
 def _rms(trial: FittedHypothesis, kind: str) -> tuple[float, list[Array]]:

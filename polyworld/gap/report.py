@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.decide import Check, Graded, equivalents
-from polyworld.gap.held_out_gap import NullControl, SealedGap
+from polyworld.gap.held_out import HeldOutGap
+from polyworld.gap.null_control import NullControl
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.remainder import Remainder
 from polyworld.gap.verdict import RunnerUp, Verdict
@@ -37,7 +38,7 @@ class GapReport:
     base: FittedHypothesis = field(repr=False)
     intervals: Array
     world: World | None
-    sealed: SealedGap | None
+    held_out: HeldOutGap | None
     null: NullControl | None
     experiment: dict[str, Any] | None
     residual_force: dict[str, Any] | None
@@ -89,7 +90,7 @@ class GapReport:
             "residual_force": self.residual_force,
             "noise": self.bench.noise.to_json(),
             "goodness": judged.goodness.to_json(),
-            "sealed": None if self.sealed is None else self.sealed.to_dict(),
+            "sealed": None if self.held_out is None else self.held_out.to_dict(),
             "null_control": None if self.null is None else self.null.to_dict(),
             "near_misses": list(self.near_misses),
             "cautions": list(self.cautions),

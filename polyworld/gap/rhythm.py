@@ -1,4 +1,4 @@
-"""Rhythms at which residuals swing: where fits of a forcing begin, of runs too long for a grid of frequencies."""
+"""Find the frequencies of residuals, where fits of a forcing begin: a least-squares spectrum (Lomb 1976)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
 
-FINENESS = 4.0  # frequencies looked at for each that a run tells apart
-MOST = 4096  # of them
-BATCH = 256  # at a time
+OVERSAMPLING = 4.0  # frequencies for each that a run resolves: between two of them no line loses a tenth of its power
+MOST = 4096  # frequencies, whose cost grows with their number
+BATCH = 256  # at a time, for the memory
 BEGUN = 6  # frequencies that fits begin at, beside those of the grid
 
 
@@ -35,11 +35,11 @@ def rhythm_starts(
 
 
 def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float, count: int) -> tuple[float, ...]:
-    """The `count` frequencies [Hz] from low to high whose swings explain most of a fit's position residuals.
+    """Find the `count` frequencies [Hz] from low to high that explain most of a fit's position residuals.
 
-    The same swing at all times and in all runs (the clock is the recording's) along each axis, beside what initial
-    states can take up: a least-squares spectrum (Lomb 1976, Astrophys. Space Sci. 39, 447), whitened as the fit was.
-    A forcing moves a free body so, but for its start, and any other at the same frequency once that has died down.
+    One oscillation at all times and in all runs (the clock is the recording's) along each axis, beside what initial
+    states can take up: a least-squares spectrum (Lomb 1976, Astrophys. Space Sci. 39, 447), whitened as the fit was. A
+    forcing moves a free body so, and any other at the same frequency once its own motion has died down.
     """
     runs = bench.design.runs
     first = min(float(r.run.times[0]) for r in runs)
@@ -47,7 +47,7 @@ def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float,
     for r in runs:
         spans.setdefault(r.run.part_of or r.run.name, []).extend((float(r.run.times[0]), float(r.run.times[-1])))
     span = max(max(s) - min(s) for s in spans.values())
-    number = int(np.clip(np.ceil((high - low) * span * FINENESS), 2, MOST))
+    number = int(np.clip(np.ceil((high - low) * span * OVERSAMPLING), 2, MOST))
     frequencies = np.linspace(low, high, number)
     gain = np.concatenate([_gains(bench, trial, frequencies[k : k + BATCH], first) for k in range(0, number, BATCH)])
     chosen: list[float] = []
@@ -60,20 +60,20 @@ def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float,
 
 
 def _gains(bench: FitContext, trial: FittedHypothesis, frequencies: Array, first: float) -> Array:
-    """By how much a swing of each frequency (K,) lessens chi2."""
+    """Predict the fall (K,) of chi2 for an oscillation of each frequency (K,)."""
     k = len(frequencies)
     gain = np.zeros(k)
     for axis in range(3):
         gradient, information = np.zeros((k, 2)), np.zeros((k, 2, 2))
         for r in bench.design.runs:
-            swing = np.zeros((k, 2, r.length))
+            wave = np.zeros((k, 2, r.length))
             for s in r.series:
                 if s.kind == "position" and s.axis == axis:
                     angle = 2.0 * np.pi * frequencies[:, None] * (r.run.times[s.rows] - first)
-                    swing[:, 0, s.where], swing[:, 1, s.where] = np.sin(angle), np.cos(angle)
-            if not swing.any():
+                    wave[:, 0, s.where], wave[:, 1, s.where] = np.sin(angle), np.cos(angle)
+            if not wave.any():
                 continue
-            slopes = trial.ground.off(r.index, bench.noise.whiten(r.index, swing))
+            slopes = trial.ground.off(r.index, bench.noise.whiten(r.index, wave))
             rest = trial.ground.off(r.index, trial.fit.linear.r[r.index])
             gradient += slopes @ rest
             information += slopes @ np.swapaxes(slopes, 1, 2)

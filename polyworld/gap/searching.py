@@ -28,7 +28,7 @@ from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
 from polyworld.gap.settings import SearchSettings
 from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
-from polyworld.gap.unexplained import Near
+from polyworld.gap.symbolic import Near
 from polyworld.gap.verdict import Verdict, beside_fewer, decide
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits

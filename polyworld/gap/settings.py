@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class SearchSettings:
@@ -91,6 +93,155 @@ class OutlierSettings:
         _positive(self)
         if not self.most < 0.5:
             raise ValueError(f"most is a share of the runs below one half, so that the others decide; got {self.most}")
+
+
+@dataclass(frozen=True)
+class LocaliseSettings:
+    """How residuals are shared out, and what counts as a difference.
+
+    clear: standard errors above noise from which on a level counts. parts: of every run's time; cells: of the region
+    along each of its two longest sides: so few that each holds several modes of a run of a hundred samples. alarm:
+    standard deviations by which the mean of a window of forecast errors announces an onset: once in a million windows
+    of noise. windows: their lengths, as shares of the run's samples. after [s]: that count as just after a collision.
+    lasting [s]: from which on a contact is more than a collision. grip: slip over speed, below which a ball rolls.
+    named: absolute correlation of the residual's size with a quantity from which on that is named: 4% of the variance.
+    """
+
+    clear: float = 3.0
+    parts: int = 6
+    cells: int = 3
+    alarm: float = 5.0
+    windows: tuple[float, ...] = (1 / 48, 1 / 24, 1 / 12, 1 / 6)
+    after: float = 0.1
+    lasting: float = 0.05
+    grip: float = 0.05
+    named: float = 0.2
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """How an effect with an edge is located by its strength in windows.
+
+    windows: at most. iterations: of the fit to them; so short a window is nearly straight. samples: of each, by which
+    it is counted how much of it lies inside. sure: standard deviations by which a window, or a disc, is significant.
+    rough: relative error of a strength by its slope: friction ends the slide that it acts on. filled: share of a window
+    that has to lie inside for the effect to show in full. bands: bounds of the radius in typical changes: small and
+    large discs are sought separately. kept: discs of each band. apart: share of the information that two of these must
+    not have in common. damped: share of the strength estimated at which a fit begins: beyond its bound, as with less
+    friction than none, there is no gradient. population, generations: of the search for discs.
+    """
+
+    windows: int = 512
+    iterations: int = 4
+    samples: int = 8
+    sure: float = 4.0
+    rough: float = 0.3
+    filled: float = 0.4
+    bands: tuple[float, ...] = (0.0, 1.2, 2.5, 5.0, np.inf)
+    kept: int = 2
+    apart: float = 0.1
+    damped: float = 0.7
+    population: int = 40
+    generations: int = 60
+
+
+@dataclass(frozen=True)
+class ZoomSettings:
+    """How the start of an effect with a place or a rhythm is refined.
+
+    levels: of refinement. kept: places that are refined at each. around: new ones around each. width: standard
+    deviation of their distances in typical changes, halved at each level. apart: typical changes by which places that
+    are kept differ.
+    """
+
+    levels: int = 3
+    kept: int = 4
+    around: int = 24
+    width: float = 1.0
+    apart: float = 0.1
+
+
+@dataclass(frozen=True)
+class HoldOutSettings:
+    """Which part of a recording is held out.
+
+    share: of the runs, or of the only run's time; a quarter costs the fit a seventh of its precision. fewest_runs: of
+    which one can be spared; with two, the fit would rest on a single one. fewest_instants: that each part of a divided
+    run must keep, for an initial state and a noise level of its own.
+    """
+
+    share: float = 0.25
+    fewest_runs: int = 3
+    fewest_instants: int = 12
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+
+@dataclass(frozen=True)
+class ExperimentSettings:
+    """Which experiments are tried, and when one decides.
+
+    enough: separation in standard deviations of the noise that decides: an odds ratio of e^12 in a Gaussian likelihood.
+    speeds: shares of the fastest start seen; laws that agree at one speed part at a multiple of it. slowest [m/s]: what
+    counts as the fastest where nothing was thrown. headings, rises [rad]: directions of the start. lifts: heights of
+    the start, as shares of the extent of the motion seen.
+    """
+
+    enough: float = 5.0
+    speeds: tuple[float, ...] = (0.0, 1.0, 3.0)
+    slowest: float = 0.5
+    headings: tuple[float, ...] = (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)
+    rises: tuple[float, ...] = (0.0, np.pi / 4)
+    lifts: tuple[float, ...] = (0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PowerSettings:
+    """What it means that an effect could have been seen.
+
+    power: probability with which an effect of the strength reported is seen. alarm: by how much an effect must lower
+    the extended BIC to be looked into, as in the search. starts: of an effect with a place or a rhythm, spread over all
+    of its own, that are planted. corrections: of the strength, for effects that do not grow in proportion to it.
+    """
+
+    power: float = 0.95
+    alarm: float = 10.0
+    starts: int = 4
+    corrections: int = 2
+
+    def __post_init__(self) -> None:
+        _positive(self)
+        if not self.power < 1.0:
+            raise ValueError(f"power is a probability below 1; got {self.power}")
+
+
+@dataclass(frozen=True)
+class SymbolicSettings:
+    """How the law of an unexplained force is sought.
+
+    max_terms: of the law: three have up to eight numbers, as many as one expression holds. contenders: terms fitted
+    in the simulator at each step, of those that the score test ranks. improvement: least fall of the extended BIC for
+    one more term; less is "not worth more than a bare mention" (Kass & Raftery 1995). near: laws within this of the
+    best are reported as alternatives; more is "very strong" evidence there. penalty: added for each factor that a term
+    depends on, so that of laws that are indistinguishable the one that depends on less is chosen. loudest: times the
+    variance seen in short differences of the data, beyond which what is left is no noise, whatever its course.
+    same_noise: relative change of chi2 below which a refined noise changes no choice. steps: integration steps in all,
+    after which no further law is tried: some minutes. rollout: steps that beginning a rollout costs as much as.
+    """
+
+    max_terms: int = 3
+    contenders: int = 6
+    improvement: float = 2.0
+    near: float = 10.0
+    penalty: float = 0.5
+    loudest: float = 2.0
+    same_noise: float = 0.02
+    steps: float = 4e7
+    rollout: float = 1e3
+
+    def __post_init__(self) -> None:
+        _positive(self)
 
 
 def _positive(settings: object) -> None:

@@ -75,7 +75,7 @@ def solved(case: Case, rng: np.random.Generator) -> dict[str, Any]:
     offered = [catalogue()[n] for n in case.candidates]
     before, cpu = time.perf_counter(), time.process_time()
     settings = GapSettings(null_control=False, experiment=False)
-    report = find_gap(case.world, data, sealed=sealed, candidates=offered, settings=settings)
+    report = find_gap(case.world, data, held_out=sealed, candidates=offered, settings=settings)
     told = report.to_dict()
     sets = [frozenset(names) for names in told["credible_set"]]
     if case.truth is None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from polyworld.gap import GapSettings, find_gap
-from polyworld.gap.held_out_gap import sealed_gap
+from polyworld.gap.held_out import held_out_gap
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_files import read_json, read_runs, write_json
@@ -48,7 +48,7 @@ def judge(folder: Path, *data: str) -> dict[str, Any]:
     told["rollouts"] = report.bench.rollouts
     if (folder / "sealed.csv").exists() and report.world is not None:
         before = report.base.hypothesis.fitted_world(report.base.values)
-        told["sealed"] = sealed_gap(before, report.world, recording_of(folder / "sealed.csv")).to_dict()
+        told["sealed"] = held_out_gap(before, report.world, recording_of(folder / "sealed.csv")).to_dict()
     return told
 
 

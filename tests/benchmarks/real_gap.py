@@ -144,7 +144,7 @@ def judge(case: Case) -> dict[str, Any]:
     report = find_gap(
         measured.world,
         measured.recording,
-        sealed=measured.sealed,
+        held_out=measured.sealed,
         base=measured.base,
         settings=GapSettings(null_control=False),
     )

@@ -38,7 +38,7 @@ def judge(folder: Path, seconds: float) -> dict[str, Any]:
     settings = GapSettings(null_control=False, experiment=False, time_limit=seconds)
     begin, worked = time.perf_counter(), time.process_time()
     try:
-        found = find_gap(world, recording, sealed=held_out, settings=settings).to_dict()
+        found = find_gap(world, recording, held_out=held_out, settings=settings).to_dict()
     except Exception:
         found = {
             "verdict": "crashed",

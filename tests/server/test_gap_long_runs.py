@@ -5,7 +5,7 @@ import numpy as np
 from atw_mcp.gap_shown import shown_discrepancy
 from atw_mcp.gap_work import examine, fitted_effect, worth
 from atw_mcp.jobs import Progress
-from polyworld.gap.hold_back import hold_back
+from polyworld.gap.held_out import hold_out
 from polyworld.recording import Recording, Run
 from polyworld.world import Effect
 from tests.polyworld.gap_scenes import puck_world
@@ -32,7 +32,7 @@ def test_where_a_long_run_disagrees_is_told_with_the_caution_that_it_is_in_parts
 
 
 def test_an_effect_added_to_a_long_run_is_fitted_and_closes_the_sealed_gap() -> None:
-    parts = hold_back(slide(2400))
+    parts = hold_out(slide(2400))
     drag = Effect(name="drag", kind="linear_drag", parameters={"coefficient": 0.0})
     proposal = fitted_effect(TABLE, drag, parts.fitted, (), Progress())
     low, high = proposal.effects[0]["unknowns"]["coefficient"]["interval95"]

@@ -77,7 +77,7 @@ def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> Non
     report = find_gap(
         TABLE,
         slide(1600),
-        sealed=slide(2400, seed=3),
+        held_out=slide(2400, seed=3),
         candidates=named(["linear_drag", "quadratic_drag", "tilt"]),
         settings=GapSettings(null_control=False),
     )

@@ -85,7 +85,7 @@ def found(hidden: Discs, discs: Discs, starts: list[Started], seed: int) -> GapR
     data, sealed = recordings(hidden, starts, seed)
     offered = [catalogue()[n] for n in OFFERED]
     settings = GapSettings(null_control=False, experiment=False)
-    return find_gap(world(discs, starts[0]), data, sealed=sealed, candidates=offered, settings=settings)
+    return find_gap(world(discs, starts[0]), data, held_out=sealed, candidates=offered, settings=settings)
 
 
 @pytest.mark.parametrize("count", [2, 6])

@@ -21,8 +21,8 @@ def guessed(height, sigma, statics=(FLOOR,), **changes):
     places = places + np.random.default_rng(3).normal(0.0, sigma, places.shape)
     run = Run("r", ("ball",), TIMES, places, np.full((len(TIMES), 1, 4), np.nan))
     (found,) = state_coordinates(world, run)
-    assert not set(found.at_rest) & set(found.labels)
-    return dict(zip(found.labels, found.start, strict=True)) | {f"known {k}": v for k, v in found.at_rest.items()}
+    assert not set(found.known) & set(found.labels)
+    return dict(zip(found.labels, found.start, strict=True)) | {f"known {k}": v for k, v in found.known.items()}
 
 
 @pytest.mark.parametrize("sigma", [0.0005, 0.005, 0.02])

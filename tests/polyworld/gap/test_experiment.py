@@ -8,12 +8,14 @@ from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.experiment import ENOUGH, Contender, propose_experiment
+from polyworld.gap.experiment import Contender, propose_experiment
+from polyworld.gap.settings import ExperimentSettings
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.estimation.test_profile import ball_world, thrown
 
 SIGMA = 0.01
+ENOUGH = ExperimentSettings().enough
 
 
 def one_launch(seed):

@@ -54,7 +54,7 @@ def test_a_law_of_the_catalogue_is_identified_without_remainder() -> None:
 
 def test_no_name_is_given_where_sealed_data_get_worse() -> None:
     dragged, still = recorded(power_drag(2.0), 4), recorded(Bouncing(), 5, count=2)
-    report = judged(dragged, "quadratic_drag", sealed=still)
+    report = judged(dragged, "quadratic_drag", held_out=still)
     assert report.verdict.kind == "unexplained"
     assert "held_out" in [c.name for c in report.checks]
 

@@ -12,7 +12,7 @@ from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import measured_noise
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
-from polyworld.gap.held_out_gap import simulated_recording
+from polyworld.gap.null_control import simulated_recording
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 

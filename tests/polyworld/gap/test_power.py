@@ -12,7 +12,8 @@ from polyworld.estimation.score_test import leads
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.examine import fitted_base
-from polyworld.gap.power import ALARM, POWER, noncentrality_needed, power_check
+from polyworld.gap.power import noncentrality_needed, power_check
+from polyworld.gap.settings import PowerSettings
 from tests.polyworld.linear_case import Array, flight_design, white
 
 RUNS, COUNT, RATE, SIGMA = 4, 96, 60.0, 0.01
@@ -39,7 +40,7 @@ def test_noncentrality_needed_gives_the_power_told() -> None:
     needed = noncentrality_needed(2, 1000.0, 20)
     price = 2.0 * np.log(1000.0) + 2.0 * np.log(20.0) + 10.0
     drawn = stats.ncx2.rvs(2, needed, size=20000, random_state=0)
-    assert np.mean(drawn > price) == pytest.approx(POWER, abs=0.01)
+    assert np.mean(drawn > price) == pytest.approx(PowerSettings().power, abs=0.01)
 
 
 @pytest.mark.parametrize(("times", "seen"), [(1.3, True), (0.3, False)])
@@ -51,7 +52,7 @@ def test_planted_pushes_are_seen_from_the_strength_told_on(times: float, seen: b
         trial = fitted(10 + seed, np.array([times * least, 0.0, 0.0]))
         ways = extended(trial.hypothesis, tilt, trial.bench.design.recording)
         alarms += any(
-            extended_bic(lead.chi2, 2, trial.bench.observations, 1, 30) < trial.ebic - ALARM
+            extended_bic(lead.chi2, 2, trial.bench.observations, 1, 30) < trial.ebic - PowerSettings().alarm
             for lead in leads(trial.bench, trial, ways, 1)
         )
     assert alarms == (3 if seen else 0)

@@ -13,14 +13,15 @@ from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
-from polyworld.gap.settings import SearchSettings
-from polyworld.gap.strength_map import BEGUN, mapped
+from polyworld.gap.settings import MapSettings, SearchSettings
+from polyworld.gap.strength_map import mapped
 from polyworld.gap.windows import Windows, windows
 from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import G, puck_recording, puck_world
 
 SMOOTH, SIGMA = 0.1, 0.001
 CENTRE, RADIUS = np.array([0.25, -0.2]), 0.3
+DAMPED = MapSettings().damped
 
 
 def data(inside: float, duration: float = 0.8, elsewhere: float = SMOOTH) -> Recording:
@@ -67,7 +68,7 @@ def test_a_patch_smoother_or_rougher_is_where_windows_ask_for_it(inside: float) 
     patch = with_patch(ground)
     found = mapped(ground, patch)
     assert is_there(found[0])
-    assert told(found[0])["friction"] == pytest.approx(BEGUN * (inside - SMOOTH), rel=0.4)
+    assert told(found[0])["friction"] == pytest.approx(DAMPED * (inside - SMOOTH), rel=0.4)
     assert leads_there(ground, found)
 
 
@@ -79,7 +80,7 @@ def test_a_patch_is_found_on_a_floor_whose_own_friction_is_not_known() -> None:
     assert is_there(best)
     # Elsewhere asks for less, as the floor's friction fits both a little; the difference is what the patch adds.
     assert told(best)["mu"] > 0.2
-    assert told(best)["friction"] == pytest.approx(BEGUN * (0.3 - 0.13), rel=0.1)
+    assert told(best)["friction"] == pytest.approx(DAMPED * (0.3 - 0.13), rel=0.1)
 
 
 def test_long_windows_are_cut_into_short_ones() -> None:
@@ -99,7 +100,7 @@ def test_runs_of_unequal_length_and_with_gaps_are_mapped_too() -> None:
     runs = (replace(long.runs[0], positions=holed), *long.runs[1:6])
     mixed = Recording((*runs, *(replace(r, name=f"short {r.name}") for r in short.runs[6:])))
     _, ground = on_windows(mixed)
-    assert len({len(r.times) for r in ground.bench.design.runs}) == 2
+    assert len({len(r.times) for r in ground.bench.design.runs}) > 1
     assert leads_there(ground, mapped(ground, with_patch(ground)))
 
 

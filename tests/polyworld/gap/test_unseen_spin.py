@@ -44,7 +44,7 @@ def test_each_throw_gets_a_rate_of_its_own_and_so_does_the_sealed_one() -> None:
     report = find_gap(
         WORLD,
         Recording(tuple(run for run, _ in throws)),
-        sealed=Recording((throw(9)[0],)),
+        held_out=Recording((throw(9)[0],)),
         settings=GapSettings(null_control=False),
     )
     told = report.to_dict()

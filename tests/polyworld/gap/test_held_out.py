@@ -5,7 +5,7 @@ import pytest
 
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.held_out_gap import sealed_gap
+from polyworld.gap.held_out import held_out_gap
 from polyworld.world import World
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
@@ -21,7 +21,7 @@ def with_drag(k: float) -> World:
 def test_the_true_law_leaves_the_noise_alone_and_the_base_world_more() -> None:
     rng = np.random.default_rng(3)
     sealed = ball_recording(DRAG, launches(rng, 3), rng, 0.001, duration=1.0, rate=60.0)
-    gap = sealed_gap(ball_world(), with_drag(K), sealed)
+    gap = held_out_gap(ball_world(), with_drag(K), sealed)
     assert gap.noise_floor == pytest.approx(0.001, rel=0.15)
     assert gap.gap_before > 0.005
     assert gap.gap_after < 0.0006
@@ -36,18 +36,18 @@ def test_sealed_data_on_which_something_else_acts_contradict_the_verdict() -> No
     dragged = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
     settings = GapSettings(null_control=False, experiment=False)
     report = find_gap(
-        ball_world(), fitted, sealed=dragged, candidates=[catalogue()["quadratic_drag"]], settings=settings
+        ball_world(), fitted, held_out=dragged, candidates=[catalogue()["quadratic_drag"]], settings=settings
     )
     assert report.verdict.kind == "nothing_missing"
     assert any("do not bear this out" in caution for caution in report.cautions)
-    assert sealed_gap(ball_world(), with_drag(K), dragged).contradicts is None
-    assert sealed_gap(ball_world(), ball_world(), fitted).contradicts is None
+    assert held_out_gap(ball_world(), with_drag(K), dragged).contradicts is None
+    assert held_out_gap(ball_world(), ball_world(), fitted).contradicts is None
 
 
 def test_a_law_that_does_nothing_closes_nothing() -> None:
     rng = np.random.default_rng(4)
     sealed = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
-    gap = sealed_gap(ball_world(), with_drag(0.0), sealed)
+    gap = held_out_gap(ball_world(), with_drag(0.0), sealed)
     assert gap.closed == pytest.approx(0.0, abs=1e-6)
 
 
