@@ -14,7 +14,8 @@ class Unknown:
     paths: parameter paths (`polyworld.parameters`) that take its value, all the same. start: its value where nothing
     is known, the neutral one for a missing effect. lower, upper: bounds. typical: a change of it that would be
     ordinary (the width of the prior), from which steps and the power check take their scale. run: the one run that it
-    is of; in all others the paths keep the world's value.
+    is of; in all others the paths keep the world's value. plausible: magnitude of the departure from `start` that
+    physics makes ordinary, as the standard deviation of a normal prior; None where nothing is known.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Unknown:
     upper: float
     typical: float
     run: str | None = None
+    plausible: float | None = None
 
     def is_of(self, run: Run) -> bool:
         """Whether its value counts in a run, or in a window of a run."""

@@ -33,10 +33,6 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-LEADERS = 3  # laws that are refitted without the runs that they explain worst
-LIGHT = 30.0  # times the noise at which a run still has a state of its own and no say in what is shared
-ITERATIONS = 5  # of the fits of single segments, twice
-
 
 @dataclass(frozen=True)
 class OutlyingRun:
@@ -73,7 +69,11 @@ class SegmentFits:
 
 
 def segment_fits(
-    world: World, recording: Recording, base: Sequence[Unknown], cancelled: Callable[[], bool] | None = None
+    world: World,
+    recording: Recording,
+    base: Sequence[Unknown],
+    settings: OutlierSettings,
+    cancelled: Callable[[], bool] | None = None,
 ) -> SegmentFits | None:
     """Fit every segment by itself; None where runs cannot be cut."""
     problem = problem_of(world, recording)
@@ -84,16 +84,16 @@ def segment_fits(
     whole = Chains(Forward(problem, world, tuple(base), cancelled), measured_noise(problem.whole))
     chains = Chains(Forward(single, world, (), cancelled), measured_noise(single.whole))
     fit = Fit(chains, Point(np.zeros(0), best_guesses(whole, values)))
-    fit.stage(1.0, ITERATIONS, 1.0)
+    fit.stage(1.0, settings.iterations, 1.0)
     at = propagated(whole, flipped(whole, Point(values, fit.at.states)))
     fit.at = Point(np.zeros(0), at.states)
-    fit.stage(1.0, ITERATIONS, 1.0)
+    fit.stage(1.0, settings.iterations, 1.0)
     costs, _ = chains.costs([fit.at])
     counts = np.array([max(int(k.sum()), 1) for k in chains.noise.kept])
     set_scales(whole, Point(values, fit.at.states))
-    settings = [Settings(s.index, values[None], fit.at.states[s.index][None]) for s in problem.segments]
-    outcomes = whole.forward.outcomes(settings)
-    found = jumps(whole.continuity, outcomes, [s.states for s in settings])
+    asked = [Settings(s.index, values[None], fit.at.states[s.index][None]) for s in problem.segments]
+    outcomes = whole.forward.outcomes(asked)
+    found = jumps(whole.continuity, outcomes, [s.states for s in asked])
     scaled = tuple(j[0] / scale for j, scale in zip(found, whole.scale, strict=True))
     return SegmentFits(problem, costs[0] / counts, whole.continuity.boundaries, scaled)
 
@@ -176,8 +176,8 @@ def misfitting_runs(
     that law does not explain most of the others either.
     """
     kept = len(trials[0].costs) - spare
-    leaders = sorted(trials, key=lambda t: float(np.sort(t.costs)[:kept].sum()))[:LEADERS]
-    ways = [_concentrated(t, spare) for t in leaders]
+    leaders = sorted(trials, key=lambda t: float(np.sort(t.costs)[:kept].sum()))[: settings.leaders]
+    ways = [_concentrated(t, spare, settings.light) for t in leaders]
     trial, misfits = min(ways, key=lambda w: float(np.sort(w[1])[:kept].sum()))
     ordinary = max(float(np.quantile(misfits, 1.0 - settings.most)), 1.0)
     if ordinary > settings.explained:
@@ -194,17 +194,17 @@ def misfitting_runs(
     return tuple(sorted(found, key=lambda o: -o.times))[:spare]
 
 
-def _concentrated(trial: FittedHypothesis, spare: int) -> tuple[FittedHypothesis, Array]:
-    """A hypothesis refitted with the runs that it explains worst all but out of it, and chi2 per measurement (R,)."""
+def _concentrated(trial: FittedHypothesis, spare: int, light: float) -> tuple[FittedHypothesis, Array]:
+    """Refit a hypothesis with the runs that it explains worst all but left out; with chi2 per measurement (R,)."""
     worst = set(np.argsort(-trial.misfits, kind="stable")[:spare].tolist())
     noise = trial.bench.noise
-    scale = np.array([LIGHT if r in worst else 1.0 for r in range(len(noise.sigma))])
+    scale = np.array([light if r in worst else 1.0 for r in range(len(noise.sigma))])
     lighter = replace(noise, sigma=tuple(sigma * k for sigma, k in zip(noise.sigma, scale, strict=True)))
     again = trial.bench.with_noise(lighter).refit(trial)
     return again, again.misfits * scale**2
 
 
-def bearing_run(
+def supporting_run(
     base: FittedHypothesis, best: FittedHypothesis, settings: OutlierSettings, decisive: float
 ) -> OutlyingRun | None:
     """Return the run on which alone the case for a hypothesis rests; None where other runs make it, too.
@@ -222,7 +222,7 @@ def bearing_run(
     own = best.bench.design.runs[run]
     white = base.fit.linear.r[run]
     names = " + ".join(best.hypothesis.names)
-    how = f"it alone speaks for {names}, which lowers its chi2 by {gains[run]:.3g} and that of all others by " + (
+    how = f"it alone supports {names}, which lowers its chi2 by {gains[run]:.3g} and that of all others by " + (
         f"{gains.sum() - gains[run]:.3g}"
     )
     name = own.run.part_of or own.run.name

@@ -33,7 +33,7 @@ def pushed(recording: Recording, run: int, instant: int, speed: float = 3.0) -> 
 
 
 def found_in(recording: Recording) -> tuple[str, ...]:
-    fits = segment_fits(ball_world(), recording, ())
+    fits = segment_fits(ball_world(), recording, (), OutlierSettings())
     assert fits is not None
     return tuple(o.run for o in outlying_runs(fits, OutlierSettings()))
 
