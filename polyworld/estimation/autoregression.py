@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DEGREE = 3
-PIECE = 10  # samples of a piece at least: six degrees of freedom beside the cubic
-ALIKE = 4.0  # times the median mean square of a level's pieces beyond which one holds more than noise: once in 2000
+PIECE = 12  # samples of a piece at least: eight degrees of freedom beside the cubic
+ALIKE = 6.0  # times the lower quartile of the pieces' mean squares beyond which one holds more than noise: 1 in 2000
 FEWEST = 30  # degrees of freedom without which nothing is concluded
 GRID = np.linspace(0.0, 0.9, 46)
 
@@ -58,12 +58,12 @@ def correlation(series: Sequence[Piece]) -> tuple[float, float] | None:
     if not series:
         return None
     freedom, power = np.array(loose, dtype=float), np.array(energy)
-    cost = np.zeros(len(GRID))
+    cost = -2.0 * np.log1p(-(GRID**2))  # prior 1 - phi^2: noise has no unit root
     total = 0.0
     for level in dict.fromkeys(p.level for p in series):
         own = np.array([p.level == level for p in series])
         mean = power[own] / freedom[own, None]
-        calm = mean <= ALIKE * np.maximum(np.median(mean, axis=0), 1e-300)
+        calm = mean <= ALIKE * np.maximum(np.quantile(mean, 0.25, axis=0), 1e-300)
         use = np.flatnonzero(own)[calm.all(axis=1)]
         count = float(freedom[use].sum())
         whole = power[use].sum(axis=0)
@@ -80,7 +80,7 @@ def correlation(series: Sequence[Piece]) -> tuple[float, float] | None:
 
 
 def _shape(steps: Array) -> tuple[Array, Array, Array]:
-    """Whitening (P, q, q) and log determinants (P,) of AR(1) noise at instants, in a basis (m, q) of what cubics leave."""
+    """Return whitening (P, q, q), log determinants (P,) of AR(1) noise, in the basis (m, q) of what cubics leave."""
     x = 2.0 * steps / steps[-1] - 1.0
     rest = np.linalg.qr(np.vander(x, DEGREE + 1), mode="complete")[0][:, DEGREE + 1 :]
     gaps = np.abs(steps[:, None] - steps)
