@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.design import Design
 from polyworld.estimation.profile import Fit
+from polyworld.estimation.projection import column_basis
 from polyworld.estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
@@ -33,10 +34,9 @@ class HeldOutGain:
     error: float
     folds: int
 
-    @property
-    def beyond_error(self) -> bool:
-        """Whether the gain exceeds one standard error."""
-        return self.gain > self.error
+    def exceeds(self, errors: float) -> bool:
+        """Whether the gain is more than so many standard errors."""
+        return self.gain > errors * self.error
 
 
 def held_out_gain(better: Array, worse: Array) -> HeldOutGain:
@@ -77,10 +77,7 @@ def _runs_left_out(unknowns: tuple[Unknown, ...], fit: Fit) -> Array:
 def _projected(fit: Fit, run: int, free: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Derivatives by shared unknowns and residuals of one run, less what its initial state can take up."""
     a, b, res = fit.linear.a[run][:, free], fit.linear.b[run], fit.linear.r[run]
-    if not b.shape[1]:
-        return a, res
-    basis, size, _ = np.linalg.svd(b, full_matrices=False)
-    basis = basis[:, size > 1e-10 * size.max(initial=0.0)]
+    basis = column_basis(b)
     return a - basis @ (basis.T @ a), res - basis @ (basis.T @ res)
 
 

@@ -33,11 +33,12 @@ CORRELATIONS = np.concatenate([np.linspace(0.0, 0.9, 31), 1.0 - np.geomspace(0.0
 @dataclass(frozen=True)
 class Spread:
     """Variances (K,) of the differences of one series by stride, NaN where they tell nothing; count: of samples;
-    interval: median [s] between samples."""
+    interval: median [s] between samples; order: of the differences, the third unless these hold motion."""
 
     variances: Array
     count: int
     interval: float
+    order: int = 3
 
 
 def spread(times: Array, values: Array) -> Spread:
@@ -53,15 +54,15 @@ def spread(times: Array, values: Array) -> Spread:
             variance, clipped = _clipped_variance(found)
             if k == 0 or clipped < CLIPPED:
                 variances[k] = variance
-    calm = _of_higher_order(times, values, float(variances[0]), interval)
-    if calm is not None:
+    calm, order = _of_higher_order(times, values, float(variances[0]), interval)
+    if order > 3:
         variances[:] = np.nan  # longer strides see even more of the motion
         variances[0] = calm
-    return Spread(variances, m, interval)
+    return Spread(variances, m, interval, order)
 
 
-def _of_higher_order(times: Array, values: Array, third: float, interval: float) -> float | None:
-    """Variance of differences of the order at which it no longer falls; None where third ones hold no motion."""
+def _of_higher_order(times: Array, values: Array, third: float, interval: float) -> tuple[float, int]:
+    """Variance of differences of the order at which it no longer falls, and that order."""
     variance = third
     order = 3
     while order < HIGHEST and np.isfinite(variance):
@@ -72,7 +73,7 @@ def _of_higher_order(times: Array, values: Array, third: float, interval: float)
         if not 0.0 < higher < FALLING * variance:
             break
         variance, order = higher, order + 1
-    return variance if order > 3 else None
+    return variance, order
 
 
 def _differences(times: Array, values: Array, order: int, stride: int, interval: float) -> Array:
@@ -87,7 +88,7 @@ def _differences(times: Array, values: Array, order: int, stride: int, interval:
 
 def least(first: Spread, second: Spread) -> Spread:
     """The smaller variance of two series with the same noise, each disturbed by a motion of its own."""
-    return Spread(np.fmin(first.variances, second.variances), first.count, first.interval)
+    return Spread(np.fmin(first.variances, second.variances), first.count, first.interval, second.order)
 
 
 def expected(correlation: Array, strides: Array) -> Array:

@@ -18,6 +18,7 @@ from polyworld.estimation.design import Design, Series
 from polyworld.estimation.lines import NO_LINE, Line, strongest_line
 from polyworld.estimation.noise import EXCESS, Kind, Noise, resolution, spectral_modes
 from polyworld.estimation.profile import Fit
+from polyworld.estimation.projection import column_basis
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -181,10 +182,7 @@ def projected(fit: Fit) -> tuple[list[Array], list[Array], list[Array]]:
     initial states (m, n) of each run, and of the shared unknowns (m, S), orthonormal over all runs together."""
     own, residuals, rest = [], [], []
     for r, a, b in zip(fit.linear.r, fit.linear.a, fit.linear.b, strict=True):
-        basis = np.zeros((len(r), 0))
-        if b.shape[1]:
-            left, size, _ = np.linalg.svd(b / np.maximum(np.linalg.norm(b, axis=0), 1e-300), full_matrices=False)
-            basis = left[:, size > 1e-8 * size.max(initial=0.0)]
+        basis = column_basis(b)
         own.append(basis)
         residuals.append(r - basis @ (basis.T @ r))
         rest.append(a - basis @ (basis.T @ a))

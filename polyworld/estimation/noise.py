@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation import differences, spectrum
+from polyworld.estimation import autoregression, differences, spectrum
 from polyworld.estimation.design import Design, RunDesign, Series
 from polyworld.estimation.sample_outliers import outliers, repeats
 from polyworld.symmetry import rotation_vector
@@ -155,8 +155,12 @@ def measured_noise(design: Design) -> Noise:
     Only rows that were shown twice are set aside: a motion without a model may leap like an outlier.
     """
     kept = tuple(~_repeated(r) for r in design.runs)
-    spreads = _spreads(design, kept, lambda run, s: _raw(design.runs[run], s))
-    return _noise(design, spreads, kept, {})
+
+    def raw(run: int, s: Series) -> Array:
+        return _raw(design.runs[run], s)
+
+    spreads = _spreads(design, kept, raw)
+    return _noise(design, spreads, kept, _correlations(design, spreads, kept, raw))
 
 
 def refined_noise(design: Design, noise: Noise, residuals: Sequence[Array]) -> Noise:
@@ -170,7 +174,8 @@ def refined_noise(design: Design, noise: Noise, residuals: Sequence[Array]) -> N
     raw = _spreads(design, kept, lambda run, s: _raw(design.runs[run], s))
     left = _spreads(design, kept, lambda run, s: residuals[run][s.where])
     spreads = [differences.least(a, b) for a, b in zip(raw, left, strict=True)]
-    first = _noise(design, spreads, kept, {})
+    known = _correlations(design, spreads, kept, lambda run, s: residuals[run][s.where])
+    first = _noise(design, spreads, kept, known)
     better = {kind: _from_spectrum(design, first, residuals, kind) for kind in first.correlation}
     return _noise(design, spreads, kept, better)
 
@@ -251,13 +256,36 @@ def _spreads(design: Design, kept: Sequence[Bools], values: Callable[[int, Serie
     return found
 
 
+def _correlations(
+    design: Design,
+    spreads: Sequence[differences.Spread],
+    kept: Sequence[Bools],
+    values: Callable[[int, Series], Array],
+) -> dict[Kind, Correlation]:
+    """Correlations by kind, of third differences or, where short series leave these too few, of what cubics leave."""
+    found: dict[Kind, Correlation] = {}
+    for kind in dict.fromkeys(s.kind for s in design.series):
+        members = [(s, spread) for s, spread in zip(design.series, spreads, strict=True) if s.kind == kind]
+        interval = members[0][1].interval
+        phi, error = differences.correlation([spread for _, spread in members])
+        if error >= differences.UNSURE[3]:
+            pieces = []
+            for s, spread in members:
+                own = kept[s.run][s.where]
+                steps = design.runs[s.run].times[s.rows[own]] / interval
+                if spread.order == 3:  # or cubics do not follow the motion
+                    pieces += autoregression.pieces((s.name, s.axis), steps, values(s.run, s)[own])
+            phi, error = min((phi, error), autoregression.correlation(pieces) or (0.0, 1.0), key=lambda x: x[1])
+        found[kind] = Correlation(phi, error, interval)
+    return found
+
+
 def _noise(
     design: Design,
     spreads: Sequence[differences.Spread],
     kept: tuple[Bools, ...],
-    correlations: dict[Kind, Correlation],
+    correlation: dict[Kind, Correlation],
 ) -> Noise:
-    correlation: dict[Kind, Correlation] = dict(correlations)
     series = design.series
     sigma = [np.empty(r.length) for r in design.runs]
     notes: list[str] = []
@@ -265,10 +293,6 @@ def _noise(
         members = [i for i, s in enumerate(series) if s.kind == kind]
         if not members:
             continue
-        if kind not in correlation:
-            useful = [spreads[i] for i in members]
-            phi, error = differences.correlation(useful)
-            correlation[kind] = Correlation(phi, error, useful[0].interval)
         levels = _levels(design, [series[i] for i in members], [spreads[i] for i in members], correlation[kind], notes)
         for i, value in zip(members, levels, strict=True):
             sigma[series[i].run][series[i].where] = value
@@ -327,8 +351,9 @@ def _levels(
     if not known.any():
         measured = np.full(len(series), SUPPOSED[series[0].kind])
         notes.append(f"too few samples to tell the noise of {series[0].kind}s: supposed")
-    logs = np.log(np.maximum(np.where(known, measured, 1.0), floors))
     variance = np.where(known, RELATIVE_ERROR**2 / np.maximum([d.count for d in spreads], 1), np.inf)
+    # The logarithm of a level is too low by its variance on average (mean of log chi-squared, to first order).
+    logs = np.log(np.maximum(np.where(known, measured, 1.0), floors)) + np.where(known, variance, 0.0)
     if known.any():
         keys = [(s.name, s.axis) for s in series]
         groups = [[i for i, k in enumerate(keys) if k == key] for key in dict.fromkeys(keys)]

@@ -52,8 +52,21 @@ class FittedHypothesis:
     @property
     def ebic(self) -> float:
         """Extended BIC: lower is better."""
+        return self.chi2 + self.price
+
+    @property
+    def price(self) -> float:
+        """Cost of the effects in the extended BIC: of their unknowns, of choosing them, and of implausible values."""
         h = self.hypothesis
-        return extended_bic(self.chi2, h.extra, self.bench.observations, len(h.parts), self.bench.candidates)
+        occam = extended_bic(0.0, h.extra, self.bench.observations, len(h.parts), self.bench.candidates)
+        return occam + self.implausibility
+
+    @property
+    def implausibility(self) -> float:
+        """Minus twice the log density of a normal prior at the effects' values, up to a constant."""
+        first = len(self.hypothesis.base)
+        added = zip(self.hypothesis.unknowns[first:], self.values[first:], strict=True)
+        return sum(((float(v) - u.start) / u.plausible) ** 2 for u, v in added if u.plausible is not None)
 
     @cached_property
     def goodness(self) -> Goodness:

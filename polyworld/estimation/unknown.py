@@ -18,7 +18,6 @@ class Unknown:
     is of; in all others the paths keep the world's value. plausible: largest departure from `start` that physics
     makes ordinary, for which evidence charges (departure / plausible)^2 as a normal prior of that width does; None
     where nothing is known.
-    is of; in all others the paths keep the world's value.
 
     The rest is for fits to a video's tracks (`estimation.world_fit`), where `typical` is the standard deviation with
     which the search begins. prior: (mean, sd) of a Gaussian prior. scale: "log" searches logarithms, and `typical` is

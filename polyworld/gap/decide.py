@@ -1,288 +1,283 @@
 """Decide which effects the data name, once, from evidence, stability over runs, and held-out prediction.
 
-Where a hypothesis leaves only noise, it is identified, or ambiguous beside others that do. Where none does, model error
-is admitted as large as what the leading hypothesis leaves, and effects are named that stay decisive then, are chosen
-whichever runs are left out, and predict runs left out better: identified with a remainder. Each check of the program's
-own that contradicts a name lowers the verdict by itself, and is reported with it.
+Where hypotheses leave only noise, one is identified, or several stand side by side. Model error is admitted where none
+does, and where the one that does may only imitate a plain law of a slightly different form: effects are named then that
+stay decisive, are chosen whichever runs are left out, and predict runs left out better.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import chdtri
 
+from polyworld.estimation.criteria import HeldOutGain, held_out_gain
 from polyworld.estimation.trial import FittedHypothesis
-from polyworld.estimation.unknown import Unknown
-from polyworld.gap.model_error import ModelError, model_error_of, run_evidence
+from polyworld.gap.model_error import ModelError
 from polyworld.gap.settings import DecisionSettings
-from polyworld.gap.stability import Contest, clustered_covariance, contest, gain_with_error
+from polyworld.gap.stability import (
+    Names,
+    apart,
+    chosen_in_subsets,
+    closed,
+    contains,
+    contest,
+    equivalents,
+    far_fetched,
+    has_effect,
+    leader_and_error,
+    names_of,
+    support_of,
+)
 
 Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
-Names = tuple[str, ...]
 
-PLAIN = (  # laws that are fitted and reported beside any richer answer
-    "gravity_error",
-    "restitution_error",
-    "friction_error",
-    "rolling_resistance",
-    "linear_drag",
-    "quadratic_drag",
-    "viscous_friction",
-    "joint_damping",
-    "joint_friction",
-)
-ALIKE = 10.83  # squared difference of whitened motions that noise exceeds once in a thousand (chi2, 1 freedom)
-ROUNDS = 4  # of choosing a leader and estimating the model error from it
+DEFAULT = DecisionSettings()
 
 
 @dataclass(frozen=True)
-class Graded:
+class RunnerUp:
+    """The best hypothesis with another name: how far behind it is."""
+
+    trial: FittedHypothesis
+    ebic_behind: float
+    held_out: HeldOutGain
+
+
+@dataclass(frozen=True)
+class Stability:
     """What the data name when model error is admitted.
 
-    leader: the hypothesis chosen, None where no names are stable. error: the model error that it leaves. support:
-    effect -> share of subsets of the runs in which it is chosen. rivals: sets of names within reach of the leader.
-    held_out, held_out_error: mean gain per left-out run over the base, and its standard error, in chi2.
-    ahead: by how much its extended BIC is below that of the base. reasons: why no name is given, where none is.
-    alternatives: hypotheses chosen in some subsets of the runs each, where the base is in none and no more is wrong.
+    leader: the hypothesis that leads then. error: the model error that it leaves. support: effect -> share of subsets
+    of the runs in which it is chosen. rivals: sets of names within reach of the leader. held_out: gain per left-out run
+    over the base, in chi2. ahead: by how much its extended BIC is below that of the base. reasons: why it is not named,
+    where it is not. alternatives: hypotheses chosen in some subsets of the runs each, where no more is wrong.
     """
 
-    leader: FittedHypothesis | None
-    nearest: FittedHypothesis
+    leader: FittedHypothesis
     error: ModelError
     support: dict[str, float]
     rivals: tuple[Names, ...]
-    held_out: float
-    held_out_error: float
+    held_out: HeldOutGain
     ahead: float
-    reasons: tuple[str, ...]
+    reasons: tuple[str, ...] = ()
     alternatives: tuple[FittedHypothesis, ...] = ()
-
-
-def names_of(trial: FittedHypothesis) -> Names:
-    """Return the effects of a hypothesis in alphabetical order."""
-    return tuple(sorted(trial.hypothesis.names))
-
-
-def equivalents(trials: Sequence[FittedHypothesis]) -> dict[str, frozenset[str]]:
-    """Return every effect's name with those of the effects that these data cannot distinguish from it.
-
-    They are known to be alike, or their fits are: single effects whose motions differ by less than noise shows.
-    """
-    found: dict[str, set[str]] = {}
-    for trial in trials:
-        for part in trial.hypothesis.parts:
-            found.setdefault(part.candidate.name, {part.candidate.name}).update(part.variant.same_as)
-    single = [t for t in trials if len(t.hypothesis.parts) == 1]
-    for i, one in enumerate(single):
-        for other in single[:i]:
-            apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
-            if apart < ALIKE:
-                found[one.hypothesis.names[0]].update(other.hypothesis.names)
-                found[other.hypothesis.names[0]].update(one.hypothesis.names)
-    return {name: frozenset(same) for name, same in found.items()}
-
-
-def grade(
-    base: FittedHypothesis, trials: Sequence[FittedHypothesis], courses: int, settings: DecisionSettings, seed: int = 0
-) -> Graded:
-    """Choose effects with model error admitted.
-
-    base: the world without them. trials: fitted hypotheses, all under one noise. courses: distinct courses among the
-    runs, as which repeated ones count.
-
-    Plain laws and faults of the observer lead by the extended BIC under the model error that they leave themselves. Any
-    other effect has to be decisive, each by itself, even where all that the leader leaves is admitted as model error:
-    a sum of far-fetched effects does not win then by taking up what a plain law leaves undone.
-    """
-    pool = [base, *trials]
-    same = equivalents(trials)
-    leader = _plain_leader([t for t in pool if not _far_fetched(t)])
-    for _ in range(ROUNDS):
-        error = model_error_of(leader)
-        found = contest(pool, error)
-        scores = found.scores(np.ones(found.runs))
-        lead = np.array([settings.decisive * max(_far_fetched(t), 1) for t in pool])
-        ahead_by = scores[pool.index(leader)] - scores - lead
-        best = int(np.argmax(ahead_by))
-        if ahead_by[best] <= 0.0:
-            break
-        leader = pool[best]
-    by_subset = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
-    chosen_in = _chosen(by_subset, pool.index(leader), settings)
-    support = _support(found, pool.index(leader), chosen_in, by_subset, same)
-    stable = {name for name, share in support.items() if share >= settings.stable}
-    within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
-    rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not _shares(t, leader, same)))
-    chosen = leader if leader.hypothesis.names else None
-    reasons = []
-    if courses < settings.fewest_runs:
-        reasons.append(
-            f"the runs follow {_count(courses, 'distinct course')}: stability over runs needs {settings.fewest_runs}"
-        )
-    gain, gain_error, ahead = 0.0, float("inf"), 0.0
-    unstable: list[str] = []
-    if chosen is None:
-        reasons.append("with model error admitted, no effect is decisive")
-    else:
-        index = pool.index(chosen)
-        unstable = [n for n in chosen.hypothesis.names if not any(m in stable for m in same[n])]
-        if unstable:
-            reasons.append(
-                f"{' and '.join(unstable)} {'is' if len(unstable) == 1 else 'are'} not chosen whichever runs are left "
-                f"out (in {100.0 * min(support[n] for n in unstable):.0f}% of the subsets)"
-            )
-        ahead = float(scores[0] - scores[index])
-        held_out = found.held_out()
-        gain, gain_error = gain_with_error(held_out[index], held_out[0])
-        if ahead <= settings.decisive:
-            reasons.append(
-                f"with model error admitted, the base is only {ahead:.1f} behind in the extended BIC "
-                f"(decisive: {settings.decisive:g})"
-            )
-        closed = _closed(base, chosen)
-        if _far_fetched(chosen) and closed < settings.closed:
-            reasons.append(f"only {100.0 * closed:.0f}% of the gap is closed (at least {100.0 * settings.closed:.0f}%)")
-        if not gain > settings.clearly * gain_error:
-            reasons.append(
-                f"runs left out are not predicted better: chi2 falls by {gain:.3g} +- {gain_error:.2g} per run"
-            )
-        for i, other in enumerate(pool[1:], start=1):
-            better, by = gain_with_error(held_out[index], held_out[i])
-            rival = not _far_fetched(other) and not _shares(other, chosen, same)
-            if rival and better < -settings.clearly * by and scores[i] < scores[index]:
-                reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
-                break
-    named = None if reasons else chosen
-    alternatives: tuple[FittedHypothesis, ...] = ()
-    if chosen is not None and unstable and len(reasons) == 1:
-        picked = [pool[i] for i in dict.fromkeys([pool.index(leader), *chosen_in.tolist()])]
-        doubtful = [t for t in within if t.hypothesis.names and set(t.hypothesis.names) != set(leader.hypothesis.names)]
-        picked += [t for t in doubtful if not _far_fetched(t) and t not in picked]
-        alternatives = tuple(picked) if base not in picked and len(picked) > 1 else ()
-    return Graded(named, leader, error, support, rivals, gain, gain_error, ahead, tuple(reasons), alternatives)
-
-
-def _closed(base: FittedHypothesis, trial: FittedHypothesis) -> float:
-    """Share of the base's root mean square residual beyond the noise that a hypothesis takes away, in positions or in
-    rotations, whichever it is more: a torque turns bodies and pushes none."""
-    shares = [0.0]
-    for kind in {s.kind for s in base.bench.design.series}:
-        before, after = (_beyond_noise(t, kind) for t in (base, trial))
-        if before > 0.0:
-            shares.append(1.0 - after / before)
-    return max(shares)
-
-
-def _beyond_noise(trial: FittedHypothesis, kind: str) -> float:
-    """Root mean square of the whitened residuals of one kind beyond that of noise."""
-    own = [trial.fit.linear.r[s.run][s.where] for s in trial.bench.design.series if s.kind == kind]
-    return float(np.sqrt(max(float(np.mean(np.concatenate(own) ** 2)) - 1.0, 0.0)))
-
-
-def _far_fetched(trial: FittedHypothesis) -> int:
-    """Number of effects of a hypothesis that are neither plain laws nor faults of the observer."""
-    return sum(p.candidate.name not in PLAIN and p.candidate.group != "observer" for p in trial.hypothesis.parts)
-
-
-def _plain_leader(pool: Sequence[FittedHypothesis]) -> FittedHypothesis:
-    """The hypothesis with the least extended BIC under the model error that it leaves."""
-    leader = min(pool, key=lambda t: t.ebic)
-    for _ in range(ROUNDS):
-        found = contest(pool, model_error_of(leader))
-        best = pool[int(np.argmin(found.scores(np.ones(found.runs))))]
-        if best is leader:
-            break
-        leader = best
-    return leader
-
-
-def _chosen(scores: NDArray[np.float64], leader: int, settings: DecisionSettings) -> NDArray[np.int64]:
-    """Which hypothesis is chosen in each subset of the runs: the leader, unless another one is decisively ahead.
-
-    scores (B, H): extended BIC of every hypothesis in every subset.
-    """
-    best = np.argmin(scores, axis=1)
-    ahead = scores[:, leader] - scores[np.arange(len(scores)), best]
-    return np.where(ahead > settings.decisive, best, leader)
-
-
-def _support(
-    found: Contest,
-    leader: int,
-    chosen: NDArray[np.int64],
-    scores: NDArray[np.float64],
-    same: dict[str, frozenset[str]],
-) -> dict[str, float]:
-    """Share of subsets of the runs in which each effect, or one indistinguishable from it, is chosen and needed."""
-    share: dict[str, float] = {}
-    for name in dict.fromkeys(n for t in found.trials for n in t.hypothesis.names):
-        has = np.array([bool(set(t.hypothesis.names) & same[name]) for t in found.trials])
-        # An effect of the leader has to be missed, too: what does without it must not do as well.
-        needed = scores[:, ~has].min(axis=1) > scores[:, leader] if has[leader] else np.ones(len(scores), dtype=bool)
-        share[name] = float(np.mean(has[chosen] & needed))
-    return share
-
-
-def _shares(one: FittedHypothesis, other: FittedHypothesis, same: dict[str, frozenset[str]]) -> bool:
-    """Whether a hypothesis has all effects of another, or their equivalents: it does not contradict it then."""
-    return all(any(n in same[name] for n in one.hypothesis.names) for name in other.hypothesis.names)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 @dataclass(frozen=True)
-class Check:
-    """One of the program's own checks that contradicts a name: what it is called, and what it found."""
+class Verdict:
+    """kind; best: the leading hypothesis; credible: all that stand beside it, best first; runner_up: the next name.
 
-    name: Literal[
-        "null_control",
-        "held_out",
-        "held_out_remainder",
-        "runner_up",
-        "nothing_held_out",
-        "time_limit",
+    forms: what stands beside the best under its own name: the same effects by another rule, or on another body.
+    stability: the comparison with model error admitted, where it was made.
+    """
+
+    kind: Kind
+    best: FittedHypothesis | None
+    credible: tuple[FittedHypothesis, ...] = ()
+    runner_up: RunnerUp | None = None
+    forms: tuple[FittedHypothesis, ...] = ()
+    stability: Stability | None = field(default=None, repr=False)
+
+
+def decide(
+    gated: Verdict,
+    base: FittedHypothesis,
+    pool: Sequence[FittedHypothesis],
+    courses: int,
+    settings: DecisionSettings = DEFAULT,
+    seed: int = 0,
+) -> Verdict:
+    """Return the verdict, with model error admitted where it has a say.
+
+    gated: the verdict on hypotheses that leave only noise. base: the world without effects. pool: fitted hypotheses,
+    all under one noise. courses: distinct courses among the runs, as which repeated ones count.
+    """
+    best = gated.best
+    if gated.kind == "unexplained" and pool:
+        found = compare(base, pool, courses, settings, seed)
+        if not found.reasons:
+            return _named(gated, found)
+        if found.alternatives:
+            return _side_by_side(gated, found, found.alternatives)
+        return replace(gated, stability=found)
+    if gated.kind == "identified" and best is not None and _may_imitate(best, base, pool, settings):
+        found = compare(base, [*(t for t in pool if t is not best), best], courses, settings, seed)
+        if not far_fetched(found.leader) and found.leader.hypothesis.names:
+            if not found.reasons and names_of(best) not in found.rivals:
+                return _named(gated, found)
+            return _side_by_side(gated, found, (found.leader, best, *found.alternatives))
+    return gated
+
+
+def _named(gated: Verdict, found: Stability) -> Verdict:
+    best = found.leader
+    return replace(gated, kind="identified_with_remainder", best=best, credible=(best,), stability=found)
+
+
+def _side_by_side(gated: Verdict, found: Stability, several: tuple[FittedHypothesis, ...]) -> Verdict:
+    credible = tuple(one_of_each_name(several))
+    return replace(gated, kind="ambiguous", best=credible[0], credible=credible, stability=found)
+
+
+def _may_imitate(
+    best: FittedHypothesis, base: FittedHypothesis, pool: Sequence[FittedHypothesis], settings: DecisionSettings
+) -> bool:
+    """Return whether a far-fetched hypothesis may owe its fit to plain laws that close most of the gap themselves."""
+    if not far_fetched(best):
+        return False
+    plain = [t for t in pool if t.hypothesis.names and not far_fetched(t)]
+    return any(closed(base, t) >= settings.closed for t in plain)
+
+
+def compare(
+    base: FittedHypothesis,
+    trials: Sequence[FittedHypothesis],
+    courses: int,
+    settings: DecisionSettings = DEFAULT,
+    seed: int = 0,
+) -> Stability:
+    """Compare hypotheses with model error admitted, over all runs and over subsets of them."""
+    pool = [base, *trials]
+    same = equivalents(trials, settings.chance)
+    index, error = leader_and_error(pool, settings)
+    leader = pool[index]
+    found = contest(pool, error)
+    scores = found.scores()
+    by_subset = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
+    chosen = chosen_in_subsets(by_subset, index, settings)
+    support = support_of(pool, index, chosen, by_subset, same)
+    within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
+    rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not contains(t, leader, same)))
+    held_out = found.held_out()
+    gain = held_out_gain(held_out[index], held_out[0])
+    ahead = float(scores[0] - scores[index])
+
+    reasons = []
+    if courses < settings.fewest_runs:
+        plural = "" if courses == 1 else "s"
+        reasons.append(
+            f"the runs follow {courses} distinct course{plural}: stability over runs needs {settings.fewest_runs}"
+        )
+    if not leader.hypothesis.names:
+        reasons.append("with model error admitted, no effect is decisive")
+        return Stability(leader, error, support, rivals, gain, ahead, tuple(reasons))
+    if ahead <= settings.decisive:
+        reasons.append(
+            f"with model error admitted, the base is only {ahead:.1f} behind in the extended BIC "
+            f"(decisive: {settings.decisive:g})"
+        )
+    share = closed(base, leader)
+    if far_fetched(leader) and share < settings.closed:
+        reasons.append(f"only {100.0 * share:.0f}% of the gap is closed (at least {100.0 * settings.closed:.0f}%)")
+    if not gain.exceeds(settings.clearly):
+        reasons.append(
+            f"runs left out are not predicted better: chi2 falls by {gain.gain:.3g} +- {gain.error:.2g} per run"
+        )
+    for other, chi2, score in zip(pool[1:], held_out[1:], scores[1:], strict=True):
+        rival = not far_fetched(other) and not contains(other, leader, same)
+        if rival and score < scores[index] and held_out_gain(chi2, held_out[index]).exceeds(settings.clearly):
+            reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
+            break
+    stable = {name for name, value in support.items() if value >= settings.stable}
+    unstable = [n for n in leader.hypothesis.names if not same[n] & stable]
+    alternatives: list[FittedHypothesis] = []
+    if unstable:
+        if not reasons:  # each subset of the runs names its own, and what the evidence leaves open is named, too
+            picks = {index, *chosen.tolist()}
+            for name in unstable:
+                without = np.where(has_effect(pool, name, same), np.inf, by_subset)
+                best = np.argmin(without, axis=1)
+                picks.update(best[without.min(axis=1) <= by_subset[:, index]].tolist())
+            alternatives = [pool[i] for i in sorted(picks, key=lambda i: (i != index, scores[i]))]
+            named = {frozenset(t.hypothesis.names) for t in alternatives}
+            alternatives += [t for t in within if t.hypothesis.names and not far_fetched(t)]
+            alternatives = one_of_each_name(alternatives)
+            if frozenset() in named or len(alternatives) < 2:
+                alternatives = []
+        least = min(support[n] for n in unstable)
+        reasons.append(
+            f"{' and '.join(unstable)} {'is' if len(unstable) == 1 else 'are'} not chosen whichever runs are left "
+            f"out (in {100.0 * least:.0f}% of the subsets)"
+        )
+    return Stability(leader, error, support, rivals, gain, ahead, tuple(reasons), tuple(alternatives))
+
+
+def leave_noise(trials: Sequence[FittedHypothesis], credible: float, settings: DecisionSettings = DEFAULT) -> Verdict:
+    """Return the verdict on hypotheses of equally many effects, none of which is the base, without model error.
+
+    Hypotheses stand beside the best where they pass the gate and their extended BIC is within `credible` of the least,
+    or where the data prefer them by more than their further unknowns would by chance, whatever Occam's share of the
+    criterion says, or where they are not far behind and predict data left out clearly better. A richer law that
+    predicts the same as a simpler one, to what its further unknowns fit of the noise, contains it and is left out.
+    """
+    ranked = sorted((t for t in trials if np.isfinite(t.ebic)), key=lambda t: (t.ebic, t.hypothesis.title))
+    best = next((t for t in ranked if _could_pass(t, ranked) and t.passes), None)
+    if best is None:
+        first = ranked[0] if ranked else None
+        return Verdict("unexplained", first, (), _runner_up(first, ranked) if first else None)
+    near = [
+        t
+        for t in ranked
+        if t is best
+        or t.ebic - best.ebic <= credible
+        or _preferred(t, best, settings.chance)
+        or (t.ebic - best.ebic <= settings.asked and held_out_gain(t.held_out, best.held_out).exceeds(settings.doubly))
     ]
-    found: str
+    beside = [t for t in near if t.passes]
+    beside = [t for t in beside if not any(_richer(t, other, settings.chance) for other in beside if other is not t)]
+    if best not in beside:
+        best = beside[0]
+    forms = tuple(t for t in beside if t is not best and names_of(t) == names_of(best))
+    beside = one_of_each_name(beside)
+    return Verdict(
+        "identified" if len(beside) == 1 else "ambiguous", best, tuple(beside), _runner_up(best, ranked), forms
+    )
 
 
-LOWERED: dict[str, dict[Kind, Kind]] = {
-    # A name that held-out data refute is not given.
-    "held_out": {"identified": "unexplained", "identified_with_remainder": "unexplained"},
-    # What leaves only noise in the data fitted and half of the gap in others has not named what acts.
-    "held_out_remainder": {"identified": "unexplained"},
-    # A procedure that finds effects in data without any proves nothing by finding one.
-    "null_control": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
-    # A rival that was not fitted has not lost.
-    "time_limit": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
-    "runner_up": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
-    "nothing_held_out": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
-}
+def beside_fewer(verdict: Verdict, fewer: Sequence[FittedHypothesis], credible: float) -> Verdict:
+    """Return the verdict with hypotheses of fewer effects beside a best one that is ahead of them by less than decides.
+
+    That they fail the gate, and it does not, is no evidence for a further effect by that very name.
+    """
+    best = verdict.best
+    near = [] if best is None else [t for t in fewer if t.ebic - best.ebic <= credible]
+    if not near:
+        return verdict
+    return replace(verdict, kind="ambiguous", credible=(*verdict.credible, *one_of_each_name(near)))
 
 
-def lowered(kind: Kind, checks: Sequence[Check]) -> Kind:
-    """Return the verdict after the checks that contradict it, each of which lowers it by itself."""
-    for check in checks:
-        kind = LOWERED[check.name].get(kind, kind)
-    return kind
+def one_of_each_name(trials: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
+    """Return the first hypothesis of every set of names: labels say on whom an effect acts, not what it is."""
+    chosen: dict[Names, FittedHypothesis] = {}
+    for trial in trials:
+        chosen.setdefault(names_of(trial), trial)
+    return list(chosen.values())
 
 
-def widened(unknowns: Sequence[Unknown], intervals: np.ndarray, graded: Graded, trial: FittedHypothesis) -> np.ndarray:
-    """Return 95% intervals (S, 2) widened by the scatter of the runs (cluster-robust) and the model error."""
-    evidence = run_evidence(trial, graded.error)
-    runs = len(evidence.level)
-    factor = float(student.ppf(0.975, max(runs - 1, 1)))
-    spread = factor * np.sqrt(np.maximum(np.diag(clustered_covariance(evidence)), 0.0))
-    values = trial.values[: len(intervals)]
-    lower = np.array([u.lower for u in unknowns])[: len(intervals)]
-    upper = np.array([u.upper for u in unknowns])[: len(intervals)]
-    found = intervals.copy()
-    found[:, 0] = np.maximum(np.minimum(intervals[:, 0], values - spread[: len(intervals)]), lower)
-    found[:, 1] = np.minimum(np.maximum(intervals[:, 1], values + spread[: len(intervals)]), upper)
-    return found
+def _could_pass(trial: FittedHypothesis, ranked: Sequence[FittedHypothesis]) -> bool:
+    """Return whether chi2 is near enough to the least, within what noise does, for the gate to be worth asking."""
+    least = min(t.chi2 for t in ranked)
+    return trial.chi2 < least + 5.0 * float(np.sqrt(2.0 * max(least, trial.bench.observations)))
+
+
+def _preferred(trial: FittedHypothesis, best: FittedHypothesis, chance: float) -> bool:
+    more = trial.hypothesis.extra - best.hypothesis.extra
+    gain = best.chi2 + best.implausibility - trial.chi2 - trial.implausibility
+    return more > 0 and gain > float(chdtri(more, chance))
+
+
+def _richer(one: FittedHypothesis, other: FittedHypothesis, chance: float) -> bool:
+    """Return whether a law with more unknowns predicts what a simpler one does, noise aside."""
+    more = one.hypothesis.extra - other.hypothesis.extra
+    return more > 0 and apart(one, other) < float(chdtri(more, chance))
+
+
+def _runner_up(best: FittedHypothesis, ranked: Sequence[FittedHypothesis]) -> RunnerUp | None:
+    other = next((t for t in ranked if names_of(t) != names_of(best)), None)
+    if other is None:
+        return None
+    return RunnerUp(other, other.ebic - best.ebic, held_out_gain(best.held_out, other.held_out))

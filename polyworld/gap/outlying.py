@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.design import design
+from polyworld.estimation.design import RunDesign, design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.noise import Noise, measured_noise
 from polyworld.estimation.segments import Segments, short_segments
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.settings import OutlierSettings
@@ -27,9 +27,6 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-LEADERS = 3  # laws that are refitted without the runs that they explain worst
-LIGHT = 30.0  # times the noise at which a run still has a state of its own and no say in what is shared
-ITERATIONS = 5  # of fits of segments
 SAMPLES = 12  # of a segment: a state has about six coordinates a body, and twice as many instants determine it
 SHIFTS = (0.0, 0.5)  # of a segment, between the two sets
 
@@ -65,6 +62,7 @@ class _SegmentFits:
     segments: Segments
     context: FitContext
     misfit: Array
+    iterations: int
 
     def again(self, k: int) -> None:
         """Fit a segment again, begun earlier: just before an impact its own samples hardly determine its state."""
@@ -76,10 +74,20 @@ class _SegmentFits:
         chosen = (np.arange(len(since)) >= begin) & (since <= last + 1e-9)
         piece = replace(run.rows(chosen), name=f"{run.name} from {begin}", window_of=run.name)
         laid = design(plan.world, Recording((piece,)))
-        context = FitContext(laid, measured_noise(laid), 1, self.context.cancelled)
+        context = FitContext(laid, self._noise_of(laid.runs[0]), 1, self.context.cancelled)
         states, horizons = profile.start_states(laid), profile.FINE_HORIZONS
-        fit = context.fit(Hypothesis(plan.world, ()), np.zeros(0), states, horizons=horizons, iterations=ITERATIONS)
+        nothing, none = Hypothesis(plan.world, ()), np.zeros(0)
+        fit = context.fit(nothing, none, states, horizons=horizons, iterations=self.iterations)
         self.misfit[k] = min(self.misfit[k], fit.misfits[0])
+
+    def _noise_of(self, run: RunDesign) -> Noise:
+        """White noise of one run, as large as in all segments: an event would pass for noise in so few samples."""
+        levels = {(level.name, level.kind): level.sigma for level in self.context.noise.levels}
+        sigma = np.empty(run.length)
+        for s in run.series:
+            sigma[s.where] = levels[s.name, s.kind]
+        index = np.arange(run.length)
+        return Noise((sigma,), (np.ones(run.length, dtype=bool),), (index,), (np.zeros(run.length),))
 
 
 def event_runs(
@@ -89,7 +97,7 @@ def event_runs(
 
     None where such runs are many, or runs cannot be cut into segments.
     """
-    fits = _segment_fits(world, recording, cancelled)
+    fits = _segment_fits(world, recording, settings, cancelled)
     if not fits:
         return ()
     names = [r.name for r in recording.runs]
@@ -116,7 +124,9 @@ def event_runs(
     return tuple(ranked) if len(ranked) <= settings.most * len(names) else ()
 
 
-def _segment_fits(world: World, recording: Recording, cancelled: Callable[[], bool] | None) -> tuple[_SegmentFits, ...]:
+def _segment_fits(
+    world: World, recording: Recording, settings: OutlierSettings, cancelled: Callable[[], bool] | None
+) -> tuple[_SegmentFits, ...]:
     """Fit every segment of two sets by itself. What lies between two segments of one set is inside one of the other."""
     plan = design(world, recording)
     found = []
@@ -126,8 +136,8 @@ def _segment_fits(world: World, recording: Recording, cancelled: Callable[[], bo
             return ()
         context = FitContext(cut.parts, measured_noise(cut.parts), 1, cancelled)
         states = profile.start_states(cut.parts)
-        fit = context.fit(Hypothesis(world, ()), np.zeros(0), states, iterations=2 * ITERATIONS)
-        found.append(_SegmentFits(cut, context, fit.misfits))
+        fit = context.fit(Hypothesis(world, ()), np.zeros(0), states, iterations=2 * settings.iterations)
+        found.append(_SegmentFits(cut, context, fit.misfits, settings.iterations))
     return tuple(found)
 
 
@@ -166,8 +176,8 @@ def misfitting_runs(
     that law does not explain most of the others either.
     """
     kept = len(trials[0].costs) - spare
-    leaders = sorted(trials, key=lambda t: float(np.sort(t.costs)[:kept].sum()))[:LEADERS]
-    ways = [_concentrated(t, spare) for t in leaders]
+    leaders = sorted(trials, key=lambda t: float(np.sort(t.costs)[:kept].sum()))[: settings.leaders]
+    ways = [_concentrated(t, spare, settings.light) for t in leaders]
     trial, misfits = min(ways, key=lambda w: float(np.sort(w[1])[:kept].sum()))
     ordinary = max(float(np.quantile(misfits, 1.0 - settings.most)), 1.0)
     if ordinary > settings.explained:
@@ -184,17 +194,17 @@ def misfitting_runs(
     return tuple(sorted(found, key=lambda o: -o.times))[:spare]
 
 
-def _concentrated(trial: FittedHypothesis, spare: int) -> tuple[FittedHypothesis, Array]:
-    """A hypothesis refitted with the runs that it explains worst all but out of it, and chi2 per measurement (R,)."""
+def _concentrated(trial: FittedHypothesis, spare: int, light: float) -> tuple[FittedHypothesis, Array]:
+    """Refit a hypothesis with the runs that it explains worst all but left out; with chi2 per measurement (R,)."""
     worst = set(np.argsort(-trial.misfits, kind="stable")[:spare].tolist())
     noise = trial.bench.noise
-    scale = np.array([LIGHT if r in worst else 1.0 for r in range(len(noise.sigma))])
+    scale = np.array([light if r in worst else 1.0 for r in range(len(noise.sigma))])
     lighter = replace(noise, sigma=tuple(sigma * k for sigma, k in zip(noise.sigma, scale, strict=True)))
     again = trial.bench.with_noise(lighter).refit(trial)
     return again, again.misfits * scale**2
 
 
-def bearing_run(
+def supporting_run(
     base: FittedHypothesis, best: FittedHypothesis, settings: OutlierSettings, decisive: float
 ) -> OutlyingRun | None:
     """Return the run on which alone the case for a hypothesis rests; None where other runs make it, too.
@@ -212,7 +222,7 @@ def bearing_run(
     own = best.bench.design.runs[run]
     white = base.fit.linear.r[run]
     names = " + ".join(best.hypothesis.names)
-    how = f"it alone speaks for {names}, which lowers its chi2 by {gains[run]:.3g} and that of all others by " + (
+    how = f"it alone supports {names}, which lowers its chi2 by {gains[run]:.3g} and that of all others by " + (
         f"{gains.sum() - gains[run]:.3g}"
     )
     name = own.run.part_of or own.run.name

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.trial import FitContext, FittedHypothesis
-from polyworld.gap.decide import Check, Graded, equivalents
+from polyworld.gap.checks import Check
+from polyworld.gap.decide import RunnerUp, Stability, Verdict
 from polyworld.gap.held_out import HeldOutGap
 from polyworld.gap.null_control import NullControl
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.remainder import Remainder
-from polyworld.gap.verdict import RunnerUp, Verdict
+from polyworld.gap.settings import DecisionSettings
+from polyworld.gap.stability import equivalents
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -28,9 +30,9 @@ class GapReport:
     intervals (S, 2): 95%, of the best hypothesis' unknowns. world: child with the effects, fitted; None where nothing
     is missing. near_misses: effects that would lower the misfit of data that are explained already. cautions: what the
     recording cannot determine. history: every step with its figures. set_aside: runs that behave unlike the rest, which
-    nothing was fitted to. checks: what contradicted the verdict and lowered it. graded: the decision with model error
-    admitted, where no hypothesis leaves only noise. plain: fits of the plain laws. remainder: what the answer leaves
-    undone. limited: the time limit [s] that ended the search. to_dict gives all of it as JSON-ready values.
+    nothing was fitted to. checks: what contradicted the verdict and lowered it. plain: fits of the plain laws.
+    remainder: what the answer leaves undone. limited: the time limit [s] that ended the search. to_dict gives all of
+    it as JSON-ready values.
     """
 
     verdict: Verdict
@@ -47,7 +49,6 @@ class GapReport:
     history: tuple[dict[str, Any], ...]
     set_aside: tuple[OutlyingRun, ...] = ()
     checks: tuple[Check, ...] = ()
-    graded: Graded | None = None
     plain: tuple[FittedHypothesis, ...] = ()
     remainder: Remainder | None = None
     limited: float | None = None
@@ -63,8 +64,8 @@ class GapReport:
         if best is None:
             return []
         found = effects_of(best, self.intervals)
-        if self.graded is not None:
-            alike = equivalents([*self.plain, best])
+        if self.verdict.stability is not None:
+            alike = equivalents([*self.plain, best], DecisionSettings().chance)
             for effect in found:
                 known = alike.get(effect["name"], frozenset())
                 effect["same_as"] = sorted({*effect["same_as"], *known} - {effect["name"]})
@@ -78,7 +79,7 @@ class GapReport:
             "verdict": self.verdict.kind,
             "checks": [{"check": c.name, "found": c.found} for c in self.checks],
             "set_aside": [o.to_json() | {"summary": o.summary()} for o in self.set_aside],
-            "stability": None if self.graded is None else _stability(self.graded),
+            "stability": None if self.verdict.stability is None else _stability(self.verdict.stability),
             "plain_laws": [_plain(t, judged) for t in self.plain],
             "remainder": None if self.remainder is None else self.remainder.to_json(),
             "time_limit": self.limited,
@@ -153,16 +154,16 @@ def _plain(trial: FittedHypothesis, best: FittedHypothesis) -> dict[str, Any]:
     }
 
 
-def _stability(graded: Graded) -> dict[str, Any]:
-    """The decision with model error admitted."""
+def _stability(found: Stability) -> dict[str, Any]:
+    """The comparison with model error admitted."""
     return {
-        "chosen_in": graded.support,
-        "held_out_gain": graded.held_out,
-        "held_out_error": graded.held_out_error,
-        "ebic_ahead": graded.ahead,
-        "model_error": graded.error.size,
-        "rivals": [list(names) for names in graded.rivals],
-        "reasons": list(graded.reasons),
+        "chosen_in": found.support,
+        "held_out_gain": found.held_out.gain,
+        "held_out_error": found.held_out.error,
+        "ebic_ahead": found.ahead,
+        "model_error": found.error.size,
+        "rivals": [list(names) for names in found.rivals],
+        "reasons": list(found.reasons),
     }
 
 

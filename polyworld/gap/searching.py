@@ -22,14 +22,15 @@ from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, ref
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.contest import identity
-from polyworld.gap.decide import PLAIN
+from polyworld.gap.decide import Verdict, beside_fewer
+from polyworld.gap.decide import leave_noise as decide
 from polyworld.gap.examine import LEFT, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
-from polyworld.gap.settings import SearchSettings
+from polyworld.gap.settings import PLAIN, SearchSettings
 from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
+from polyworld.gap.stability import far_fetched
 from polyworld.gap.symbolic import Near
-from polyworld.gap.verdict import Verdict, beside_fewer, decide
 
 LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
 CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
@@ -165,7 +166,8 @@ def search_effects(
         if ground.passes and ground.ebic - verdict.best.ebic <= alarm:
             return Searched(Verdict("nothing_missing", None), bench, ground, near_misses, limited=limited)
     plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, bench)
-    pairs = () if limited or verdict.kind != "unexplained" else _plain_pairs(plain, bench)
+    doubtful = verdict.kind == "identified" and verdict.best is not None and far_fetched(verdict.best) > 0
+    pairs = _plain_pairs(plain, bench) if not limited and (doubtful or verdict.kind == "unexplained") else ()
     pool = _pool(search, bench, (*plain, *pairs), limited)
     return Searched(
         verdict, bench, ground, near_misses, _near(search), pool, plain, limited, rivals_fitted or not limited

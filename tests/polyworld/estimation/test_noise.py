@@ -1,5 +1,7 @@
 """Noise against noise whose level, correlation and outliers are known."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,40 @@ def test_level_and_correlation_of_correlated_noise_are_found_after_a_fit(seed: i
     assert correlation.error < 0.02
     assert noise.levels[0].sigma == pytest.approx(0.01, rel=0.15)
     assert correlation.tau == pytest.approx(-1.0 / 120.0 / np.log(0.9), rel=0.4)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize(("count", "runs"), [(20, 16), (28, 8), (60, 8)])
+def test_level_and_correlation_of_short_series_are_found_without_bias(count: int, runs: int, phi: float) -> None:
+    draw = partial(correlated, phi=phi) if phi else white
+    before, after, whitened, correlations = [], [], [], []
+    for seed in range(12):
+        plan = flight_design(np.random.default_rng(seed), draw, 0.001, runs=runs, count=count, rate=30.0)
+        noise = refined(plan)
+        before.append(measured_noise(plan).levels[0].sigma / 0.001)
+        after.append(noise.levels[0].sigma / 0.001)
+        correlations.append(noise.correlation["position"].phi)
+        whitened.append(flight_fit(plan, noise)[0].chi2 / (noise.count - plan.nuisances))
+    assert np.median(before) == pytest.approx(1.0, abs=0.1)
+    assert np.median(after) == pytest.approx(1.0, abs=0.1)
+    assert np.mean(after) == pytest.approx(1.0, abs=0.1)
+    assert np.mean(correlations) == pytest.approx(phi, abs=0.06)
+    assert np.mean(whitened) == pytest.approx(1.0, abs=0.08)
+
+
+def test_bounces_and_curved_flights_do_not_pass_for_correlation_of_short_series() -> None:
+    """Drag bends the flight, and a third of the runs rebound, all unknown to the noise before any model."""
+    rng = np.random.default_rng(15)
+    times = np.arange(28) / 30.0
+    runs = []
+    for k in range(9):
+        fall = np.exp(-0.8 * times)[:, None] * rng.uniform(1.0, 3.0, 3)
+        kink = np.where(k % 3 == 0, 3.0, 0.0) * np.maximum(times - rng.uniform(0.3, 0.6), 0.0)[:, None]
+        seen = fall + kink + correlated(rng, (28, 3), 0.005, phi=0.5)
+        runs.append(Run(f"run{k}", ("ball",), times, seen[:, None], np.full((28, 1, 4), np.nan)))
+    noise = measured_noise(design(flight_world(), Recording(tuple(runs))))
+    assert noise.correlation["position"].phi == pytest.approx(0.5, abs=0.2)
+    assert noise.levels[0].sigma == pytest.approx(0.005, rel=0.2)
 
 
 @pytest.mark.parametrize("draw", [white, correlated, with_outliers])

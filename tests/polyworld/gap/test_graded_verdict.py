@@ -7,8 +7,8 @@ import pytest
 
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.catalogue import named
+from polyworld.gap.checks import Check, lowered
 from polyworld.gap.clock import Clock, TimeLimitReached
-from polyworld.gap.decide import Check, lowered
 from polyworld.gap.settings import DecisionSettings
 from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
@@ -34,8 +34,8 @@ def test_drag_of_another_exponent_is_named_with_a_remainder_and_wider_intervals(
     report = judged(recorded(power_drag(1.75), 2), "quadratic_drag", "tilt", "fan", "gravity_error")
     assert report.verdict.kind == "identified_with_remainder"
     assert "quadratic_drag" in report.names
-    assert report.graded is not None
-    assert report.graded.support["quadratic_drag"] >= 0.9
+    assert report.verdict.stability is not None
+    assert report.verdict.stability.support["quadratic_drag"] >= 0.9
     remainder = report.remainder
     assert remainder is not None
     assert remainder.beyond_noise > 0.2 * remainder.noise

@@ -11,7 +11,7 @@ from polyworld.estimation.descent import Linearised
 from polyworld.estimation.profile import Fit
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.verdict import Verdict, beside_fewer, decide
+from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
 
 
 @dataclass
@@ -41,13 +41,14 @@ class _Fit:
 
 @dataclass
 class _Trial:
-    """What `decide` asks of a trial."""
+    """What `leave_noise` asks of a trial."""
 
     hypothesis: _Hypothesis
     chi2: float
     passes: bool
     fit: _Fit
     bench: _Bench = field(default_factory=_Bench)
+    implausibility: float = 0.0
     held_out: np.ndarray = field(default_factory=lambda: np.array([1.0, 2.0]))
 
     @property
@@ -63,7 +64,7 @@ def trial(name: str, chi2: float, *, passes: bool = True, extra: int = 1, apart:
 
 
 def verdict(*trials: _Trial) -> Verdict:
-    return decide(cast(list[FittedHypothesis], list(trials)), 10.0)
+    return leave_noise(cast(list[FittedHypothesis], list(trials)), 10.0)
 
 
 def names(result: Verdict) -> list[Any]:
@@ -149,7 +150,8 @@ def test_the_gain_has_the_standard_error_of_a_mean() -> None:
     gain = held_out_gain(np.array([1.0, 2.0, 3.0]), np.array([4.0, 4.0, 7.0]))
     assert gain.gain == pytest.approx(3.0)
     assert gain.error == pytest.approx(1.0 / np.sqrt(3.0))
-    assert gain.beyond_error
+    assert gain.exceeds(1.0)
+    assert not gain.exceeds(6.0)
 
 
 def pair(chi2: float) -> _Trial:

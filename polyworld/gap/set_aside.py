@@ -1,0 +1,118 @@
+"""Search for effects on the runs that behave alike: those that do not are set aside and reported.
+
+What they show may be an effect after all, which the search on the others finds, or one that acts at one place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from polyworld.estimation.candidate import Candidate
+from polyworld.estimation.design import design
+from polyworld.estimation.parts import in_parts
+from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap.clock import Clock, TimeLimitReached
+from polyworld.gap.outlying import (
+    OutlyingRun,
+    event_runs,
+    explained_runs,
+    misfitting_runs,
+    supporting_run,
+    without_runs,
+)
+from polyworld.gap.searching import Searched, Story, search_effects
+from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings
+from polyworld.gap.stepping import coarsened
+from polyworld.recording import Recording
+from polyworld.world import World
+
+# What happens at one place or in one run and may be an effect of the catalogue rather than an outlying run.
+LOCAL = ("hidden_wall", "hidden_body", "dropped_frames")
+
+
+@dataclass(frozen=True)
+class Work:
+    """What all searches of one recording share. alarm: as in `GapSettings`."""
+
+    world: World
+    base: tuple[Unknown, ...]
+    candidates: tuple[Candidate, ...]
+    widely: SearchSettings
+    outliers: OutlierSettings
+    decision: DecisionSettings
+    alarm: float
+    story: Story
+    clock: Clock
+
+    def search(
+        self, recording: Recording, candidates: tuple[Candidate, ...], spare: int = 0, most: int | None = None
+    ) -> Searched:
+        """Search a recording for up to so many effects; it ends early where up to `spare` runs are to be set aside."""
+        cut = in_parts(recording, self.world)
+        plan = design(coarsened(self.world, cut), cut)
+
+        def outliers(trials: Sequence[FittedHypothesis]) -> tuple[OutlyingRun, ...]:
+            return misfitting_runs(trials, spare, self.outliers) if spare > 0 else ()
+
+        return search_effects(
+            plan,
+            self.world.time.substep,
+            self.base,
+            candidates,
+            self.widely if most is None else replace(self.widely, max_effects=most),
+            self.alarm,
+            self.story,
+            self.clock,
+            outliers,
+        )
+
+
+def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[OutlyingRun, ...], Searched]:
+    """Return the runs set aside, and the search on the others."""
+    room = int(work.outliers.most * len(recording.runs))
+    aside: tuple[OutlyingRun, ...] = ()
+    found: Searched | None = None
+    try:
+        aside = event_runs(work.world, recording, work.outliers, work.clock) if room else ()
+        while True:
+            if aside:
+                work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
+            kept = without_runs(recording, [o.run for o in aside])
+            found = work.search(kept, work.candidates, room - len(aside))
+            further = found.outlying or (_supporting(work, found) if len(aside) < room else ())
+            if not further:
+                break
+            aside = (*aside, *further)
+        best, kind = found.verdict.best, found.verdict.kind
+        if aside and best is not None and kind != "unexplained" and not found.limited:
+            explained = explained_runs(best, recording.select(tuple(o.run for o in aside)), work.outliers)
+            if explained:  # what they show is the effect that was found
+                aside = tuple(o for o in aside if o.run not in explained)
+                found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates)
+        if aside and found.verdict.kind == "nothing_missing" and not found.limited:
+            local = tuple(c for c in work.candidates if c.name in LOCAL)
+            whole = work.search(recording, local, most=1) if local else None
+            if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
+                return (), whole
+    except TimeLimitReached:
+        work.clock.lift()
+        if found is None:
+            raise InterruptedError(
+                f"the time limit of {work.clock.seconds:g} s passed before the world was fitted: allow more"
+            ) from None
+        kept_names = {r.run.part_of or r.run.name for r in found.bench.design.runs}
+        return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
+    return aside, found
+
+
+def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:
+    """Return the run that alone supports the effects that were found."""
+    named = found.verdict.best
+    if found.limited or found.verdict.kind not in ("identified", "ambiguous") or named is None:
+        return ()
+    if set(named.hypothesis.names) & set(LOCAL):
+        return ()
+    alone = supporting_run(found.ground, named, work.outliers, work.decision.decisive)
+    return () if alone is None else (alone,)
