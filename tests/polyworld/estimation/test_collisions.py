@@ -187,7 +187,7 @@ def test_short_windows_are_fitted_in_as_few_parts_as_they_have_samples_for() -> 
     whole, short = profile.horizons_for(plan), profile.horizons_for(cut.bench.design)
     assert whole[-1] == short[-1] == 1.0
     samples = max(len(r.times) for r in cut.bench.design.runs)
-    assert samples < len(plan.runs[0].times) / 3.9
+    assert samples < len(plan.runs[0].times) / 2.0
     assert len(short) > 1
     assert np.diff([0.0, *short]).min() * samples > 3.0  # less than that many samples tell no state
     assert np.diff([0.0, *whole]).min() * samples < 3.0
