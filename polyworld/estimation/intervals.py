@@ -36,7 +36,7 @@ def intervals95(bench: FitContext, trial: FittedHypothesis) -> Array:
     count = len(unknowns)
     if not count:
         return np.zeros((0, 2))
-    trial = replace(trial, fit=profile.told_well(bench.forward(trial.hypothesis), bench.noise, trial.fit))
+    trial = replace(trial, fit=profile.with_central_slopes(bench.forward(trial.hypothesis), bench.noise, trial.fit))
     covariance = trial.fit.covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     direction = covariance / np.maximum(sd, 1e-300)  # column i: what all unknowns do per standard deviation of i

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation import other_starts
-from polyworld.estimation.apart import descend_apart
+from polyworld.estimation import restarts
 from polyworld.estimation.descent import (
     Linearised,
     Point,
@@ -27,6 +26,7 @@ from polyworld.estimation.descent import (
 from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
+from polyworld.estimation.per_run_descent import descend_per_run
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def fit(
     def descended(at: Point, steps: Steps, horizon: float) -> tuple[Point, Steps, int, bool]:
         loose = tolerance if horizon >= 1.0 else ROUGH
         if not len(values):
-            return descend_apart(forward, noise, at, horizon, steps, iterations, loose)
+            return descend_per_run(forward, noise, at, horizon, steps, iterations, loose)
         aim = target if horizon >= 1.0 else None
         return descend(forward, noise, at, horizon, steps, iterations, loose, aim, held(forward, start, horizon))
 
@@ -98,7 +98,7 @@ def fit(
     return Fit(at.values, at.states, linear.chi2, covariance, linear, converged, total, forward.rollouts - before)
 
 
-def fit_apart(
+def fit_per_run(
     forward: Forward, noise: Noise, at: Point, *, horizons: Sequence[float], iterations: int, tolerance: float = 1e-2
 ) -> tuple[Point, Array]:
     """Fit every run's initial state by itself, with shared unknowns kept; and chi2 (R,) of the runs then.
@@ -108,7 +108,7 @@ def fit_apart(
 
     def descended(at: Point, steps: Steps, horizon: float) -> tuple[Point, Steps, int, bool]:
         loose = tolerance if horizon >= 1.0 else ROUGH
-        return descend_apart(forward, noise, at, horizon, steps, iterations, loose)
+        return descend_per_run(forward, noise, at, horizon, steps, iterations, loose)
 
     at, *_ = _over_horizons(forward, noise, at, horizons, descended)
     return at, run_costs(forward, noise, at, horizons[-1])
@@ -131,13 +131,13 @@ def _over_horizons(
         if len(horizons) > 1:
             if horizon <= OPENING:
                 worse = 0.0 if horizon == horizons[0] else WORSE
-                at = other_starts.thrown_anew(forward, noise, at, horizon, steps, worse)
+                at = restarts.restart_velocities(forward, noise, at, horizon, steps, worse)
             for _ in range(SWEEPS):
-                at = other_starts.turned_over(forward, noise, at, horizon, steps, other_starts.ILL)
+                at = restarts.flip_spins(forward, noise, at, horizon, steps, restarts.ILL)
     return at, steps, total, converged
 
 
-def told_well(forward: Forward, noise: Noise, fitted: Fit) -> Fit:
+def with_central_slopes(forward: Forward, noise: Noise, fitted: Fit) -> Fit:
     """The fit with slopes, and what follows from them, by central differences."""
     before = forward.rollouts
     at = Point(fitted.values, fitted.states)
@@ -190,10 +190,10 @@ def linearise(
     return linearised_shared(forward, noise, point, fitted.linear.b, shared)
 
 
-def turned_over(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...]:
+def flip_spins(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...]:
     """Initial states from which a fit may come out better: spins that were not measured, tried the other way."""
     at = Point(fitted.values, fitted.states)
-    return other_starts.turned_over(forward, noise, at, 1.0, standard_steps(forward, fitted.linear), 0.0).states
+    return restarts.flip_spins(forward, noise, at, 1.0, standard_steps(forward, fitted.linear), 0.0).states
 
 
 def project_out(fitted: Fit, directions: Linearised) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.design import Design, design
-from polyworld.estimation.parts import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
+from polyworld.estimation.run_parts import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
 from polyworld.estimation.states import with_unobserved_spins
 from polyworld.recording import Recording, Run
 from polyworld.shapes import Sphere

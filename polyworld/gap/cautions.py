@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from polyworld.estimation.design import Design, owner
 from polyworld.estimation.linkage import is_held, linkages
-from polyworld.estimation.parts import MOST
 from polyworld.estimation.predictability import swings_on_others
+from polyworld.estimation.run_parts import MOST
 from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.representations.rigid import RigidObject
 

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.mending import mended, searched
-from polyworld.estimation.profiled import profiled
+from polyworld.estimation.refitting import refit_by_multistart, refit_ill_runs
 from polyworld.estimation.score_test import ScoreTestStart, leads
 from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
+from polyworld.estimation.variable_projection import profiled
+from polyworld.gap.refined_starts import closer
+from polyworld.gap.segment_context import SegmentContext
 from polyworld.gap.settings import SearchSettings
 from polyworld.gap.strength_map import mapped
-from polyworld.gap.windows import Windows
-from polyworld.gap.zoom import closer
 
 Array = NDArray[np.float64]
 Key = tuple[str, ...]
@@ -67,7 +67,7 @@ class Contest:
     """
 
     context: FitContext
-    segments: Windows | None
+    segments: SegmentContext | None
     settings: SearchSettings
     tell: Tell
     fitted: dict[Key, FittedHypothesis] = field(default_factory=dict)
@@ -252,7 +252,7 @@ class Contest:
         return trial
 
     def _robust(self, trial: FittedHypothesis) -> FittedHypothesis:
-        return mended(trial) if self.segments is not None else trial
+        return refit_ill_runs(trial) if self.segments is not None else trial
 
     def _to_the_end(self, ranked: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
         """Fit the leader to convergence; where it fails, also those behind it, which may only be slower."""
@@ -270,7 +270,7 @@ class Contest:
             if trial.fit.converged or before.chi2 - trial.chi2 < self.settings.onward * trial.chi2:
                 break
         if self.segments is not None and profile.collide(self.context.design):
-            trial = searched(trial)
+            trial = refit_by_multistart(trial)
             trial = trial if self.explained(trial) else profiled(trial)
         self.tell("fit", trial.figures() | {"segments": self.segments is not None})
         return trial

@@ -9,11 +9,11 @@ import numpy as np
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.mending import IN_DOUBT, looked_through, searched
 from polyworld.estimation.noise import measured_noise, refined_noise
-from polyworld.estimation.profiled import ILL, middle, touchy
+from polyworld.estimation.refitting import IN_DOUBT, refit_by_multistart, refit_every_run
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.variable_projection import ILL, middle, sensitive
 
 REFINEMENTS = 2  # of the noise after a fit, each followed by a fit
 ITERATIONS = 40  # of the fit that all others begin from
@@ -39,16 +39,16 @@ def fitted_base(
     horizons = profile.horizons_for(plan)
     if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=ITERATIONS)
-        trial = searched(trial, doubt=IN_DOUBT)
+        trial = refit_by_multistart(trial, doubt=IN_DOUBT)
     else:
         trial = _first(bench.fit(nothing, starts, states, horizons=horizons, iterations=ROUGH_ITERATIONS))
     trial = with_refined_noise(trial)
     if trial.passes or not any(r.spread.any() for r in plan.runs):
         return trial
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
-    if touchy(plan) and middle(trial.misfits) < ILL:
-        return with_refined_noise(searched(looked_through(trial), doubt=IN_DOUBT))
-    turned = profile.turned_over(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
+    if sensitive(plan) and middle(trial.misfits) < ILL:
+        return with_refined_noise(refit_by_multistart(refit_every_run(trial), doubt=IN_DOUBT))
+    turned = profile.flip_spins(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=ITERATIONS))
     if trial.passes or profile.collide(plan):
         return trial  # or it was fitted so already

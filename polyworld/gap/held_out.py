@@ -13,7 +13,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import UNITS, Noise, first_kind, measured_noise
-from polyworld.estimation.parts import in_parts
+from polyworld.estimation.run_parts import in_parts
 from polyworld.gap.settings import HoldOutSettings
 from polyworld.recording import Recording, Run
 from polyworld.world import World

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.intervals import intervals95
-from polyworld.estimation.parts import of_whole_runs
+from polyworld.estimation.run_parts import of_whole_runs
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue

@@ -16,14 +16,21 @@ from numpy.typing import NDArray
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, extended, without_part
-from polyworld.estimation.mending import IN_DOUBT, anew, begun, looked_through, refused, searched
-from polyworld.estimation.profiled import profiled, touchy
+from polyworld.estimation.refitting import (
+    IN_DOUBT,
+    fit_near,
+    refit_by_multistart,
+    refit_every_run,
+    refused_by_most,
+    restarted,
+)
 from polyworld.estimation.score_test import leads
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
-from polyworld.gap.astray import astray
+from polyworld.estimation.variable_projection import profiled, sensitive
 from polyworld.gap.contest import Contest, Tell, identity
+from polyworld.gap.segment_context import segment_context
+from polyworld.gap.sensitive_runs import sensitive_runs
 from polyworld.gap.settings import SearchSettings
-from polyworld.gap.windows import windows
 
 Array = NDArray[np.float64]
 
@@ -97,7 +104,7 @@ class Search:
         return self._segments(LONG)
 
     def _segments(self, pieces: int) -> Contest | None:
-        cut = windows(self.context, pieces)
+        cut = segment_context(self.context, pieces)
         return None if cut is None else Contest(cut.bench, cut, self.settings, self.tell)
 
     # -- ranking -------------------------------------------------------------------------------------------------
@@ -206,17 +213,17 @@ class Search:
         best = self.best(effects)
         if best is None:
             return
-        colliding = touchy(self.context.design)
+        colliding = sensitive(self.context.design)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.few + 2]:
             if colliding:
-                self.whole.take(profiled(searched(trial, doubt=IN_DOUBT)))
+                self.whole.take(profiled(refit_by_multistart(trial, doubt=IN_DOUBT)))
             elif _edged(trial.hypothesis):
-                self.whole.take(searched(anew(trial, trial.hypothesis), doubt=IN_DOUBT))
+                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=IN_DOUBT))
         if colliding and len(near) > 1:
             for trial in self.ranked(effects)[: self.settings.few]:
                 if trial.ebic <= best.ebic + self.settings.close:
-                    self.whole.take(profiled(looked_through(trial)))
+                    self.whole.take(profiled(refit_every_run(trial)))
         self.converge(effects)
 
     def converge(self, effects: int) -> None:
@@ -233,7 +240,7 @@ class Search:
         """Fit the leaders again from the data's own starts, a little more of each run at a time."""
         for trial in self.ranked(effects)[:2]:
             own = trial.hypothesis.stepped(self.context.design.world.time.substep)
-            self.whole.take(searched(anew(trial, own)))
+            self.whole.take(refit_by_multistart(restarted(trial, own)))
 
     def refine_steps(self, effects: int, times: float = FINEST) -> None:
         """Fit the best, and what is near it, with steps so short that longer ones leave no error that shows."""
@@ -292,7 +299,7 @@ class Search:
             if whole is None or self.used is None or self.used.segments is None:
                 continue
             there = self.used.fitted.get(identity(whole.hypothesis))
-            if there is not None and (found := astray(whole, self.used.segments, there)):
+            if there is not None and (found := sensitive_runs(whole, self.used.segments, there)):
                 return found
         return ()
 
@@ -362,20 +369,20 @@ class Search:
         assert contest.segments is not None
         start = contest.segments.start(trial.fit)
         context = self.context
-        if not touchy(context.design):
+        if not sensitive(context.design):
             horizons = profile.FINE_HORIZONS if profile.collide(context.design) else (1.0,)
             whole = context.fit(
                 trial.hypothesis, start.values, start.states, horizons=horizons, iterations=self.settings.rough + 1
             )
-            return self.whole.take(searched(whole))
+            return self.whole.take(refit_by_multistart(whole))
         best = self.best(len(trial.hypothesis.parts))
         like = None
         if best is not None and best.chi2 < NEAR * context.observations:
             like = context.fit(trial.hypothesis, start.values, best.fit.states)
-            if best.passes and refused(like, best):
+            if best.passes and refused_by_most(like, best):
                 return self.whole.take(like)
         starts = [start.states, profile.start_states(context.design)]
-        return self.whole.take(searched(begun(context, trial.hypothesis, start.values, starts, like)))
+        return self.whole.take(refit_by_multistart(fit_near(context, trial.hypothesis, start.values, starts, like)))
 
     def _reduced(self, trial: FittedHypothesis) -> list[tuple[Hypothesis, Array]]:
         """The hypotheses that one effect less makes of a fit, with the values that stay."""
@@ -391,7 +398,7 @@ class Search:
         if not fewer.passes:  # the states may have followed the effect that is left out
             states, horizons = profile.start_states(self.context.design), profile.horizons_for(self.context.design)
             again = self.context.fit(less, values, states, horizons=horizons)
-            fewer = self.whole.take(searched(again, best.ebic + self.settings.credible))
+            fewer = self.whole.take(refit_by_multistart(again, best.ebic + self.settings.credible))
         return fewer
 
     def _moves(self, best: FittedHypothesis, effects: int) -> list[Move]:
@@ -459,19 +466,19 @@ class Search:
     def _moved(self, move: Move, best: FittedHypothesis, target: float) -> FittedHypothesis:
         """Fit a move; where bodies collide, run by run unless most runs refuse it."""
         context = self.context
-        coupled = profile.collide(context.design) and not touchy(context.design)
+        coupled = profile.collide(context.design) and not sensitive(context.design)
         horizons = profile.FINE_HORIZONS if coupled else (1.0,)
         trial = context.fit(move.hypothesis, move.start.values, move.start.states, horizons=horizons)
-        if not touchy(context.design):
+        if not sensitive(context.design):
             if trial.ebic > target:  # initial states may have been bent to the other law
                 data, wide = profile.start_states(context.design), profile.horizons_for(context.design)
                 other = context.fit(move.hypothesis, trial.values, data, horizons=wide, iterations=self.settings.rough)
                 trial = min([trial, context.refit(other, target=best.chi2 + self.settings.close)], key=lambda t: t.chi2)
-            return searched(trial, target)
-        if refused(trial, best):
+            return refit_by_multistart(trial, target)
+        if refused_by_most(trial, best):
             return trial
         starts = [best.fit.states, profile.start_states(context.design)]
-        return searched(begun(context, move.hypothesis, move.start.values, starts))
+        return refit_by_multistart(fit_near(context, move.hypothesis, move.start.values, starts))
 
 
 def _edged(hypothesis: Hypothesis) -> bool:

@@ -17,7 +17,7 @@ from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.noise import Noise, refined_noise
-from polyworld.estimation.parts import halved
+from polyworld.estimation.run_parts import halved
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached

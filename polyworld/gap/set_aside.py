@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
-from polyworld.estimation.parts import in_parts
+from polyworld.estimation.run_parts import in_parts
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached

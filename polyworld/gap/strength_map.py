@@ -18,11 +18,11 @@ from scipy.optimize import differential_evolution
 from polyworld import geometry
 from polyworld.estimation import profile
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.parts import FEWEST
+from polyworld.estimation.run_parts import FEWEST
 from polyworld.estimation.score_test import ScoreTestStart
 from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.gap.segment_context import SegmentContext, segment_context
 from polyworld.gap.settings import MapSettings
-from polyworld.gap.windows import Windows, windows
 from polyworld.recording import Run
 
 Array = NDArray[np.float64]
@@ -123,16 +123,16 @@ def _can_be_mapped(hypothesis: Hypothesis) -> bool:
     return not world.planar or float(np.max(np.abs(normal))) > 1.0 - 1e-3
 
 
-def _shortest(bench: FitContext, most: int) -> Windows | None:
+def _shortest(bench: FitContext, most: int) -> SegmentContext | None:
     """Cut a design into the shortest windows possible, at most so many."""
     runs = bench.design.runs
     pieces = min(max(len(r.times) for r in runs) // FEWEST, most // len(runs))
     while pieces > 1:
-        cut = windows(bench, pieces)
+        cut = segment_context(bench, pieces)
         if cut is not None:
             return cut
         pieces //= 2
-    return windows(bench, 1)
+    return segment_context(bench, 1)
 
 
 def mapped(

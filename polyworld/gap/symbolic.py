@@ -27,10 +27,10 @@ from polyworld.estimation.profile import Fit
 from polyworld.estimation.score_test import ScoreTestStart, leads
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.examine import with_refined_noise
+from polyworld.gap.segment_context import SegmentContext
 from polyworld.gap.settings import SymbolicSettings
 from polyworld.gap.symbolic_law import Law
 from polyworld.gap.symbolic_terms import Term, library, scales_of
-from polyworld.gap.windows import Windows
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -118,9 +118,9 @@ class ResidualForce:
 
 @dataclass(frozen=True)
 class Near:
-    """Windows of the runs, and the base fitted to them under some noise: near the data, where whole runs are not."""
+    """Segments of the runs, and the base fitted to them under some noise: near the data, where whole runs are not."""
 
-    windows: Windows
+    windows: SegmentContext
     noise: Noise
     fit: Fit
 

@@ -12,16 +12,23 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
-from polyworld.estimation.mending import IN_DOUBT, anew, begun, looked_through, mended, searched
+from polyworld.estimation.multistart import best_of_starts
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.several_ways import best_way
+from polyworld.estimation.refitting import (
+    IN_DOUBT,
+    fit_near,
+    refit_by_multistart,
+    refit_every_run,
+    refit_ill_runs,
+    restarted,
+)
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
 from polyworld.gap.search import Search
+from polyworld.gap.segment_context import segment_context
 from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_cases import Case
@@ -47,7 +54,7 @@ def plain(count: int, seed: int) -> tuple[FitContext, FittedHypothesis]:
     begun = profile.start_states(plan)
     base = Hypothesis(plan.world, ())
     fitted = bench.fit(base, np.zeros(0), begun, horizons=profile.FINE_HORIZONS)
-    return bench, searched(looked_through(fitted), doubt=IN_DOUBT)
+    return bench, refit_by_multistart(refit_every_run(fitted), doubt=IN_DOUBT)
 
 
 @pytest.mark.parametrize(("run", "start", "off"), [(0, "disc1.velocity.x", 0.2), (1, "disc0.velocity.x", -0.4)])
@@ -56,9 +63,9 @@ def test_a_run_that_a_collision_led_astray_is_fitted_anew(run: int, start: str, 
     assert right.misfits.max() < 1.1
     lost = bent_run(right, run, start, off)
     assert 1.2 < lost.misfits[run] < 2.0  # no slope leads back, and alone it is no great misfit
-    assert mended(lost).chi2 == pytest.approx(right.chi2, abs=1.0)
-    assert anew(lost, lost.hypothesis).chi2 < right.chi2 + 1.0
-    assert mended(right) is right
+    assert refit_ill_runs(lost).chi2 == pytest.approx(right.chi2, abs=1.0)
+    assert restarted(lost, lost.hypothesis).chi2 < right.chi2 + 1.0
+    assert refit_ill_runs(right) is right
 
 
 def bent_run(right: FittedHypothesis, run: int, start: str, off: float) -> FittedHypothesis:
@@ -72,10 +79,10 @@ def bent_run(right: FittedHypothesis, run: int, start: str, off: float) -> Fitte
 def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
     _, right = plain(4, 2)
     lost = bent_run(right, 0, "disc3.velocity.y", -0.4)
-    assert mended(lost).chi2 > right.chi2 + 50.0
-    assert searched(lost, doubt=IN_DOUBT).chi2 < right.chi2 + 1.0
-    assert searched(lost, right.ebic + 10.0, IN_DOUBT).chi2 < right.chi2 + 1.0
-    assert searched(lost, right.ebic - 1000.0, IN_DOUBT).chi2 > right.chi2 + 50.0  # of no interest even so
+    assert refit_ill_runs(lost).chi2 > right.chi2 + 50.0
+    assert refit_by_multistart(lost, doubt=IN_DOUBT).chi2 < right.chi2 + 1.0
+    assert refit_by_multistart(lost, right.ebic + 10.0, IN_DOUBT).chi2 < right.chi2 + 1.0
+    assert refit_by_multistart(lost, right.ebic - 1000.0, IN_DOUBT).chi2 > right.chi2 + 50.0  # of no interest even so
 
 
 def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
@@ -85,7 +92,7 @@ def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
     def asked(known: Sequence[Array] | None) -> tuple[float, int]:
         before = bench.rollouts
         like = None if known is None else bench.fit(right.hypothesis, right.values, known)
-        return begun(bench, right.hypothesis, right.values, starts, like).chi2, bench.rollouts - before
+        return fit_near(bench, right.hypothesis, right.values, starts, like).chi2, bench.rollouts - before
 
     alone, all_the_way = asked(None)
     short, rollouts = asked(right.fit.states)
@@ -99,9 +106,9 @@ def test_a_run_whose_chi2_is_not_conspicuous_is_blamed_by_the_gate() -> None:
     _, right = plain(4, 5)
     lost = bent_run(right, 1, "disc3.velocity.y", -0.4)
     assert lost.chi2 > right.chi2 + 50.0
-    assert mended(lost) is lost
-    assert searched(lost).chi2 < right.chi2 + 1.0
-    assert looked_through(lost).chi2 < right.chi2 + 1.0
+    assert refit_ill_runs(lost) is lost
+    assert refit_by_multistart(lost).chi2 < right.chi2 + 1.0
+    assert refit_every_run(lost).chi2 < right.chi2 + 1.0
 
 
 def test_a_run_that_diverges_does_not_hold_up_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,9 +141,9 @@ def test_several_ways_find_the_motion_that_one_misses() -> None:
     begun = profile.start_states(plan)
     one = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), begun, horizons=profile.FINE_HORIZONS)
     assert one.misfits[0] > 2.0
-    way = best_way(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
+    way = best_of_starts(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
     assert way.chi2 < 1.1 * bench.observations
-    again = best_way(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
+    again = best_of_starts(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
     np.testing.assert_array_equal(way.state, again.state)
 
 
@@ -149,7 +156,7 @@ def test_a_contender_on_segments_is_not_held_by_states_bent_to_another_law() -> 
     plan = laid_out(replace(discs, forces=(turning,)), 3, 3)
     bench = FitContext(plan, measured_noise(plan), 1)
     base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
-    cut = windows(bench, 2)
+    cut = segment_context(bench, 2)
     assert cut is not None
     contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
     coriolis = catalogue()["coriolis"]
@@ -182,7 +189,7 @@ def test_what_a_law_contains_is_tried_whatever_was_predicted() -> None:
 
 def test_short_windows_are_fitted_in_as_few_parts_as_they_have_samples_for() -> None:
     plan = laid_out(scene(2, 1)[0], 2, 1)
-    cut = windows(FitContext(plan, measured_noise(plan), 1), 4)
+    cut = segment_context(FitContext(plan, measured_noise(plan), 1), 4)
     assert cut is not None
     whole, short = profile.horizons_for(plan), profile.horizons_for(cut.bench.design)
     assert whole[-1] == short[-1] == 1.0

@@ -13,7 +13,7 @@ from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.intervals import LEVEL, intervals95
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.parts import in_parts
+from polyworld.estimation.run_parts import in_parts
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
@@ -174,7 +174,7 @@ def test_central_slopes_tell_an_error_that_one_sided_ones_do_not(
     shared, own = standard_steps(forward, trial.fit.linear)
     small = (0.01 * shared, tuple(0.01 * s for s in own))
     exact = covariances(forward, linearised_centrally(forward, trial.bench.noise, at, small))[0][0, 0]
-    told = profile.told_well(forward, trial.bench.noise, trial.fit).covariance[0, 0]
+    told = profile.with_central_slopes(forward, trial.bench.noise, trial.fit).covariance[0, 0]
     assert np.sqrt(told / exact) == pytest.approx(1.0, abs=0.1)
     assert np.sqrt(trial.fit.covariance[0, 0] / exact) < 0.5
 

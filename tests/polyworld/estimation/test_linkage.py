@@ -19,7 +19,7 @@ from polyworld.estimation.trial import FitContext
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
-from polyworld.gap.windows import windows
+from polyworld.gap.segment_context import segment_context
 from polyworld.recording import Recording, Run
 from polyworld.world import TimeBase, World
 
@@ -157,7 +157,7 @@ def test_runs_of_a_double_pendulum_that_start_each_its_own_way_are_fitted_to_the
     count = sum(len(r) for r in fit.linear.r)
     assert fit.chi2 < count + 4.0 * np.sqrt(2.0 * count)
     assert fit.states[0] == pytest.approx([1.2, 0.0, -0.8, 0.0], abs=0.02)
-    cut = windows(FitContext(plan, noise, 1), 2)
+    cut = segment_context(FitContext(plan, noise, 1), 2)
     assert cut is not None
     assert len(cut.bench.design.runs) == 4
 

@@ -8,12 +8,12 @@ import pytest
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
-from polyworld.estimation.mending import mended
 from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.refitting import refit_ill_runs
 from polyworld.estimation.score_test import leads
 from polyworld.estimation.trial import FitContext
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.zoom import closer
+from polyworld.gap.refined_starts import closer
 from tests.polyworld.gap_scenes import (
     Bouncing,
     G,
@@ -41,11 +41,11 @@ def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
     bent[2] = bent[2] + np.where([".velocity." in label for label in bench.design.runs[2].labels], 3.0, 0.4)
     lost = bench.fit(base, np.zeros(0), bent, iterations=0)
     assert lost.chi2 > 100.0 * right.chi2
-    again = mended(lost)
+    again = refit_ill_runs(lost)
     assert again.chi2 == pytest.approx(right.chi2, abs=1.0)
     for k in (0, 1, 3, 4, 5):
         assert again.fit.states[k] == pytest.approx(right.fit.states[k], abs=1e-3)
-    assert mended(right) is right
+    assert refit_ill_runs(right) is right
 
 
 def test_a_run_that_is_a_little_off_is_fitted_anew_where_all_others_are_explained() -> None:
@@ -56,7 +56,7 @@ def test_a_run_that_is_a_little_off_is_fitted_anew_where_all_others_are_explaine
     bent[2] = bent[2] + np.where(vertical, 0.01, 0.0)
     lost = bench.fit(base, np.zeros(0), bent, iterations=0)
     assert 1.5 < lost.misfits[2] < 2.5  # others 1: odd, but not thrice as ill
-    assert mended(lost).misfits[2] == pytest.approx(right.misfits[2], abs=0.01)
+    assert refit_ill_runs(lost).misfits[2] == pytest.approx(right.misfits[2], abs=0.01)
 
 
 def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.estimation.design import design
-from polyworld.estimation.parts import MOST, in_parts
+from polyworld.estimation.run_parts import MOST, in_parts
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.cautions import cautions

@@ -11,10 +11,10 @@ from polyworld.estimation import profile
 from polyworld.estimation.descent import Linearised, Point
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
-from polyworld.estimation.mending import begun
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.profiled import asked_for, profiled
+from polyworld.estimation.refitting import fit_near
 from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.variable_projection import asked_for, profiled
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
@@ -54,7 +54,7 @@ def colliding(count: int, seed: int) -> tuple[FitContext, Hypothesis]:
 
 def states_at(bench: FitContext, hypothesis: Hypothesis, values: Array, states: tuple[Array, ...]) -> tuple[Array, ...]:
     at = Point(values, states)
-    return profile.fit_apart(bench.forward(hypothesis), bench.noise, at, horizons=(1.0,), iterations=12)[0].states
+    return profile.fit_per_run(bench.forward(hypothesis), bench.noise, at, horizons=(1.0,), iterations=12)[0].states
 
 
 @cache
@@ -63,7 +63,7 @@ def fitted(count: int, seed: int) -> FittedHypothesis:
     bench, law = colliding(count, seed)
     at = Point(np.array([TRUE]), profile.start_states(bench.design))
     horizons = profile.FINE_HORIZONS
-    at, _ = profile.fit_apart(bench.forward(law), bench.noise, at, horizons=horizons, iterations=6)
+    at, _ = profile.fit_per_run(bench.forward(law), bench.noise, at, horizons=horizons, iterations=6)
     return bench.fit(law, np.array([TRUE]), at.states, iterations=40)
 
 
@@ -91,7 +91,7 @@ def test_a_fit_begins_from_a_value_half_of_the_true_one() -> None:
     starts = profile.start_states(bench.design)
     together = bench.fit(law, far, starts, horizons=profile.FINE_HORIZONS, iterations=6)
     assert together.chi2 > 9000.0  # a run is behind another collision, and holds the others
-    found = begun(bench, law, far, [starts])
+    found = fit_near(bench, law, far, [starts])
     assert found.passes
     assert found.values[0] == pytest.approx(TRUE, rel=0.04)
 
@@ -101,7 +101,7 @@ def test_runs_fitted_apart_keep_what_they_share() -> None:
     values = np.array([1.2 * TRUE])
     begin = Point(values, profile.start_states(bench.design))
     horizons = profile.FINE_HORIZONS
-    at, costs = profile.fit_apart(bench.forward(law), bench.noise, begin, horizons=horizons, iterations=6)
+    at, costs = profile.fit_per_run(bench.forward(law), bench.noise, begin, horizons=horizons, iterations=6)
     np.testing.assert_array_equal(at.values, values)
     alone = replace(law, world=law.fitted_world(values), parts=())
     same = bench.fit(alone, np.zeros(0), at.states, iterations=0)

@@ -13,9 +13,9 @@ from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
+from polyworld.gap.segment_context import SegmentContext, segment_context
 from polyworld.gap.settings import MapSettings, SearchSettings
 from polyworld.gap.strength_map import mapped
-from polyworld.gap.windows import Windows, windows
 from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import G, puck_recording, puck_world
 
@@ -33,9 +33,9 @@ def data(inside: float, duration: float = 0.8, elsewhere: float = SMOOTH) -> Rec
 
 def on_windows(
     recording: Recording, base: tuple[Unknown, ...] = (), pieces: int = 4
-) -> tuple[Windows, FittedHypothesis]:
+) -> tuple[SegmentContext, FittedHypothesis]:
     plan = design(puck_world(SMOOTH), recording)
-    cut = windows(FitContext(plan, measured_noise(plan), 1), pieces)
+    cut = segment_context(FitContext(plan, measured_noise(plan), 1), pieces)
     assert cut is not None
     return cut, cut.ground(Hypothesis(plan.world, base), np.array([u.start for u in base]))
 

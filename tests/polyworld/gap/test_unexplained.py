@@ -11,11 +11,11 @@ from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.expressions import Expression, compile_expression
 from polyworld.gap.examine import fitted_base
+from polyworld.gap.segment_context import segment_context
 from polyworld.gap.settings import SymbolicSettings
 from polyworld.gap.symbolic import Near, ResidualForce, describe_unexplained
 from polyworld.gap.symbolic_law import Law
 from polyworld.gap.symbolic_terms import Scales, library, scales_of
-from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.rollout import simulator
 from polyworld.world import World
@@ -208,7 +208,7 @@ def test_a_world_that_holds_an_unexplained_force_may_get_another():
 def test_a_law_that_is_sought_on_windows_holds_on_whole_runs():
     """An attraction that bends paths by their own length, far from any straight line."""
     ground = fitted_base(design(puck_world(), recorded(lambda _t, x, _v: -9.0 * np.linalg.norm(x) * x, 4)), ())
-    cut = windows(ground.bench, 4)
+    cut = segment_context(ground.bench, 4)
     assert cut is not None
     on_windows = cut.ground(ground.hypothesis, ground.values)
     found = describe_unexplained(ground, near=Near(cut, on_windows.bench.noise, on_windows.fit))

@@ -15,9 +15,9 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
 from polyworld.gap.examine import fitted_base
+from polyworld.gap.segment_context import segment_context
 from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.gap.windows import windows
 from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_cases import Case, draw_hidden
@@ -42,7 +42,7 @@ def seen(ball: Bouncing, sigma: float = 0.001, runs: int = 4, seed: int = 3) -> 
 def test_segments_cover_each_run_and_do_not_begin_at_an_impact(sigma: float) -> None:
     recording, clear = (seen(Bouncing(), noise, runs=20, seed=5) for noise in (sigma, 1e-9))
     plan = design(ball_world(), recording)
-    cut = windows(FitContext(plan, measured_noise(plan), 1), 4)
+    cut = segment_context(FitContext(plan, measured_noise(plan), 1), 4)
     assert cut is not None
     pieces = cut.bench.design.recording.runs
     assert len(pieces) == 80
@@ -62,7 +62,7 @@ def test_wind_that_whole_runs_hide_is_found_on_windows_and_leads_to_the_whole_fi
     bench = fitted_base(plan, ()).bench
     nothing = Hypothesis(plan.world, ())
     whole = bench.fit(nothing, np.zeros(0), profile.start_states(plan))
-    cut = windows(bench, 4)
+    cut = segment_context(bench, 4)
     assert cut is not None
     ground = cut.ground(nothing, np.zeros(0))
     assert ground.chi2 / cut.bench.observations < 0.1 * whole.chi2 / bench.observations
@@ -82,7 +82,7 @@ def test_forcing_keeps_its_phase_from_window_to_window() -> None:
     turn = 2.0 * np.pi * 1.7
     ball = Bouncing(acceleration=lambda t, _x, _v, _w: np.array([2.0 * np.sin(turn * t + 0.6), 0.0, 0.0]))
     plan = design(ball_world(), seen(ball))
-    cut = windows(fitted_base(plan, ()).bench, 4)
+    cut = segment_context(fitted_base(plan, ()).bench, 4)
     assert cut is not None
     nothing = Hypothesis(plan.world, ())
     (forcing,) = extended(nothing, catalogue()["periodic_forcing"], plan.recording)
@@ -106,14 +106,14 @@ def test_what_a_window_could_not_know_keeps_runs_whole(lacking: str) -> None:
         world = World.model_validate(
             {**world.model_dump(), "objects": [{**world.objects[0].model_dump(), "friction": 0.3}]}
         )
-    assert windows(fitted_base(design(world, recording), ()).bench, 4) is None
+    assert segment_context(fitted_base(design(world, recording), ()).bench, 4) is None
 
 
 def test_a_base_unknown_stays_shared_by_all_windows() -> None:
     free = Unknown("restitution", ("objects.ball.restitution",), "1", 0.8, 0.0, 1.0, 0.1)
     recording = seen(Bouncing(after=lambda speed, along: (0.7 * speed, along)))
     plan = design(ball_world(), recording)
-    cut = windows(fitted_base(plan, (free,)).bench, 4)
+    cut = segment_context(fitted_base(plan, (free,)).bench, 4)
     assert cut is not None
     assert cut.ground(Hypothesis(plan.world, (free,)), np.array([0.8])).values == pytest.approx([0.7], abs=0.005)
 
@@ -128,7 +128,7 @@ def test_friction_far_less_than_what_grips_is_found_from_other_strengths() -> No
     plan = design(coarsened(told, data), data)
     bench = FitContext(plan, measured_noise(plan), 2)
     base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
-    cut = windows(bench, 2)
+    cut = segment_context(bench, 2)
     assert cut is not None
     friction = catalogue()["friction_error"]
 

@@ -21,7 +21,7 @@ SPIN = [Unknown("spin", ("objects.ball.angular_velocity.z",), "", 0.0, -60.0, 60
 TRUE_SPIN = 2.0
 
 
-def searched(restarts: int, **given):
+def refit_by_multistart(restarts: int, **given):
     objective = ObjectiveSettings(rotation_sigma=0.05)
     tracks = observe(thrown_ball(), frames=60)
     problem = FitProblem(thrown_ball(), tracks, SPIN, objective=objective, make_simulator=ClosedForm)
@@ -31,7 +31,7 @@ def searched(restarts: int, **given):
 
 def test_the_true_spin_is_found_among_those_that_look_alike_from_frame_to_frame() -> None:
     # Angles are seen modulo a turn: fast spins have minima of their own, in which single searches end.
-    starts = searched(12)
+    starts = refit_by_multistart(12)
     spins = [start.best.value("spin").value for start in starts]
     assert spins[0] == pytest.approx(TRUE_SPIN, abs=0.05)
     assert starts[0].best.loss == pytest.approx(1.0, abs=0.3)
@@ -41,7 +41,7 @@ def test_the_true_spin_is_found_among_those_that_look_alike_from_frame_to_frame(
 
 
 def test_starts_come_in_order_and_refining_makes_none_worse() -> None:
-    starts = searched(4)
+    starts = refit_by_multistart(4)
     assert {start.searched.seed for start in starts} == {0, 1, 2, 3}
     assert [start.best.loss for start in starts] == sorted(start.best.loss for start in starts)
     for start in starts:
@@ -51,7 +51,7 @@ def test_starts_come_in_order_and_refining_makes_none_worse() -> None:
 
 def test_a_cancelled_fit_returns_the_starts_made_so_far() -> None:
     heard: list[SearchProgress] = []
-    starts = searched(4, progress=heard.append, cancelled=lambda: len(heard) >= 12)
+    starts = refit_by_multistart(4, progress=heard.append, cancelled=lambda: len(heard) >= 12)
     assert [step.done for step in heard] == list(range(1, 13))
     assert heard[-1].total == 32
     assert len(starts) == 2

@@ -24,7 +24,7 @@ TURN_ITERATIONS = 4
 OTHER_SPINS = np.array([-1.5, -0.75, 0.75, 1.5])  # of its spread, that a spin is tried at besides the other way round
 
 
-def turned_over(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, ill: float) -> Point:
+def flip_spins(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, ill: float) -> Point:
     """Spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a time.
     The slope of a spin tells nothing of the other sign."""
     cost = run_costs(forward, noise, at, horizon)
@@ -48,7 +48,7 @@ def _other_spins(run: RunDesign, own: Array, slot: int) -> Array:
     return options
 
 
-def thrown_anew(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, worse: float) -> Point:
+def restart_velocities(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, worse: float) -> Point:
     """Other first velocities for runs that fit ill, and `worse` times worse than the better ones: a body that hits
     something right after the start was taken to begin with the velocity that it has behind the impact, and no slope
     leads back."""

@@ -17,11 +17,11 @@ from itertools import chain, combinations, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.apart import descend_apart
 from polyworld.estimation.descent import Point, first_steps, linearised, trial_costs
 from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
+from polyworld.estimation.per_run_descent import descend_per_run
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Way:
     rollouts: int
 
 
-def best_way(
+def best_of_starts(
     world: World,
     design: Design,
     noise: Noise,
@@ -87,7 +87,7 @@ def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, floa
         whole = part == parts[-1]
         at = Point(np.zeros(0), (best, *_drawn(forward, noise, best, root, float(part), rng)))
         many, tolerance = (LAST, TOLERANCE) if whole else (ITERATIONS, ROUGH)
-        at, steps, _, _ = descend_apart(forward, noise, at, float(part), steps, many, tolerance)
+        at, steps, _, _ = descend_per_run(forward, noise, at, float(part), steps, many, tolerance)
         linear = linearised(forward, noise, at, float(part), steps)
         costs = np.array([float(r @ r) for r in linear.r])
         least = int(np.argmin(costs))
@@ -107,7 +107,7 @@ def _turned_over(forward: Forward, noise: Noise, run: int, state: Array) -> tupl
     for iterations in (TURNED, LAST):
         many = Forward(forward.design.copies(0, len(options)), forward.world, (), forward.cancelled)
         copies = noise.only([run] * len(options))
-        at, *_ = descend_apart(
+        at, *_ = descend_per_run(
             many, copies, Point(np.zeros(0), tuple(options)), 1.0, first_steps(many), iterations, ROUGH
         )
         costs = trial_costs(many, copies, [at], 1.0)[0]

@@ -17,8 +17,8 @@ from polyworld.estimation.descent import Point
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.goodness import LEVEL, TESTS
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.profiled import ILL, middle, profiled, touchy, way_of
 from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.variable_projection import ILL, best_start_of, middle, profiled, sensitive
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
 
 
-def mended(trial: FittedHypothesis) -> FittedHypothesis:
+def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
     """The trial, with runs that fit much worse than the better half fitted anew, and all of it fitted on where that
     was of use."""
     bench = trial.bench
@@ -50,16 +50,16 @@ def mended(trial: FittedHypothesis) -> FittedHypothesis:
     return _carried_on(trial, states)
 
 
-def searched(trial: FittedHypothesis, level: float = np.inf, doubt: float = UNLIKELY) -> FittedHypothesis:
+def refit_by_multistart(trial: FittedHypothesis, level: float = np.inf, doubt: float = UNLIKELY) -> FittedHypothesis:
     """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
 
     level: EBIC above which the trial is of no interest even if such runs came to fit as well as any does. doubt:
     standard deviations of chi2 above that of the better half, beyond which a run is ill.
     """
-    trial = mended(trial)
+    trial = refit_ill_runs(trial)
     bench = trial.bench
     typical = middle(trial.misfits)
-    if not touchy(bench.design) or typical >= ILL:
+    if not sensitive(bench.design) or typical >= ILL:
         return trial
     costs = trial.costs
     limits = _limits(bench, typical, doubt)
@@ -77,7 +77,7 @@ def searched(trial: FittedHypothesis, level: float = np.inf, doubt: float = UNLI
     return trial
 
 
-def looked_through(trial: FittedHypothesis) -> FittedHypothesis:
+def refit_every_run(trial: FittedHypothesis) -> FittedHypothesis:
     """The trial, with every run fitted along several ways, whether or not it is conspicuous."""
     return _by_other_ways(trial, dict.fromkeys(range(len(trial.bench.design.runs)), np.inf))[0]
 
@@ -100,7 +100,7 @@ def _by_other_ways(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[
     vain = 0
     for k in sorted(runs, key=lambda k: runs[k] - costs[k]):
         if bench.design.runs[k].count and vain < VAIN:
-            way = way_of(bench, trial.hypothesis, trial.values, k, runs[k])
+            way = best_start_of(bench, trial.hypothesis, trial.values, k, runs[k])
             asked.add(k)
             vain += way.chi2 > max(runs[k], 0.5 * (runs[k] + costs[k]))
             if way.chi2 < costs[k] - 1.0:
@@ -108,19 +108,19 @@ def _by_other_ways(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[
     return _carried_on(trial, states), asked
 
 
-def anew(trial: FittedHypothesis, hypothesis: Hypothesis) -> FittedHypothesis:
+def restarted(trial: FittedHypothesis, hypothesis: Hypothesis) -> FittedHypothesis:
     """A trial's hypothesis, or the same stepped otherwise, fitted from its values and the data's own starts, over other
     parts of the runs; then with the states of whichever fits a run better. Where bodies collide, `begun`."""
     bench = trial.bench
-    if touchy(bench.design):
-        return begun(bench, hypothesis, trial.values, [profile.start_states(bench.design), trial.fit.states])
+    if sensitive(bench.design):
+        return fit_near(bench, hypothesis, trial.values, [profile.start_states(bench.design), trial.fit.states])
     states = profile.start_states(bench.design)
     again = bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=ANEW_ITERATIONS)
     again = again if again.fit.converged else bench.refit(again)
     return min([again, _crossed(again, trial)], key=lambda t: t.chi2)
 
 
-def begun(
+def fit_near(
     bench: FitContext,
     hypothesis: Hypothesis,
     values: Array,
@@ -143,20 +143,20 @@ def begun(
     best, costs = list(starts[0]), np.full(len(bench.design.runs), np.inf)
     for states in starts:
         at = Point(values, tuple(states))
-        at, found = profile.fit_apart(forward, bench.noise, at, horizons=horizons, iterations=ANEW_ITERATIONS)
+        at, found = profile.fit_per_run(forward, bench.noise, at, horizons=horizons, iterations=ANEW_ITERATIONS)
         for k in np.flatnonzero(found < costs):
             best[k], costs[k] = at.states[k], found[k]
     typical = middle(costs / bench.counts)
     limits = _limits(bench, typical)
     for k in np.flatnonzero(costs > limits) if typical < ILL else ():
         if bench.design.runs[k].count:
-            way = way_of(bench, hypothesis, values, int(k), float(limits[k]))
+            way = best_start_of(bench, hypothesis, values, int(k), float(limits[k]))
             if way.chi2 < costs[k]:
                 best[k] = way.state
     return profiled(bench.fit(hypothesis, values, best))
 
 
-def refused(trial: FittedHypothesis, best: FittedHypothesis) -> bool:
+def refused_by_most(trial: FittedHypothesis, best: FittedHypothesis) -> bool:
     """Whether most runs speak against a trial that began where the best ended: no run that is lost is to blame then."""
     worse = np.sort(trial.costs - best.costs)
     return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND

@@ -26,7 +26,7 @@ BEYOND = 1e4  # times that damping which bettered nothing, tried next
 ATTEMPTS = 2  # at dampings, before a run is left where it is
 
 
-def descend_apart(
+def descend_per_run(
     forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, iterations: int, tolerance: float
 ) -> tuple[Point, Steps, int, bool]:
     """Descend from the initial states of runs, for the shared values of a point: where that ends, steps for difference

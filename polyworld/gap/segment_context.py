@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.mending import searched
 from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.refitting import refit_by_multistart
 from polyworld.estimation.segments import Segments, segments
 from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
 
@@ -20,7 +20,7 @@ GROUND_ITERATIONS = 8
 
 
 @dataclass(frozen=True)
-class Windows:
+class SegmentContext:
     """The segments of a design, and the context in which hypotheses are fitted to them."""
 
     bench: FitContext
@@ -43,7 +43,7 @@ class Windows:
             horizons=profile.horizons_for(self.bench.design),
             iterations=GROUND_ITERATIONS,
         )
-        return searched(found) if profile.collide(self.bench.design) else found
+        return refit_by_multistart(found) if profile.collide(self.bench.design) else found
 
     def run_costs(self, trial: FittedHypothesis) -> Array:
         """Return chi2 (R,) of all segments of each whole run."""
@@ -59,9 +59,9 @@ class Windows:
         return Start(fit.values, self.segments.states_of_runs(fit.states))
 
 
-def windows(bench: FitContext, pieces: int) -> Windows | None:
+def segment_context(bench: FitContext, pieces: int) -> SegmentContext | None:
     """Cut every run into at most so many segments; None where that cannot be."""
     cut = segments(bench.design, pieces)
     if cut is None:
         return None
-    return Windows(FitContext(cut.parts, measured_noise(cut.parts), bench.candidates, bench.cancelled), cut)
+    return SegmentContext(FitContext(cut.parts, measured_noise(cut.parts), bench.candidates, bench.cancelled), cut)

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.apart import descend_apart
 from polyworld.estimation.descent import Point, standard_steps, trial_costs, within_reach
 from polyworld.estimation.design import Design
 from polyworld.estimation.hypothesis import Hypothesis
+from polyworld.estimation.multistart import Way, best_of_starts
+from polyworld.estimation.per_run_descent import descend_per_run
 from polyworld.estimation.score_test import bounded_step
-from polyworld.estimation.several_ways import Way, best_way
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class _Followed:
         return float(np.minimum(self.costs, before + lost).sum())
 
 
-def touchy(design: Design) -> bool:
+def sensitive(design: Design) -> bool:
     """Whether bodies may collide, and nothing is coupled to them that would take long."""
     return profile.collide(design) and not design.world.coupled
 
@@ -67,7 +67,7 @@ def profiled(trial: FittedHypothesis) -> FittedHypothesis:
     As it is where bodies do not collide, nothing is shared, or the better half of the runs is far from explained: then
     it is not a run that holds up the others.
     """
-    if not len(trial.values) or not touchy(trial.bench.design) or middle(trial.misfits) > HOPELESS:
+    if not len(trial.values) or not sensitive(trial.bench.design) or middle(trial.misfits) > HOPELESS:
         return trial
     searches = SEARCHES
     for _ in range(STEPS):
@@ -97,10 +97,10 @@ def middle(misfits: Array) -> float:
     return float(np.sort(misfits)[(len(misfits) - 1) // 2])
 
 
-def way_of(bench: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
+def best_start_of(bench: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
     """The way found to fit a run best at shared values (S,); `below` as in `best_way`."""
     world = hypothesis.fitted_world(values, bench.design.runs[run].run)
-    found = best_way(world, bench.design, bench.noise, run, below, bench.cancelled)
+    found = best_of_starts(world, bench.design, bench.noise, run, below, bench.cancelled)
     bench.forward(hypothesis).rollouts += found.rollouts
     return found
 
@@ -144,7 +144,7 @@ def _followed(trial: FittedHypothesis, values: Array) -> _Followed:
     best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))
     for states in (foretold, trial.fit.states):
         at = Point(values, states)
-        at, *_ = descend_apart(forward, bench.noise, at, 1.0, steps, ITERATIONS, ROUGH)
+        at, *_ = descend_per_run(forward, bench.noise, at, 1.0, steps, ITERATIONS, ROUGH)
         costs = trial_costs(forward, bench.noise, [at], 1.0)[0]
         for k in np.flatnonzero(costs < best.costs):
             best.states[k], best.costs[k] = at.states[k], costs[k]
@@ -155,7 +155,7 @@ def _look_for(trial: FittedHypothesis, one: _Followed, lost: list[int], before: 
     """Fit lost runs along several ways, in place."""
     for k in lost:
         if trial.bench.design.runs[k].count:
-            found = way_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + GAIN)
+            found = best_start_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + GAIN)
             if found.chi2 < one.costs[k]:
                 one.states[k], one.costs[k] = found.state, found.chi2
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.predictability import extent_of
-from polyworld.estimation.profiled import touchy
 from polyworld.estimation.trial import FittedHypothesis
-from polyworld.gap.windows import Windows
+from polyworld.estimation.variable_projection import sensitive
+from polyworld.gap.segment_context import SegmentContext
 
 Array = NDArray[np.float64]
 
@@ -17,14 +17,14 @@ UNLIKELY = 7.0  # standard deviations of chi2, by which a whole run is worse tha
 FEW = 0.25  # share of the runs that may be so: where more are, it is the law that lacks something
 
 
-def astray(whole: FittedHypothesis, cut: Windows, on_windows: FittedHypothesis) -> tuple[str, ...]:
+def sensitive_runs(whole: FittedHypothesis, cut: SegmentContext, on_windows: FittedHypothesis) -> tuple[str, ...]:
     """The names of runs that are lost in a fit of whole runs, where the same hypothesis explains all windows.
 
     Where bodies collide a whole run can lie in so narrow and bent a valley that no step leads along it. Only runs whose
     motion hangs so much on their start are told, and only few: a law that lacks something shows in most runs.
     """
     design = whole.bench.design
-    if whole.passes or not touchy(design) or not on_windows.passes:
+    if whole.passes or not sensitive(design) or not on_windows.passes:
         return ()
     if any(r.run.part_of is not None for r in design.runs):
         return ()  # it was cut before: what still does not fit is not told by cutting ever more
