@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
-from polyworld.estimation.run_parts import in_parts, of_whole_runs
 
 from atw_mcp.gap_unknowns import unknown_of
 from atw_mcp.gap_words import verdict_text, worth_text
@@ -18,6 +17,7 @@ from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, Part
 from polyworld.estimation.intervals import intervals95
+from polyworld.estimation.run_parts import in_parts, of_whole_runs
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap

@@ -1,4 +1,5 @@
-"""Estimate a world's unknowns from recorded motion: multiple shooting, block-bordered least squares, noise.
+"""Estimate a world's unknowns and initial states from recorded motion, by least squares on simulated trajectories.
 
-Reading order: unknown, segments, problem, forward, normal_equations, shooting.
+Reading order: unknown, design (states), batch and comparing (forward), noise, normal_equations, descent, profile,
+refitting; hypothesis, trial, score_test, intervals, goodness; segments; world_fit for the tracks of one video.
 """

@@ -15,6 +15,15 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import Noise
+from polyworld.estimation.normal_equations import (
+    HELD,
+    PRIOR,
+    Hold,
+    Linearised,
+    NormalEquations,
+    damped_inverse,
+    within_reach,
+)
 from polyworld.representations.fluid import Fluid
 from polyworld.world import World
 
@@ -29,23 +38,6 @@ NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gai
 STUCK = 0.05  # of chi2: a fit that no step betters, though slopes foretell a greater fall, has not converged
 BENT = 0.02  # of chi2, by which the least damped step is worse than the best where the valley is bent
 LEASH = 1.0  # typical changes, that a value may stray by where the data do not tell it yet
-LONGEST = 20.0  # typical changes: an initial state goes no further in one step
-PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
-HELD = 0.3  # the same of states in a step: where a body rests on friction, slopes by its speed tell next to nothing
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """Whitened residuals r[run] (m,), slopes by shared unknowns a[run] (m, S), initial states b[run] (m, N)."""
-
-    r: tuple[Array, ...]
-    a: tuple[Array, ...]
-    b: tuple[Array, ...]
-
-    @property
-    def chi2(self) -> float:
-        """Sum of squared whitened residuals."""
-        return float(sum(float(r @ r) for r in self.r))
 
 
 @dataclass(frozen=True)
@@ -57,18 +49,6 @@ class Point:
 
 
 Steps = tuple[Array, tuple[Array, ...]]  # of difference quotients, by shared unknowns (S,) and initial states[run] (N,)
-
-
-@dataclass(frozen=True)
-class Hold:
-    """Values (S,) that shared unknowns are drawn to, with weights (S,) [1/unit^2]."""
-
-    values: Array
-    weight: Array
-
-    def cost(self, values: Array) -> float:
-        """What is added to chi2."""
-        return float(self.weight @ (values - self.values) ** 2)
 
 
 def held(forward: Forward, start: Array, horizon: float) -> Hold:
@@ -279,7 +259,9 @@ def _with_states_after(
     for r, raw in zip(forward.design.runs, forward.residuals(settings, horizon), strict=True):
         white = noise.whiten(r.index, raw) * r.before(horizon)
         slopes = linear.b[r.index]
-        change = np.where(np.isfinite(white), white, 0.0) @ slopes @ _inverse(slopes.T @ slopes, r.typical, 1e-9, HELD)
+        change = (
+            np.where(np.isfinite(white), white, 0.0) @ slopes @ damped_inverse(slopes.T @ slopes, r.typical, 1e-9, HELD)
+        )
         for k in range(len(trials)):
             states[k][r.index] = states[k][r.index] - within_reach(change[k], r.typical)
     after = [Point(t.values, tuple(own)) for t, own in zip(trials, states, strict=True)]
@@ -301,67 +283,6 @@ def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon
     return costs
 
 
-class NormalEquations:
-    """The normal equations at a linearisation, run by run, filled up with zeros to the longest initial state N.
-
-    A run whose rollout diverges asks for no step.
-
-    bb (R, N, N), ba (R, N, S), br (R, N): products of slopes by states, with those by shared unknowns and residuals.
-    aa (S, S), ar (S,): of shared unknowns, all runs together. typical (R, N), shared (S,): ordinary changes.
-    """
-
-    def __init__(self, forward: Forward, linear: Linearised) -> None:
-        runs = forward.design.runs
-        self.shared = np.array([u.typical for u in forward.unknowns])
-        self.counts = [r.count for r in runs]
-        s, n = len(self.shared), max(self.counts, default=0)
-        self.bb, self.ba = np.zeros((len(runs), n, n)), np.zeros((len(runs), n, s))
-        self.br, self.typical = np.zeros((len(runs), n)), np.ones((len(runs), n))
-        self.aa, self.ar = np.zeros((s, s)), np.zeros(s)
-        for i, (r, a, b, raw) in enumerate(zip(runs, linear.a, linear.b, linear.r, strict=True)):
-            own, res = slice(0, r.count), np.where(np.isfinite(raw), raw, 0.0)
-            self.bb[i, own, own], self.ba[i, own], self.br[i, own] = b.T @ b, b.T @ a, b.T @ res
-            self.typical[i, own] = r.typical
-            self.aa += a.T @ a
-            self.ar += a.T @ res
-
-    def hold(self, hold: Hold, values: Array) -> None:
-        """Draw shared unknowns to where they are held."""
-        self.aa += np.diag(hold.weight)
-        self.ar += hold.weight * (values - hold.values)
-
-    def stepped(self, states: Sequence[Array], damping: Array) -> tuple[Array, ...]:
-        """Initial states[run] (N,) after a step with shared unknowns held; damping (R, 1)."""
-        change = np.einsum("rnm,rm->rn", _inverse(self.bb, self.typical, damping, HELD), self.br)
-        return self._changed(states, change)
-
-    def _changed(self, states: Sequence[Array], change: Array) -> tuple[Array, ...]:
-        change = within_reach(change, self.typical)
-        return tuple(old - change[i, :n] for i, (old, n) in enumerate(zip(states, self.counts, strict=True)))
-
-    def carried(self, states: Sequence[Array], inverse: Array, step: Array) -> tuple[Array, ...]:
-        """Initial states[run] (N,) that follow a step (S,) of the shared unknowns; inverse as from `reduced`."""
-        return self._changed(states, np.einsum("rnm,rm->rn", inverse, self.br + self.ba @ step))
-
-    def reduced(self, damping: float, prior: float) -> tuple[Array, Array, Array]:
-        """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,).
-
-        prior: weight of an ordinary change of a state.
-        """
-        inverse = _inverse(self.bb, self.typical, damping, prior)
-        carried = inverse @ self.ba
-        matrix = self.aa - np.einsum("rns,rnt->st", self.ba, carried)
-        vector = self.ar - np.einsum("rns,rn->s", carried, self.br)
-        return inverse, matrix, vector
-
-
-def within_reach(change: Array, typical: Array) -> Array:
-    """Changes (..., N) of initial states, none longer than one step may be: of what the data do not tell, a spin that
-    shows nowhere, slopes would ask for any."""
-    reached: Array = np.clip(change, -LONGEST * typical, LONGEST * typical)
-    return reached
-
-
 def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) -> Point:
     """The damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
     lower, upper = _bounds(forward)
@@ -380,21 +301,10 @@ def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) 
     return Point(values, normal.carried(at.states, inverse, step))
 
 
-def _inverse(matrix: Array, typical: Array, damping: float | Array, prior: float = PRIOR) -> Array:
-    """Inverses of damped matrices (..., N, N); typical (..., N); damping of all, or (..., 1) of each; prior: weight of
-    an ordinary change."""
-    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0)) + PRIOR / typical
-    outer = scale[..., :, None] * scale[..., None, :]
-    diagonal = damping + (prior / typical / scale) ** 2
-    scaled = matrix / outer + diagonal[..., None] * np.eye(matrix.shape[-1])
-    result: Array = np.linalg.inv(scaled) / outer
-    return result
-
-
 def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Array:
     if not len(vector):
         return vector
-    result: Array = _inverse(matrix, typical, damping) @ vector
+    result: Array = damped_inverse(matrix, typical, damping) @ vector
     return result
 
 
@@ -403,7 +313,7 @@ def covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Arra
     normal = NormalEquations(forward, linear)
     inverse, matrix, _ = normal.reduced(1e-12, PRIOR)
     errors = np.sqrt(np.maximum(np.diagonal(inverse, axis1=-2, axis2=-1), 0.0))
-    covariance = _inverse(matrix, normal.shared, 1e-12) if len(matrix) else matrix
+    covariance = damped_inverse(matrix, normal.shared, 1e-12) if len(matrix) else matrix
     return covariance, tuple(errors[i, :n] for i, n in enumerate(normal.counts))
 
 

@@ -16,7 +16,8 @@ from scipy.special import fdtrc  # scipy.stats is slow to import
 from polyworld.estimation import differences, spectrum
 from polyworld.estimation.design import Design, Series
 from polyworld.estimation.lines import NO_LINE, Line, strongest_line
-from polyworld.estimation.noise import EXCESS, Kind, Noise, resolution, spectral_modes
+from polyworld.estimation.noise import EXCESS, Kind, Noise, spectral_modes
+from polyworld.estimation.noise_levels import resolution
 from polyworld.estimation.profile import Fit
 from polyworld.estimation.projection import column_basis
 

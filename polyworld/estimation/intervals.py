@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import within_reach
 from polyworld.estimation.forward import Forward, Settings
+from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]

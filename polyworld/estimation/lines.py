@@ -16,7 +16,8 @@ from scipy.ndimage import median_filter
 from scipy.special import chdtri, fdtrc
 
 from polyworld.estimation.design import Design, Series
-from polyworld.estimation.noise import Noise, resolution
+from polyworld.estimation.noise import Noise
+from polyworld.estimation.noise_levels import resolution
 from polyworld.estimation.spectrum import modes
 
 Array = NDArray[np.float64]

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import autoregression, differences, spectrum
 from polyworld.estimation.design import Design, RunDesign, Series
+from polyworld.estimation.noise_levels import levels as levels_of
+from polyworld.estimation.noise_levels import raw as raw_of
 from polyworld.estimation.sample_outliers import outliers, repeats
-from polyworld.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -25,10 +26,6 @@ Kind = Literal["position", "rotation", "spin"]
 
 KINDS: tuple[Kind, ...] = ("position", "rotation", "spin")
 UNITS: dict[Kind, str] = {"position": "m", "rotation": "rad", "spin": "rad/s"}
-SUPPOSED: dict[Kind, float] = {"position": 1e-3, "rotation": 0.01, "spin": 0.1}  # [unit] noise of too few samples
-RESOLUTION = 1e-5  # least noise, as a part of the extent of the motion: simulations are no better
-RELATIVE_ERROR = 1.3  # relative standard error of a level from n samples, times sqrt(n)
-BELIEVED = 1.5  # factor by which the data may be noisier than was said before they are believed instead
 LOW = 3  # cosine modes that initial states take up
 FURTHEST = 3.0  # standard errors of a correlation by which the residuals' spectrum may put it right
 EXCESS = 1.3  # innovations of more than this variance hold model error, and tell nothing about correlation
@@ -157,7 +154,7 @@ def measured_noise(design: Design) -> Noise:
     kept = tuple(~_repeated(r) for r in design.runs)
 
     def raw(run: int, s: Series) -> Array:
-        return _raw(design.runs[run], s)
+        return raw_of(design.runs[run], s)
 
     spreads = _spreads(design, kept, raw)
     return _noise(design, spreads, kept, _correlations(design, spreads, kept, raw))
@@ -171,7 +168,7 @@ def refined_noise(design: Design, noise: Noise, residuals: Sequence[Array]) -> N
     noise. Fit again with the result; may be called again with the residuals of a better model.
     """
     kept = tuple(_without_outliers(r, noise, residuals[r.index], ~_repeated(r)) for r in design.runs)
-    raw = _spreads(design, kept, lambda run, s: _raw(design.runs[run], s))
+    raw = _spreads(design, kept, lambda run, s: raw_of(design.runs[run], s))
     left = _spreads(design, kept, lambda run, s: residuals[run][s.where])
     spreads = [differences.least(a, b) for a, b in zip(raw, left, strict=True)]
     known = _correlations(design, spreads, kept, lambda run, s: residuals[run][s.where])
@@ -232,22 +229,6 @@ def _without_outliers(run: RunDesign, noise: Noise, residual: Array, kept: Bools
     return kept
 
 
-def _raw(run: RunDesign, s: Series) -> Array:
-    """What was measured of a series, rotations as turns since the first one, unwrapped."""
-    column = run.run.names.index(s.name)
-    if s.kind == "position":
-        places: Array = run.run.positions[s.rows, column, s.axis]
-        return places
-    if s.kind == "spin":
-        spins: Array = run.run.angular_velocities[s.rows, column, s.axis]
-        return spins
-    turns = run.run.orientations[s.rows, column]
-    steps = np.zeros((len(turns), 3))
-    steps[1:] = rotation_vector(turns[1:], turns[:-1])
-    unwrapped: Array = np.cumsum(steps, axis=0)[:, s.axis]
-    return unwrapped
-
-
 def _spreads(design: Design, kept: Sequence[Bools], values: Callable[[int, Series], Array]) -> list[differences.Spread]:
     found = []
     for s in design.series:
@@ -293,7 +274,9 @@ def _noise(
         members = [i for i, s in enumerate(series) if s.kind == kind]
         if not members:
             continue
-        levels = _levels(design, [series[i] for i in members], [spreads[i] for i in members], correlation[kind], notes)
+        levels = levels_of(
+            design, [series[i] for i in members], [spreads[i] for i in members], correlation[kind], notes
+        )
         for i, value in zip(members, levels, strict=True):
             sigma[series[i].run][series[i].where] = value
     previous, rho = [], []
@@ -330,97 +313,6 @@ def _links(run: RunDesign, kept: Bools, correlation: dict[Kind, Correlation]) ->
         previous[own[1:]] = own[:-1]
         rho[own[1:]] = correlation[s.kind].over(np.diff(times))
     return previous, rho
-
-
-def _levels(
-    design: Design,
-    series: Sequence[Series],
-    spreads: Sequence[differences.Spread],
-    correlation: Correlation,
-    notes: list[str],
-) -> Array:
-    """Standard deviations of series of one kind: each drawn to those of its object and axis, those to all."""
-    measured = np.array(
-        [
-            differences.level(d, float(correlation.over(np.array(d.interval)))) if d.count >= 2 else np.nan
-            for d in spreads
-        ]
-    )
-    floors = np.array([resolution(design, s) for s in series])
-    known = np.isfinite(measured)
-    if not known.any():
-        measured = np.full(len(series), SUPPOSED[series[0].kind])
-        notes.append(f"too few samples to tell the noise of {series[0].kind}s: supposed")
-    variance = np.where(known, RELATIVE_ERROR**2 / np.maximum([d.count for d in spreads], 1), np.inf)
-    # The logarithm of a level is too low by its variance on average (mean of log chi-squared, to first order).
-    logs = np.log(np.maximum(np.where(known, measured, 1.0), floors)) + np.where(known, variance, 0.0)
-    if known.any():
-        keys = [(s.name, s.axis) for s in series]
-        groups = [[i for i, k in enumerate(keys) if k == key] for key in dict.fromkeys(keys)]
-        middle = np.array([_pool(logs[g], variance[g])[:2] for g in groups])
-        towards, _, between = _pool(middle[:, 0], middle[:, 1])
-        for g, (mean, error) in zip(groups, middle, strict=True):
-            weight = between / (between + error) if np.isfinite(error) else 0.0
-            centre = weight * mean + (1.0 - weight) * towards
-            spread_ = _pool(logs[g], variance[g])[2]
-            share = np.where(np.isfinite(variance[g]), spread_ / (spread_ + variance[g]), 0.0)
-            logs[g] = share * logs[g] + (1.0 - share) * centre
-    else:
-        logs = np.log(np.maximum(measured, floors))
-    result = np.maximum(np.exp(logs), floors)
-    return _as_said(design, series, result, notes)
-
-
-def _as_said(design: Design, series: Sequence[Series], levels: Array, notes: list[str]) -> Array:
-    """Levels with those that the recording tells, unless the data are clearly noisier."""
-    levels = levels.copy()
-    for i, s in enumerate(series):
-        said = design.runs[s.run].run.sigma
-        if s.kind != "position" or said is None or not said > 0.0:
-            continue
-        if levels[i] > BELIEVED * said:
-            notes.append("the positions are noisier than the recording says: measured levels are used")
-        else:
-            levels[i] = said
-    return levels
-
-
-def _pool(logs: Array, variance: Array) -> tuple[float, float, float]:
-    """Mean of levels, its variance, and the variance between them (DerSimonian and Laird 1986)."""
-    seen = np.isfinite(variance)
-    if not seen.any():
-        return 0.0, float("inf"), 0.0
-    w = 1.0 / variance[seen]
-    x = logs[seen]
-    mean = float(w @ x / w.sum())
-    between = 0.0
-    if len(x) > 1:
-        scatter = float(w @ (x - mean) ** 2)
-        between = max((scatter - (len(x) - 1)) / float(w.sum() - (w**2).sum() / w.sum()), 0.0)
-        w = 1.0 / (variance[seen] + between)
-        mean = float(w @ x / w.sum())
-    return mean, float(1.0 / w.sum()), between
-
-
-def resolution(design: Design, s: Series) -> float:
-    """Least standard deviation: what the engine resolves, and the rounding of coarse data (step / sqrt(12))."""
-    values = _raw(design.runs[s.run], s)
-    if s.kind == "rotation":
-        return RESOLUTION * np.pi
-    if s.kind == "spin":
-        return max(RESOLUTION * float(np.abs(values).max()), _rounding(values) / float(np.sqrt(12.0)), 1e-9)
-    places = design.runs[s.run].run.positions[:, design.runs[s.run].run.names.index(s.name)]
-    spans = [np.ptp(v[np.isfinite(v)]) for v in places.T if np.isfinite(v).any()]
-    extent = float(max(spans, default=0.0))
-    return max(RESOLUTION * extent, _rounding(values) / float(np.sqrt(12.0)), 1e-9)
-
-
-def _rounding(values: Array) -> float:
-    """The step of values that were rounded, 0 where they were not: rounded values come again, noisy ones do not."""
-    different = np.unique(values)
-    if len(values) < 8 or len(different) > 0.9 * len(values) or len(different) < 2:
-        return 0.0
-    return float(np.diff(different).min())
 
 
 def _told(design: Design, sigma: Sequence[Array]) -> tuple[NoiseLevel, ...]:

@@ -5,19 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import (
-    STUCK,
-    TRIALS,
-    Linearised,
-    NormalEquations,
-    Point,
-    Steps,
-    linearised,
-    standard_steps,
-    trial_costs,
-)
+from polyworld.estimation.descent import STUCK, TRIALS, Point, Steps, linearised, standard_steps, trial_costs
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
+from polyworld.estimation.normal_equations import Linearised, NormalEquations
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import restarts
 from polyworld.estimation.descent import (
-    Linearised,
     Point,
     Steps,
     covariances,
@@ -26,6 +25,7 @@ from polyworld.estimation.descent import (
 from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
+from polyworld.estimation.normal_equations import Linearised
 from polyworld.estimation.per_run_descent import descend_per_run
 
 Array = NDArray[np.float64]

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import FIRST_STEP, PRIOR, least_step, within_reach
+from polyworld.estimation.descent import FIRST_STEP, least_step
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis
+from polyworld.estimation.normal_equations import PRIOR, within_reach
 from polyworld.estimation.trial import FitContext, FittedHypothesis, NuisanceProjection
 from polyworld.estimation.unknown import Unknown
 

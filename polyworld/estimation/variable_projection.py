@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import Point, standard_steps, trial_costs, within_reach
+from polyworld.estimation.descent import Point, standard_steps, trial_costs
 from polyworld.estimation.design import Design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.multistart import Way, best_of_starts
+from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.per_run_descent import descend_per_run
 from polyworld.estimation.score_test import bounded_step
 from polyworld.estimation.trial import FitContext, FittedHypothesis

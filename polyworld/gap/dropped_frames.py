@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import within_reach
 from polyworld.estimation.design import RunDesign
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis
+from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.score_test import ScoreTestStart
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 

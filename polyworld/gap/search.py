@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
-from polyworld.estimation.hypothesis import Hypothesis, extended, without_part
+from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
     IN_DOUBT,
     fit_near,
@@ -28,6 +28,7 @@ from polyworld.estimation.score_test import leads
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
 from polyworld.estimation.variable_projection import profiled, sensitive
 from polyworld.gap.contest import Contest, Tell, identity
+from polyworld.gap.moves import Move, distinct, moves, reduced
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.sensitive_runs import sensitive_runs
 from polyworld.gap.settings import SearchSettings
@@ -39,17 +40,6 @@ SENSITIVE = 1.06  # chi2 per measurement, in place of `far`, where bodies collid
 NEAR = 1.5  # chi2 per measurement below which a fit is near the data
 ONE_RUN = 0.75  # share of what is missing that what happens in one run has to explain to be tried first
 THIRD = 0.5  # share of what is missing that an effect beyond the second has to explain
-SAME = 0.05  # of chi2, by which the residuals of two parents differ that are names for the same motion
-GREATER = (1.1, 2.0)  # times a friction from which it is fitted again
-SIMPLER = 3  # simpler effects that are fitted in the place of each of several
-
-
-@dataclass(frozen=True)
-class Move:
-    """A hypothesis to be fitted to whole runs, and where from."""
-
-    hypothesis: Hypothesis
-    start: Start
 
 
 @dataclass
@@ -141,7 +131,7 @@ class Search:
 
     def add(self, parents: Sequence[FittedHypothesis]) -> None:
         """Fit the hypotheses that one more effect makes of the parents."""
-        parents = self._distinct(parents)
+        parents = distinct(parents)
         effects = len(parents[0].hypothesis.parts) + 1
         level = min(p.chi2 for p in parents)
         limit = SENSITIVE if profile.collide(self.context.design) else self.settings.far
@@ -175,7 +165,7 @@ class Search:
         if best is None or effects < 2:
             return
         parents = []
-        for less, values in self._reduced(best):
+        for less, values in reduced(self.context, best):
             known = self.whole.fitted.get(identity(less))
             parents.append(known or self.whole.take(self.context.fit(less, values, best.fit.states)))
         if parents:
@@ -185,7 +175,7 @@ class Search:
         """Drop effects of the best that the data do not need; the number of effects then."""
         best = self.best(effects)
         while best is not None and len(best.hypothesis.parts) > 1 and best.passes:
-            fewer = [self._dropped(less, values, best) for less, values in self._reduced(best)]
+            fewer = [self._dropped(less, values, best) for less, values in reduced(self.context, best)]
             good = [t for t in fewer if t.passes and t.ebic <= best.ebic + self.settings.credible]
             if not good:
                 break
@@ -199,7 +189,7 @@ class Search:
         if best is None:
             return
         target = best.ebic + self.settings.credible
-        for move in self._moves(best, effects):
+        for move in moves(self, best, effects):
             known = self.whole.fitted.get(identity(move.hypothesis))
             perturbed = identity(move.hypothesis) == identity(best.hypothesis)
             if known is not None and known.ebic <= target and not perturbed:
@@ -318,14 +308,6 @@ class Search:
             known = contest.take(contest.segments.ground(parent.hypothesis, parent.values))
         return known
 
-    def _distinct(self, parents: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
-        """The parents less those that leave nearly the same residuals as one before them: another name for it."""
-        kept: list[FittedHypothesis] = []
-        for trial in parents:
-            if all(_difference(trial, other) >= SAME * min(trial.chi2, other.chi2) for other in kept):
-                kept.append(trial)
-        return kept
-
     def _in_one_run(self) -> bool:
         """Whether most runs are explained, and the others by what happens in one run alone."""
         if np.median(self.ground.misfits) > NEAR:
@@ -384,15 +366,6 @@ class Search:
         starts = [start.states, profile.start_states(context.design)]
         return self.whole.take(refit_by_multistart(fit_near(context, trial.hypothesis, start.values, starts, like)))
 
-    def _reduced(self, trial: FittedHypothesis) -> list[tuple[Hypothesis, Array]]:
-        """The hypotheses that one effect less makes of a fit, with the values that stay."""
-        base = Hypothesis(self.context.design.world, trial.hypothesis.base)
-        recording = self.context.design.recording
-        found = (
-            without_part(base, trial.hypothesis, i, trial.values, recording) for i in range(len(trial.hypothesis.parts))
-        )
-        return [less for less in found if less is not None]
-
     def _dropped(self, less: Hypothesis, values: Array, best: FittedHypothesis) -> FittedHypothesis:
         fewer = self.whole.take(self.context.fit(less, values, best.fit.states))
         if not fewer.passes:  # the states may have followed the effect that is left out
@@ -400,68 +373,6 @@ class Search:
             again = self.context.fit(less, values, states, horizons=horizons)
             fewer = self.whole.take(refit_by_multistart(again, best.ebic + self.settings.credible))
         return fewer
-
-    def _moves(self, best: FittedHypothesis, effects: int) -> list[Move]:
-        return [*self._competitors(best, effects), *self._simplified(best), *self._perturbed(best)]
-
-    def _competitors(self, best: FittedHypothesis, effects: int) -> list[Move]:
-        """What segments hardly distinguish from the best, and what predicted the same as it did."""
-        found: dict[tuple[str, ...], Move] = {}
-        if self.used is not None:
-            there = self.used.ranked(effects)
-            limit = (there[0].ebic if there else np.inf) + self.settings.close
-            for t in there:
-                if t.ebic <= limit:
-                    found[identity(t.hypothesis)] = Move(t.hypothesis, Start(t.values, best.fit.states))
-        for contest in (self.whole, self.used):
-            own = None if contest is None else contest.predicted.get(identity(best.hypothesis))
-            if contest is None or own is None or own.share <= 0.01:
-                continue
-            for key, other in contest.predicted.items():
-                if len(other.hypothesis.parts) == effects and abs(other.share - own.share) < 0.01 * own.share:
-                    found.setdefault(key, Move(other.hypothesis, Start(other.starts[0].values, best.fit.states)))
-        found.pop(identity(best.hypothesis), None)
-        return list(found.values())
-
-    def _simplified(self, best: FittedHypothesis) -> list[Move]:
-        """Simpler laws in the place of each effect: those that it contains, from its values, and beside other effects
-        those that are predicted to do as well."""
-        found = []
-        substep = best.hypothesis.world.time.substep
-        recording = self.context.design.recording
-        for less, values in self._reduced(best):
-            (part,) = [p for p in best.hypothesis.parts if p.candidate.name not in less.names]
-            theirs = {(u.name, u.unit) for u in part.variant.unknowns}
-            told = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
-            ways = [h for c in self.candidates for h in extended(less.stepped(substep), c, recording)]
-            fewer = [h for h in ways if len(h.parts[-1].variant.unknowns) < len(theirs)]
-            for h in fewer:
-                own = h.parts[-1].variant.unknowns
-                if {(u.name, u.unit) for u in own} < theirs:
-                    start = np.concatenate([values, [told[u.name] for u in own]])
-                    found.append(Move(h, Start(start, best.fit.states)))
-            if len(best.hypothesis.parts) > 1 and best.passes and fewer:
-                off = self.context.fit(less.stepped(substep), values, best.fit.states, iterations=0)
-                for lead in leads(self.context, off, fewer, 1)[:SIMPLER]:
-                    starts = [Start(lead.values, best.fit.states)]
-                    if lead.states is not None:
-                        starts.append(Start(lead.values, lead.states))
-                    found.append(Move(lead.hypothesis, self.context.nearest(lead.hypothesis, starts)))
-        return found
-
-    def _perturbed(self, best: FittedHypothesis) -> list[Move]:
-        """The best with greater friction: where a grip suffices, more of it changes nothing, and a fit that stopped
-        short of that finds no slope towards it."""
-        names = [u.name for u in best.hypothesis.unknowns]
-        if "friction" not in names:
-            return []
-        found = []
-        place = names.index("friction")
-        for times in GREATER:
-            values = best.values.copy()
-            values[place] = min(times * values[place], best.hypothesis.unknowns[place].upper)
-            found.append(Move(best.hypothesis, Start(values, best.fit.states)))
-        return found
 
     def _moved(self, move: Move, best: FittedHypothesis, target: float) -> FittedHypothesis:
         """Fit a move; where bodies collide, run by run unless most runs refuse it."""
@@ -485,7 +396,3 @@ def _edged(hypothesis: Hypothesis) -> bool:
     """Whether the last effect is one of contacts within a place: with an edge that paths cross."""
     part = hypothesis.parts[-1]
     return part.candidate.group == "contact" and bool(part.variant.idle)
-
-
-def _difference(one: FittedHypothesis, other: FittedHypothesis) -> float:
-    return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))

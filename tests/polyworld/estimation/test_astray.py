@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import LONGEST
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.multistart import best_of_starts
 from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.normal_equations import LONGEST
 from polyworld.estimation.profile import FINE_HORIZONS, start_states
 from polyworld.estimation.run_parts import halved
 from polyworld.estimation.score_test import leads

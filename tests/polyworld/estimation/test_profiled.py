@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import Linearised, Point
+from polyworld.estimation.descent import Point
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.normal_equations import Linearised
 from polyworld.estimation.refitting import fit_near
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.variable_projection import asked_for, profiled

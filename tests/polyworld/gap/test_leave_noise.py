@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from polyworld.estimation.criteria import extended_bic, held_out, held_out_gain
-from polyworld.estimation.descent import Linearised
+from polyworld.estimation.normal_equations import Linearised
 from polyworld.estimation.profile import Fit
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown

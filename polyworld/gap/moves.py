@@ -1,0 +1,123 @@
+"""Propose what may do as well as the best hypothesis, and where its fits begin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.hypothesis import Hypothesis, extended, without_part
+from polyworld.estimation.score_test import leads
+from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
+from polyworld.gap.contest import identity
+
+if TYPE_CHECKING:
+    from polyworld.gap.search import Search
+
+Array = NDArray[np.float64]
+
+GREATER = (1.1, 2.0)  # times a friction from which it is fitted again
+SIMPLER = 3  # simpler effects that are fitted in the place of each of several
+
+SAME = 0.05  # of chi2, by which the residuals of two parents differ that are names for the same motion
+
+
+@dataclass(frozen=True)
+class Move:
+    """A hypothesis to be fitted to whole runs, and where from."""
+
+    hypothesis: Hypothesis
+    start: Start
+
+
+def moves(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
+    """Return what may do as well as the best: competitors, simpler laws, the best perturbed."""
+    return [*_competitors(search, best, effects), *_simplified(search, best), *_perturbed(best)]
+
+
+def _competitors(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
+    """What segments hardly distinguish from the best, and what predicted the same as it did."""
+    found: dict[tuple[str, ...], Move] = {}
+    if search.used is not None:
+        there = search.used.ranked(effects)
+        limit = (there[0].ebic if there else np.inf) + search.settings.close
+        for t in there:
+            if t.ebic <= limit:
+                found[identity(t.hypothesis)] = Move(t.hypothesis, Start(t.values, best.fit.states))
+    for contest in (search.whole, search.used):
+        own = None if contest is None else contest.predicted.get(identity(best.hypothesis))
+        if contest is None or own is None or own.share <= 0.01:
+            continue
+        for key, other in contest.predicted.items():
+            if len(other.hypothesis.parts) == effects and abs(other.share - own.share) < 0.01 * own.share:
+                found.setdefault(key, Move(other.hypothesis, Start(other.starts[0].values, best.fit.states)))
+    found.pop(identity(best.hypothesis), None)
+    return list(found.values())
+
+
+def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
+    """Simpler laws in the place of each effect: those that it contains, from its values, and beside other effects
+    those that are predicted to do as well."""
+    found = []
+    substep = best.hypothesis.world.time.substep
+    recording = search.context.design.recording
+    for less, values in reduced(search.context, best):
+        (part,) = [p for p in best.hypothesis.parts if p.candidate.name not in less.names]
+        theirs = {(u.name, u.unit) for u in part.variant.unknowns}
+        told = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
+        ways = [h for c in search.candidates for h in extended(less.stepped(substep), c, recording)]
+        fewer = [h for h in ways if len(h.parts[-1].variant.unknowns) < len(theirs)]
+        for h in fewer:
+            own = h.parts[-1].variant.unknowns
+            if {(u.name, u.unit) for u in own} < theirs:
+                start = np.concatenate([values, [told[u.name] for u in own]])
+                found.append(Move(h, Start(start, best.fit.states)))
+        if len(best.hypothesis.parts) > 1 and best.passes and fewer:
+            off = search.context.fit(less.stepped(substep), values, best.fit.states, iterations=0)
+            for lead in leads(search.context, off, fewer, 1)[:SIMPLER]:
+                starts = [Start(lead.values, best.fit.states)]
+                if lead.states is not None:
+                    starts.append(Start(lead.values, lead.states))
+                found.append(Move(lead.hypothesis, search.context.nearest(lead.hypothesis, starts)))
+    return found
+
+
+def _perturbed(best: FittedHypothesis) -> list[Move]:
+    """The best with greater friction: where a grip suffices, more of it changes nothing, and a fit that stopped
+    short of that finds no slope towards it."""
+    names = [u.name for u in best.hypothesis.unknowns]
+    if "friction" not in names:
+        return []
+    found = []
+    place = names.index("friction")
+    for times in GREATER:
+        values = best.values.copy()
+        values[place] = min(times * values[place], best.hypothesis.unknowns[place].upper)
+        found.append(Move(best.hypothesis, Start(values, best.fit.states)))
+    return found
+
+
+def reduced(context: FitContext, trial: FittedHypothesis) -> list[tuple[Hypothesis, Array]]:
+    """Return the hypotheses that one effect less makes of a fit, with the values that stay."""
+    base = Hypothesis(context.design.world, trial.hypothesis.base)
+    recording = context.design.recording
+    found = (
+        without_part(base, trial.hypothesis, i, trial.values, recording) for i in range(len(trial.hypothesis.parts))
+    )
+    return [less for less in found if less is not None]
+
+
+def distinct(parents: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
+    """Return the parents less those that leave nearly the same residuals as one before them: another name for it."""
+    kept: list[FittedHypothesis] = []
+    for trial in parents:
+        if all(_difference(trial, other) >= SAME * min(trial.chi2, other.chi2) for other in kept):
+            kept.append(trial)
+    return kept
+
+
+def _difference(one: FittedHypothesis, other: FittedHypothesis) -> float:
+    return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
