@@ -55,11 +55,14 @@ def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
             dominant=True,
         )
         child = with_parts(world, statics=(*world.statics, wall))
+        # Where friction is enough to grip, more or less of it changes nothing: fits begin without any, too.
+        rough = [known, known | {"friction": 0.0}] if friction else [known]
         starts = tuple(
             {"offset": float(offset / n[axis])}
             | {f"turn_{'xyz'[k]}": float(_turn(n, first)[k]) for k in turned}
-            | known
+            | own_coefficients
             for n, offset in own
+            for own_coefficients in rough
         )
         sizes = {"offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread)}
         sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
