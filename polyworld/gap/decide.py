@@ -115,7 +115,8 @@ def decide(
 
 def _named(gated: Verdict, found: Stability) -> Verdict:
     best = found.leader
-    return replace(gated, kind="identified_with_remainder", best=best, credible=(best,), stability=found)
+    kind: Kind = "identified" if best.passes and not found.rivals else "identified_with_remainder"
+    return replace(gated, kind=kind, best=best, credible=(best,), stability=found)
 
 
 def _side_by_side(gated: Verdict, found: Stability, several: tuple[FittedHypothesis, ...]) -> Verdict:
@@ -150,7 +151,7 @@ def compare(
     by_subset = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
     chosen = chosen_in_subsets(by_subset, index, settings)
     support = support_of(pool, index, chosen, by_subset, same)
-    within = [t for t, score in zip(pool, scores, strict=True) if score - scores.min() <= settings.decisive]
+    within = [t for t, score in zip(pool, scores, strict=True) if score - scores[index] <= settings.decisive]
     rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not contains(t, leader, same)))
     held_out = found.held_out()
     gain = held_out_gain(held_out[index], held_out[0])

@@ -179,7 +179,7 @@ def _residual_force(
     several = (
         verdict.kind in ("identified", "ambiguous")
         and best is not None
-        and len(best.hypothesis.parts) > 1
+        and all(len(t.hypothesis.parts) > 1 for t in verdict.credible)
         and not follows_one_course(found.bench.design)
     )
     large = verdict.kind == "identified_with_remainder" and remainder is not None

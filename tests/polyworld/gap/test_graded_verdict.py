@@ -1,6 +1,7 @@
 """Graded verdicts: names that are stable although something is left over, and checks that lower them."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,3 +106,36 @@ def test_settings_must_be_positive_and_shares_at_most_one() -> None:
         DecisionSettings(decisive=0.0)
     with pytest.raises(ValueError, match="stable is a share"):
         DecisionSettings(stable=1.1)
+
+
+def test_a_wind_that_imitates_two_plain_laws_is_not_named_alone() -> None:
+    """Linear and quadratic drag together: wind takes up most of what either leaves."""
+    mixed = Bouncing(acceleration=lambda _t, _x, v, _w: -(0.04 + 0.05 * np.linalg.norm(v)) / MASS * v)
+    report = judged(recorded(mixed, 3, sigma=0.002), "quadratic_drag", "linear_drag", "wind", "tilt")
+    named = {frozenset(t.hypothesis.names) for t in report.verdict.credible}
+    assert report.verdict.kind in ("identified", "identified_with_remainder", "ambiguous")
+    assert named & {frozenset({"quadratic_drag"}), frozenset({"quadratic_drag", "linear_drag"})}
+
+
+def test_a_wind_that_blows_is_named() -> None:
+    air = np.array([-4.0, 1.0, 0.0])
+    blown = Bouncing(acceleration=lambda _t, _x, v, _w: -0.05 / MASS * np.linalg.norm(v - air) * (v - air))
+    report = judged(recorded(blown, 4, sigma=0.001), "quadratic_drag", "linear_drag", "wind", "tilt")
+    assert report.verdict.kind == "identified"
+    assert report.names == ("wind",)
+
+
+def test_values_that_physics_makes_ordinary_cost_their_squared_departure() -> None:
+    report = judged(recorded(power_drag(2.0), 6, count=4), "quadratic_drag")
+    fitted = report.verdict.best
+    assert fitted is not None
+    (part,) = fitted.hypothesis.parts
+    (unknown,) = part.variant.unknowns
+    away = float(fitted.values[0]) - unknown.start
+    strict = replace(part.variant, unknowns=(replace(unknown, plausible=away / 3.0),))
+    loose = replace(part.variant, unknowns=(replace(unknown, plausible=None),))
+    priced = [
+        replace(fitted, hypothesis=replace(fitted.hypothesis, parts=(replace(part, variant=v),)))
+        for v in (strict, loose)
+    ]
+    assert priced[0].ebic - priced[1].ebic == pytest.approx(9.0)

@@ -53,7 +53,9 @@ class _Trial:
 
     @property
     def ebic(self) -> float:
-        return extended_bic(self.chi2, self.hypothesis.extra, self.bench.observations, len(self.hypothesis.names), 20)
+        return self.implausibility + extended_bic(
+            self.chi2, self.hypothesis.extra, self.bench.observations, len(self.hypothesis.names), 20
+        )
 
 
 def trial(name: str, chi2: float, *, passes: bool = True, extra: int = 1, apart: float = 100.0) -> _Trial:
@@ -173,3 +175,13 @@ def test_a_further_effect_that_betters_the_fit_clearly_is_named() -> None:
     result = beside_fewer(verdict(pair(900.0)), cast(list[FittedHypothesis], [alone]), 10.0)
     assert result.kind == "identified"
     assert names(result) == [("drag", "shift")]
+
+
+def test_an_absurd_wind_loses_to_plain_drag_that_fits_a_little_worse() -> None:
+    """A wind of 50 m/s where 5 is ordinary is ten standard deviations off: 100 in minus twice the log density."""
+    drag, wind = trial("drag", 1020.0), trial("wind", 985.0, extra=2)
+    assert names(verdict(drag, wind))[0] == ("wind",)
+    wind.implausibility = 100.0
+    result = verdict(drag, wind)
+    assert result.kind == "identified"
+    assert names(result) == [("drag",)]
