@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,8 @@ class Batch:
         self._own_times = not world.coupled and all(o.start_time <= 0.0 for o in world.objects)
         self._lists: list[Array] = []  # of instants, one of each member or one for all
         self._slots: dict[int, int] = {}
-        self._simulators: dict[bytes, Simulator | ScheduledSimulator] = {}
+        self._simulators: dict[tuple[int, bytes], Simulator] = {}
+        self._scheduled: dict[bytes, ScheduledSimulator] = {}
         self._paths = frozenset(parameter_paths(world))
         self._described: dict[str, float] = {}
         self._markers: dict[tuple[int, str], MaterialPoints] = {}
@@ -174,15 +176,13 @@ class Batch:
             samples = np.repeat([reached[self._slots[s.run]] for s in settings], [len(s.shared) for s in settings])
         else:
             samples = np.repeat([self._reached(s.run, horizon) for s in settings], [len(s.shared) for s in settings])
-        chosen = self._simulator(lists, count)
         if not self._own_times:
-            return chosen.run(overrides or None, samples=int(samples.max())), observer, lists
-        assert hasattr(chosen, "n_worlds")
+            return self._simulator(lists[0], count).run(overrides or None, samples=int(samples.max())), observer, lists
+        chosen = self._scheduled_simulator(lists, count)
         schedule = np.repeat([self._slots[s.run] for s in settings], [len(s.shared) for s in settings])
         if self.observer is None and isinstance(chosen, PlanarSimulator):
             return chosen.roll(overrides or None, samples=samples, schedule=schedule), observer, lists
-        scheduled: ScheduledSimulator = chosen  # type: ignore[assignment]
-        return scheduled.run(overrides or None, samples=samples, schedule=schedule), observer, lists
+        return chosen.run(overrides or None, samples=samples, schedule=schedule), observer, lists
 
     def _reached(self, run: int, horizon: float) -> int:
         """How many of the instants sampled it takes to reach that part of a run's time."""
@@ -201,21 +201,24 @@ class Batch:
             lists[slot] = sampling_times(self._lists[slot], own, self.observer, self.members[s.run].run.name)
         return lists
 
-    def _simulator(self, lists: Sequence[Array], count: int) -> Simulator | ScheduledSimulator:
+    def _simulator(self, times: Array, count: int) -> Simulator:
+        key = (count, times.tobytes())
+        if key not in self._simulators:
+            _make_room(self._simulators)
+            self._simulators[key] = simulator(self.world, times, n_worlds=count)
+        return self._simulators[key]
+
+    def _scheduled_simulator(self, lists: Sequence[Array], count: int) -> ScheduledSimulator:
         times = np.full((len(lists), max(len(own) for own in lists)), np.nan)
         for row, own in zip(times, lists, strict=True):
             row[: len(own)] = own
-        key = times.tobytes() if self._own_times else times.tobytes() + bytes(str(count), "ascii")
-        known = self._simulators.get(key)
+        key = times.tobytes()
+        known = self._scheduled.get(key)
         if known is None or known.n_worlds < count:
-            self._simulators.pop(key, None)
-            if len(self._simulators) >= KEPT:
-                self._simulators.pop(next(iter(self._simulators)))
-            if self._own_times:
-                self._simulators[key] = scheduled_simulator(self.world, times, n_worlds=int(ROOM * count) + 1)
-            else:
-                self._simulators[key] = simulator(self.world, times[0], n_worlds=count)
-        return self._simulators[key]
+            self._scheduled.pop(key, None)
+            _make_room(self._scheduled)
+            self._scheduled[key] = scheduled_simulator(self.world, times, n_worlds=int(ROOM * count) + 1)
+        return self._scheduled[key]
 
     # -- motion as it is compared --------------------------------------------------------------------------------
 
@@ -354,3 +357,9 @@ def _union(times: Array, others: Array) -> Array:
     both = np.sort(np.concatenate([times, others]))
     kept: Array = both[np.concatenate([[True], np.diff(both) > ROUNDING])]
     return kept
+
+
+def _make_room(kept: dict[Any, Any]) -> None:
+    """Let go of the simulator that was made first where there are many."""
+    if len(kept) >= KEPT:
+        kept.pop(next(iter(kept)))

@@ -63,8 +63,10 @@ def contradictions(
     if best is None or verdict.kind not in ("identified", "identified_with_remainder"):
         return []
     checks = []
-    if not found.rivals_fitted:
-        checks.append(Check("time_limit", "the time ran out before every effect in question was fitted"))
+    incomplete = found.limited and verdict.kind == "identified_with_remainder"
+    if not found.rivals_fitted or incomplete:
+        missing = "further effect beside it" if incomplete and found.rivals_fitted else "effect in question"
+        checks.append(Check("time_limit", f"the time ran out before every {missing} was fitted"))
     if null is not None and null.verdict != "nothing_missing":
         checks.append(Check("null_control", f"the same search names effects ({null.verdict}) where none is missing"))
     if "dropped_frames" in best.hypothesis.names:
