@@ -104,12 +104,14 @@ def decide(
         if found.alternatives:
             return _side_by_side(gated, found, found.alternatives)
         return replace(gated, stability=found)
-    if gated.kind == "identified" and best is not None and _may_imitate(best, base, pool, settings):
-        found = compare(base, [*(t for t in pool if t is not best), best], courses, settings, seed)
+    standing = gated.credible or (() if best is None else (best,))
+    if gated.kind in ("identified", "ambiguous") and all(_may_imitate(t, base, pool, settings) for t in standing):
+        others = [t for t in pool if all(t is not s for s in standing)]
+        found = compare(base, [*others, *standing], courses, settings, seed)
         if not far_fetched(found.leader) and found.leader.hypothesis.names:
-            if not found.reasons and names_of(best) not in found.rivals:
+            if not found.reasons and not {names_of(t) for t in standing} & set(found.rivals):
                 return _named(gated, found)
-            return _side_by_side(gated, found, (found.leader, best, *found.alternatives))
+            return _side_by_side(gated, found, (found.leader, *standing, *found.alternatives))
     return gated
 
 
