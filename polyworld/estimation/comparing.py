@@ -84,11 +84,6 @@ class Comparison:
         self._tables: dict[tuple[int, tuple[str, ...]], _Table] = {}
         self._stacks: dict[tuple[tuple[int, ...], tuple[str, ...]], _Stack] = {}
 
-    def forget(self) -> None:
-        """Let go of all tables: runs are sampled otherwise from now on."""
-        self._tables.clear()
-        self._stacks.clear()
-
     def residuals(self, runs: Sequence[RunDesign], motion: Motion | PlaneMotion, reached: Ints) -> Array:
         """Return residuals (R, k, M) of R k worlds against R runs, k worlds each, runs filled up with zeros.
 

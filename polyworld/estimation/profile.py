@@ -194,28 +194,3 @@ def flip_spins(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...]
     """Initial states from which a fit may come out better: spins that were not measured, tried the other way."""
     at = Point(fitted.values, fitted.states)
     return restarts.flip_spins(forward, noise, at, 1.0, standard_steps(forward, fitted.linear), 0.0).states
-
-
-def project_out(fitted: Fit, directions: Linearised) -> tuple[Array, Array]:
-    """Score of further directions at a fit: information (K, K) and gradient (K,), with all that was fitted taken out.
-
-    directions.a (m, K) are derivatives by the further unknowns at the fit; its r is that of the fit. The score
-    statistic of Rao (1948) is gradient^T information^+ gradient.
-    """
-    k = directions.a[0].shape[1]
-    s = fitted.linear.a[0].shape[1]
-    information, gradient = np.zeros((s + k, s + k)), np.zeros(s + k)
-    for a, b, c, res in zip(fitted.linear.a, fitted.linear.b, directions.a, fitted.linear.r, strict=True):
-        wide = np.concatenate([a, c], axis=1)
-        if b.shape[1]:
-            basis, size, _ = np.linalg.svd(b, full_matrices=False)
-            basis = basis[:, size > 1e-10 * size.max(initial=0.0)]
-            wide = wide - basis @ (basis.T @ wide)
-            res = res - basis @ (basis.T @ res)
-        information += wide.T @ wide
-        gradient += wide.T @ res
-    if not s:
-        return information, gradient
-    inner = np.linalg.pinv(information[:s, :s], rcond=1e-10, hermitian=True)
-    cross = information[s:, :s]
-    return information[s:, s:] - cross @ inner @ cross.T, gradient[s:] - cross @ inner @ gradient[:s]

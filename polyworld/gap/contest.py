@@ -210,7 +210,11 @@ class Contest:
                     break
         wanted = self._worth(list({identity(t.hypothesis): self.take(t) for t in fits}.values()), level)
         wanted = [self.take(self._robust(self.context.refit(t, iterations=self.settings.rough))) for t in wanted]
-        return self._to_the_end(self._worth(wanted, level))
+        return self.finish(wanted, level)
+
+    def finish(self, trials: Sequence[FittedHypothesis], level: float) -> list[FittedHypothesis]:
+        """Fit to the end those that may still win; best first. level: chi2 that they are to improve on."""
+        return self._to_the_end(self._worth(trials, level))
 
     def _first_fit(self, ways: Sequence[Prediction], leads_so_far: bool) -> FittedHypothesis:
         """First iterations from the nearest start; from the data's own states too where the parent's mislead."""

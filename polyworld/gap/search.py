@@ -344,7 +344,7 @@ class Search:
             chosen.append(self._whole(contest, trial))
         if not hopeless:
             level = max(t.chi2 for t in chosen)
-            self.whole._to_the_end(self.whole._worth(chosen, level))
+            self.whole.finish(chosen, level)
 
     def _whole(self, contest: Contest, trial: FittedHypothesis) -> FittedHypothesis:
         """The best fit to whole runs of a hypothesis fitted on segments."""

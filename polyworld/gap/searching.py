@@ -22,8 +22,7 @@ from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, ref
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.contest import identity
-from polyworld.gap.decide import Verdict, beside_fewer
-from polyworld.gap.decide import leave_noise as decide
+from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
 from polyworld.gap.examine import LEFT, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
@@ -152,7 +151,7 @@ def search_effects(
     verdict = _decided(search, effects, parents)
     if not limited and verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         beside = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
-        verdict = decide(beside, max(settings.credible, BESIDE))
+        verdict = leave_noise(beside, max(settings.credible, BESIDE))
     bench = verdict.best.bench if verdict.best is not None else search.context
     if bench is not ground.bench:
         ground = refitted(ground, bench)
@@ -305,7 +304,7 @@ def _pool(
 
 def _decided(search: Search, effects: int, parents: Sequence[FittedHypothesis]) -> Verdict:
     """The verdict on hypotheses of so many effects, held against those of fewer that they were made of."""
-    found = decide(search.ranked(effects), search.settings.credible)
+    found = leave_noise(search.ranked(effects), search.settings.credible)
     if found.best is None or found.kind == "unexplained":
         return found
     fewer = [p for p in parents if 0 < len(p.hypothesis.parts) < len(found.best.hypothesis.parts)]

@@ -137,6 +137,14 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
     return Overriding(world, arrays).arrays(overrides) if overrides else arrays
 
 
+def check_samples(most: int, samples: int | Ints | None) -> Ints:
+    """Return how many sample times are to be reached, by all worlds or by each; ValueError beyond 1 to `most`."""
+    each: Ints = np.asarray(most if samples is None else samples)
+    if each.min() < 1 or each.max() > most:
+        raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+    return each
+
+
 def check_worlds(capacity: int, overrides: Mapping[str, Array] | None, schedule: Ints | None) -> int:
     """Return how many worlds a run is of: all there is room for, or as many as `schedule` names.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
-from polyworld.solver.arrays import Overriding, RigidArrays, check_worlds
+from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
 from polyworld.solver.passing import passed
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.plane_motion import PlaneMotion
@@ -119,10 +119,7 @@ class PlanarSimulator:
         schedule: NDArray[np.int64] | None = None,
     ) -> PlaneMotion:
         """As `run`, in the plane: views of buffers that the next run writes to."""
-        most = self.sample_times.shape[1]
-        each = np.asarray(most if samples is None else samples)
-        if each.min() < 1 or each.max() > most:
-            raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+        each = check_samples(self.sample_times.shape[1], samples)
         count = int(each.max())
         worlds = check_worlds(self.n_worlds, overrides, schedule)
         arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.arrays import Overriding, RigidArrays, check_worlds
+from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
 from polyworld.solver.passing import passed
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
@@ -78,10 +78,7 @@ class SpatialSimulator:
         schedule: NDArray[np.int64] | None = None,
     ) -> BatchTrajectory:
         """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
-        most = self.sample_times.shape[1]
-        each = np.asarray(most if samples is None else samples)
-        if each.min() < 1 or each.max() > most:
-            raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+        each = check_samples(self.sample_times.shape[1], samples)
         count = int(each.max())
         worlds = check_worlds(self.n_worlds, overrides, schedule)
         arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own

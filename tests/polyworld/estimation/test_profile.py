@@ -102,21 +102,6 @@ def test_a_model_without_drag_does_not_fit_motion_with_drag():
     assert found.chi2 > 10 * plan.length
 
 
-def test_the_score_of_a_small_effect_foretells_what_fitting_it_gains():
-    plan = design(ball_world(), recording(1, 0.0005, 0.002))
-    noise = measured_noise(plan)
-    base = profile.fit(
-        Forward(plan, ball_world(), ()), noise, np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS
-    )
-    forward = Forward(plan, ball_world(**DRAGGED), (STRENGTH,))
-    directions = profile.linearise(forward, noise, np.zeros(1), base.states, base)
-    information, gradient = profile.project_out(base, directions)
-    step = -gradient[0] / information[0, 0]
-    found = profile.fit(forward, noise, np.array([max(step, 0.0)]), base.states)
-    assert step == pytest.approx(found.values[0], abs=0.2 * np.sqrt(found.covariance[0, 0]))
-    assert gradient[0] ** 2 / information[0, 0] == pytest.approx(base.chi2 - found.chi2, rel=0.1, abs=0.5)
-
-
 def test_runs_that_show_different_objects_share_one_law():
     rng = np.random.default_rng(3)
     other = {
