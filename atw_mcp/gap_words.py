@@ -76,6 +76,8 @@ def _verdict(told: dict[str, Any]) -> str:
         names = [" + ".join(item) for item in told["credible_set"]]
         listed = "; ".join(names[:SHOWN]) + ("" if len(names) <= SHOWN else f"; and {len(names) - SHOWN} more")
         return f"ambiguous: any of {listed}; best {named}. {experiment_text(told['experiment'])}"
+    if not named and any(c["check"] == "held_out_remainder" for c in told["checks"]):
+        return "unexplained: the world as it is explains the data fitted to the noise, but not the sealed data"
     text = "unexplained: no effect of the catalogue leaves only noise"
     if named:
         text += f" (nearest: {named})"

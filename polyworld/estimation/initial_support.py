@@ -37,9 +37,10 @@ def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
         return False
     (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
     rest = x - np.polyval(np.polyfit(t, x, 1), t)
-    if float(np.sqrt(np.mean(rest**2))) > RESTLESS * noise_of(x):  # it hops
+    left = max(float(np.sqrt(rest @ rest / (len(t) - 2))), TOUCHING)
+    if left > RESTLESS * max(noise_of(x), TOUCHING):  # it hops
         return False
-    error = np.sqrt(covariance[0, 0] * float(rest @ rest) / max(len(t) - 2, 1))
+    error = left * np.sqrt(covariance[0, 0])
     return bool(abs(slope) <= STEEP * error)
 
 
@@ -56,8 +57,11 @@ def is_aloft(values: Array, rest: float) -> bool:
 
 
 def noise_of(values: Array) -> float:
-    """Standard deviation of the noise of a smooth course (m,), by its third differences."""
-    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+    """Standard deviation of the noise of a smooth course (m,), by its third differences, and no less than rounding's."""
+    noise = float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+    steps = np.unique(values)
+    rounded = 1 < len(steps) <= len(values) // 2  # rounded values come again, noisy ones do not
+    return max(noise, float(np.diff(steps).min()) / np.sqrt(12.0)) if rounded else noise
 
 
 def may_be_borne(world: World, item: RigidObject, run: Run) -> bool:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import differences
 from polyworld.estimation.design import Design, RunDesign, Series
+from polyworld.screening.grid import grid_step
 from polyworld.symmetry import rotation_vector
 
 if TYPE_CHECKING:
@@ -95,23 +96,31 @@ def _pool(logs: Array, variance: Array) -> tuple[float, float, float]:
 
 def resolution(design: Design, s: Series) -> float:
     """Least standard deviation: what the engine resolves, and the rounding of coarse data (step / sqrt(12))."""
-    values = raw(design.runs[s.run], s)
     if s.kind == "rotation":
         return RESOLUTION * np.pi
+    rounding = _rounding(design, s) / float(np.sqrt(12.0))
+    run = design.runs[s.run]
     if s.kind == "spin":
-        return max(RESOLUTION * float(np.abs(values).max()), _rounding(values) / float(np.sqrt(12.0)), 1e-9)
-    places = design.runs[s.run].run.positions[:, design.runs[s.run].run.names.index(s.name)]
+        return max(RESOLUTION * float(np.abs(raw(run, s)).max()), rounding, 1e-9)
+    places = run.run.positions[:, run.run.names.index(s.name)]
     spans = [np.ptp(v[np.isfinite(v)]) for v in places.T if np.isfinite(v).any()]
     extent = float(max(spans, default=0.0))
-    return max(RESOLUTION * extent, _rounding(values) / float(np.sqrt(12.0)), 1e-9)
+    return max(RESOLUTION * extent, rounding, 1e-9)
 
 
-def _rounding(values: Array) -> float:
-    """The step of values that were rounded, 0 where they were not: rounded values come again, noisy ones do not."""
-    different = np.unique(values)
-    if len(values) < 8 or len(different) > 0.9 * len(values) or len(different) < 2:
-        return 0.0
-    return float(np.diff(different).min())
+def _rounding(design: Design, s: Series) -> float:
+    """The step to which an object's values along an axis are rounded in all runs together, 0 where there is none.
+
+    The differences of few samples that move by a whole number of pixels each scatter by nothing. Where nothing moves
+    along an axis, its pixels are those of the others.
+    """
+    steps: dict[int, float] = {}
+    for axis in range(3):
+        alike = [t for t in design.series if (t.name, t.kind, t.axis) == (s.name, s.kind, axis)]
+        values = [raw(design.runs[t.run], t) for t in alike]
+        if any(np.ptp(v) > 0.0 for v in values):
+            steps[axis] = grid_step(np.concatenate(values), np.concatenate([np.diff(v) for v in values]))
+    return steps[s.axis] if s.axis in steps else max(steps.values(), default=0.0)
 
 
 def raw(run: RunDesign, s: Series) -> Array:

@@ -1,8 +1,8 @@
 """Coordinates of the initial states of a run, and how they become parameters of the world.
 
 A free body has its position and velocity, its turn where its orientation was measured, and its spin where that or the
-orientation was measured. Bodies that joints
-hold to the world and to each other have one coordinate and one rate a joint: places and velocities follow.
+orientation was measured, or where it is a ball that lies on something and rubs it. Bodies that joints hold to the world
+and to each other have one coordinate and one rate a joint: places and velocities follow.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from polyworld.estimation.measured_spin import initial_spin
 from polyworld.recording import Run
 from polyworld.representations.fluid import Fluid
 from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Sphere
 from polyworld.symmetry import rotation_vector
 from polyworld.world import World
 
@@ -123,6 +124,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     typical: list[float] = []
     reach: dict[str, float] = {}
     fixed: dict[str, float] = {}
+    supports: int | None = None
     planar = item.representation == "rigid_planar"
     normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
     gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
@@ -136,6 +138,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         fall = float(gravity[axis])
         level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
         borne = level and may_be_borne(world, item, run)
+        supports = axis if borne else supports
         known = rest_place(world, item, run, axis) if borne else None
         if known is not None and not is_aloft(values[rows], known):
             fixed[f"position.{letter}"] = known
@@ -174,6 +177,11 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             labels += [f"effects.{effect.name}.rate_{letter}" for letter in "xyz"]
             start += [effect.parameters.get(f"rate_{letter}", 0.0) for letter in "xyz"]
             typical += [10.0 * TURN] * 3
+    if supports is not None and isinstance(item.shape, Sphere) and not _known_spin(item, labels):
+        rolling = _rolling(item.shape.radius, dict(zip(labels, start, strict=True)), supports, float(gravity[supports]))
+        labels += list(rolling)
+        start += list(rolling.values())
+        typical += [max(SPIN, abs(rate)) for rate in rolling.values()]
     spread = np.zeros(len(labels))
     axis = int(np.argmax(normal))
     label = f"angular_velocity.{'xyz'[axis]}"
@@ -199,6 +207,26 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
         fixed,
     )
+
+
+def _known_spin(item: RigidObject, labels: list[str]) -> bool:
+    """Whether the spin of a body was measured or described, or does nothing without friction."""
+    return any(label.startswith("angular_velocity") for label in labels) or any(item.angular_velocity) or not item.friction
+
+
+def _rolling(radius: float, start: Mapping[str, float], axis: int, gravity: float) -> dict[str, float]:
+    """The spin [rad/s] by label with which a ball that lies on something rolls as fast as it moves: released on a floor,
+    most do. axis: of gravity [m/s^2]. Components of motions that were not measured are left out."""
+    up = np.zeros(3)
+    up[axis] = -np.sign(gravity)
+    found = {}
+    for other in range(3):
+        speed = start.get(f"velocity.{'xyz'[other]}")
+        if other != axis and speed is not None:
+            spin = np.cross(up, speed * np.eye(3)[other]) / radius
+            about = 3 - axis - other
+            found[f"angular_velocity.{'xyz'[about]}"] = float(spin[about])
+    return dict(sorted(found.items()))
 
 
 def _measured_axes(run: Run, column: int, normal: Array) -> list[int]:

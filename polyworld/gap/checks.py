@@ -33,8 +33,8 @@ class Check:
 LOWERED: dict[str, dict[Kind, Kind]] = {
     # A name that held-out data refute is not given.
     "held_out": {"identified": "unexplained", "identified_with_remainder": "unexplained"},
-    # What leaves only noise in the data fitted and half of the gap in others has not named what acts.
-    "held_out_remainder": {"identified": "unexplained"},
+    # What leaves only noise in the data fitted and half of the gap in others has not named what acts, if anything does.
+    "held_out_remainder": {"identified": "unexplained", "nothing_missing": "unexplained"},
     # A procedure that finds effects in data without any proves nothing by finding one.
     "null_control": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
     # A rival that was not fitted has not lost.
@@ -58,8 +58,11 @@ def contradictions(
     null: NullControl | None,
     settings: DecisionSettings,
 ) -> list[Check]:
-    """Return the checks that contradict the effects named. gap: of held-out data, None where nothing was held out."""
+    """Return the checks that contradict the verdict. gap: of held-out data, None where nothing was held out."""
     best, other = verdict.best, verdict.runner_up
+    if verdict.kind == "nothing_missing":
+        refuted = None if gap is None else gap.contradicts
+        return [] if refuted is None else [Check("held_out_remainder", refuted)]
     if best is None or verdict.kind not in ("identified", "identified_with_remainder"):
         return []
     checks = []

@@ -146,7 +146,7 @@ def find_gap(
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
         near_misses=found.near_misses,
-        cautions=(*(f.message for f in screening.findings), *cautions(bench.design), *_unsupported(verdict, gap)),
+        cautions=(*(f.message for f in screening.findings), *cautions(bench.design)),
         history=tuple(story.steps),
         set_aside=aside,
         checks=tuple(checks),
@@ -247,12 +247,6 @@ def _null_control(work: Work, found: Searched, best: FittedHypothesis | None, se
     control = NullControl(again.verdict.kind, again.ground.chi2, after, int(again.bench.observations), seed)
     work.story.tell(0.95, "null control", control.to_dict())
     return control
-
-
-def _unsupported(verdict: Verdict, gap: HeldOutGap | None) -> tuple[str, ...]:
-    """What sealed data say against a world in which nothing is missing."""
-    found = gap.contradicts if gap is not None and verdict.kind == "nothing_missing" else None
-    return () if found is None else (found,)
 
 
 def _experiment(story: Story, found: Searched, verdict: Verdict) -> dict[str, object] | None:

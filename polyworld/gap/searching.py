@@ -38,7 +38,7 @@ STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a 
 PLAINLY = 2  # effects beyond which a further one is sought only where one comes near to the data (`Search.foreseen`)
 AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
 # Laws that act everywhere alike: under the right one of them, runs that behave unlike the rest stand out.
-EARLY = (*PLAIN, "tilt", "coriolis", "magnus_lift")
+EARLY = (*PLAIN, "coriolis", "magnus_lift")
 MOST_UNKNOWNS = 8  # of such a law; not one number for each run
 CARE = 24  # iterations of their fits
 ASIDE = 4.0  # times the least chi2 beyond which a plain law is not fitted to the end

@@ -9,6 +9,7 @@ import numpy as np
 # Laws that are fitted and reported beside any richer answer, and preferred to it where a small remainder explains why.
 PLAIN = (
     "gravity_error",
+    "tilt",
     "restitution_error",
     "friction_error",
     "rolling_resistance",

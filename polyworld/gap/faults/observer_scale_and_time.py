@@ -50,8 +50,26 @@ def _unit(world: World, field: str, alike: tuple[str, ...]) -> tuple[Variant, ..
 
 
 def _scale(world: World, recording: Recording) -> tuple[Variant, ...]:
-    del recording
-    return _unit(world, "scale", ("gravity_error", "observer_clock", "buoyancy"))
+    about_origin = _unit(world, "scale", ("gravity_error", "observer_clock", "buoyancy"))
+    if is_bare(world):
+        return about_origin  # free initial states take up where the centre is
+    return (*about_origin, _scale_about_own_point(world, recording))
+
+
+def _scale_about_own_point(world: World, recording: Recording) -> Variant:
+    """A scale about a point that is fitted, too: statics have a place, and what stays there shows."""
+    places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])
+    axes = measured_axes(recording)
+    middle = np.zeros(3)
+    lower, upper = np.nanmin(places[:, axes], axis=0), np.nanmax(places[:, axes], axis=0)
+    middle[axes] = 0.5 * (lower + upper)
+    reach = float(np.max(upper - lower))
+    child = observed(world, centre=tuple(float(c) for c in middle))
+    unknowns = [of_observer(child, "scale", "scale", 0.03, lower=0.5, upper=2.0, plausible=WRONG_UNIT)]
+    for a in axes:
+        limits = {"lower": float(middle[a] - 2.0 * reach), "upper": float(middle[a] + 2.0 * reach), "plausible": reach}
+        unknowns.append(of_observer(child, f"centre.{'xyz'[a]}", f"centre_{'xyz'[a]}", 0.2 * reach, **limits))
+    return one_start(child, unknowns, "about a point of its own", strength="scale")
 
 
 def _clock(world: World, recording: Recording) -> tuple[Variant, ...]:
