@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.hypothesis import Hypothesis, extended, without_part
+from polyworld.estimation.hypothesis import Hypothesis, Part, extended, without_part
 from polyworld.estimation.score_test import leads
 from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
 from polyworld.gap.contest import identity
@@ -60,7 +60,7 @@ def _competitors(search: Search, best: FittedHypothesis, effects: int) -> list[M
 
 def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
     """Simpler laws in the place of each effect: those that it contains, from its values, and beside other effects
-    those that are predicted to do as well."""
+    those that are predicted to do as well, and what is known to be confused with it."""
     found = []
     substep = best.hypothesis.world.time.substep
     recording = search.context.design.recording
@@ -69,7 +69,7 @@ def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
         theirs = {(u.name, u.unit) for u in part.variant.unknowns}
         told = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
         ways = [h for c in search.candidates for h in extended(less.stepped(substep), c, recording)]
-        fewer = [h for h in ways if len(h.parts[-1].variant.unknowns) < len(theirs)]
+        fewer = [h for h in ways if len(h.parts[-1].variant.unknowns) < len(theirs) + _confusable(part, h.parts[-1])]
         for h in fewer:
             own = h.parts[-1].variant.unknowns
             if {(u.name, u.unit) for u in own} < theirs:
@@ -83,6 +83,11 @@ def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
                     starts.append(Start(lead.values, lead.states))
                 found.append(Move(lead.hypothesis, search.context.nearest(lead.hypothesis, starts)))
     return found
+
+
+def _confusable(one: Part, other: Part) -> bool:
+    """Whether an effect is known to be confused with another."""
+    return one.candidate.name in other.candidate.confused_with or other.candidate.name in one.candidate.confused_with
 
 
 def _perturbed(best: FittedHypothesis) -> list[Move]:

@@ -103,12 +103,12 @@ def event_runs(
     names = [r.name for r in recording.runs]
 
     every = np.concatenate([f.misfit for f in fits])
-    limit = max(settings.misfit, settings.apart * float(np.quantile(every, 1.0 - settings.most)))
+    limit = max(settings.misfit, settings.apart * _ordinary(every, settings))
     beyond = [(f, int(k)) for f in fits for k in np.flatnonzero(f.misfit > limit)]
     for f, k in beyond:
         f.again(k)
     worst = [max(float(f.misfit[f.segments.run == r].max(initial=0.0)) for f in fits) for r in range(len(names))]
-    usual = max(float(np.quantile(worst, 1.0 - settings.most)), 1.0)
+    usual = max(_ordinary(np.array(worst), settings), 1.0)
     found: dict[str, OutlyingRun] = {}
     for f, k in beyond:
         excess = float(f.misfit[k])
@@ -122,6 +122,11 @@ def event_runs(
             _keep(found, OutlyingRun(name, float(f.segments.first[k]), how, "event", excess / usual))
     ranked = sorted(found.values(), key=lambda o: -o.times)
     return tuple(ranked) if len(ranked) <= settings.most * len(names) else ()
+
+
+def _ordinary(misfits: Array, settings: OutlierSettings) -> float:
+    """The largest of what is left where as many are left out as may be set aside: none of these has a part in it."""
+    return float(np.quantile(misfits, 1.0 - settings.most, method="lower"))
 
 
 def _segment_fits(
@@ -179,7 +184,7 @@ def misfitting_runs(
     leaders = sorted(trials, key=lambda t: float(np.sort(t.costs)[:kept].sum()))[: settings.leaders]
     ways = [_concentrated(t, spare, settings.light) for t in leaders]
     trial, misfits = min(ways, key=lambda w: float(np.sort(w[1])[:kept].sum()))
-    ordinary = max(float(np.quantile(misfits, 1.0 - settings.most)), 1.0)
+    ordinary = max(_ordinary(misfits, settings), 1.0)
     if ordinary > settings.explained:
         return ()
     found = []
@@ -209,7 +214,7 @@ def supporting_run(
 ) -> OutlyingRun | None:
     """Return the run on which alone the case for a hypothesis rests; None where other runs make it, too.
 
-    Without that run, what the hypothesis gains over the base would not pay for its unknowns (Cook 1977, Technometrics
+    Without that run, what the hypothesis gains over another, its base or one with fewer effects, would not pay for its unknowns (Cook 1977, Technometrics
     19, 15: one influential case).
     """
     gains = base.costs - best.costs
@@ -221,7 +226,7 @@ def supporting_run(
         return None
     own = best.bench.design.runs[run]
     white = base.fit.linear.r[run]
-    names = " + ".join(best.hypothesis.names)
+    names = " + ".join(n for n in best.hypothesis.names if n not in base.hypothesis.names)
     how = f"it alone supports {names}, which lowers its chi2 by {gains[run]:.3g} and that of all others by " + (
         f"{gains.sum() - gains[run]:.3g}"
     )

@@ -32,6 +32,7 @@ from polyworld.gap.moves import Move, distinct, moves, reduced
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.sensitive_runs import sensitive_runs
 from polyworld.gap.settings import SearchSettings
+from polyworld.gap.stability import far_fetched
 
 Array = NDArray[np.float64]
 
@@ -265,7 +266,11 @@ class Search:
         Over whole runs what is still missing adds up, and a wrong effect that happens to bend paths alike comes nearer
         than a right one beside which another lacks.
         """
-        chosen = self.ranked(effects)[: self.settings.parents]
+        ranked = self.ranked(effects)
+        chosen = ranked[: self.settings.parents]
+        ordinary = next((t for t in ranked if not far_fetched(t)), None)
+        if ordinary is not None and all(ordinary is not t for t in chosen):
+            chosen[-1] = ordinary  # two ordinary laws together are what one richer effect mimics
         if self.used is not None:
             there = [t for t in self.used.ranked(effects) if identity(t.hypothesis) in self.whole.fitted]
             if there:

@@ -74,6 +74,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
     room = int(work.outliers.most * len(recording.runs))
     aside: tuple[OutlyingRun, ...] = ()
     found: Searched | None = None
+    influential: set[str] = set()
     try:
         aside = event_runs(work.world, recording, work.outliers, work.clock) if room else ()
         while True:
@@ -81,13 +82,17 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
                 work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
             kept = without_runs(recording, [o.run for o in aside])
             found = work.search(kept, work.candidates, room - len(aside))
-            further = found.outlying or (_supporting(work, found) if len(aside) < room else ())
+            further = found.outlying
+            if not further and len(aside) < room:
+                further = _supporting(work, found)
+                influential |= {o.run for o in further}
             if not further:
                 break
             aside = (*aside, *further)
         best, kind = found.verdict.best, found.verdict.kind
         if aside and best is not None and kind != "unexplained" and not found.limited:
-            explained = explained_runs(best, recording.select(tuple(o.run for o in aside)), work.outliers)
+            others = tuple(o.run for o in aside if o.run not in influential)
+            explained = explained_runs(best, recording.select(others), work.outliers) if others else ()
             if explained:  # what they show is the effect that was found
                 aside = tuple(o for o in aside if o.run not in explained)
                 found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates)
@@ -108,11 +113,25 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
 
 
 def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:
-    """Return the run that alone supports the effects that were found."""
+    """Return the run that alone supports the effects that were found, or one of them beside the others."""
     named = found.verdict.best
     if found.limited or found.verdict.kind not in ("identified", "ambiguous") or named is None:
         return ()
-    if set(named.hypothesis.names) & set(LOCAL):
-        return ()
-    alone = supporting_run(found.ground, named, work.outliers, work.decision.decisive)
-    return () if alone is None else (alone,)
+    for fewer in (found.ground, *_one_effect_less(named, found.pool)):
+        if not (set(named.hypothesis.names) - set(fewer.hypothesis.names)) & set(LOCAL):
+            alone = supporting_run(fewer, named, work.outliers, work.decision.decisive)
+            if alone is not None:
+                return (alone,)
+    return ()
+
+
+def _one_effect_less(named: FittedHypothesis, pool: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
+    """Return the best fit of each set of effects that lacks one of several."""
+    effects = named.hypothesis.names
+    found = []
+    for left_out in effects if len(effects) > 1 else ():
+        rest = sorted(n for n in effects if n != left_out)
+        own = [t for t in pool if sorted(t.hypothesis.names) == rest and t.bench is named.bench]
+        if own:
+            found.append(min(own, key=lambda t: t.chi2))
+    return found
