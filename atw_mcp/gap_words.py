@@ -78,6 +78,8 @@ def _verdict(told: dict[str, Any]) -> str:
         return f"ambiguous: any of {listed}; best {named}. {experiment_text(told['experiment'])}"
     if not named and any(c["check"] == "held_out_remainder" for c in told["checks"]):
         return "unexplained: the world as it is explains the data fitted to the noise, but not the sealed data"
+    if not named and told["time_limit"] is not None:
+        return "unexplained: the time ran out before any effect was fitted"
     text = "unexplained: no effect of the catalogue leaves only noise"
     if named:
         text += f" (nearest: {named})"

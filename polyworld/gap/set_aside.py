@@ -14,6 +14,7 @@ from polyworld.estimation.run_parts import in_parts
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
+from polyworld.gap.decide import Verdict
 from polyworld.gap.outlying import (
     OutlyingRun,
     event_runs,
@@ -104,12 +105,16 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
     except TimeLimitReached:
         work.clock.lift()
         if found is None:
-            raise InterruptedError(
-                f"the time limit of {work.clock.seconds:g} s passed before the world was fitted: allow more"
-            ) from None
+            return (), _only_base(work, recording)
         kept_names = {r.run.part_of or r.run.name for r in found.bench.design.runs}
         return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
     return aside, found
+
+
+def _only_base(work: Work, recording: Recording) -> Searched:
+    """Fit the world as it is, where time was over before: no effect has been tried, so none is named or ruled out."""
+    found = work.search(recording, (), most=1)
+    return replace(found, verdict=Verdict("unexplained", None), limited=True, rivals_fitted=False)
 
 
 def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:

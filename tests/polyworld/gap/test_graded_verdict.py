@@ -88,6 +88,16 @@ def test_a_search_ends_at_its_time_limit_with_a_verdict() -> None:
     assert report.verdict.kind in ("identified", "identified_with_remainder", "ambiguous", "unexplained")
 
 
+def test_a_search_whose_time_is_over_at_once_reports_the_world_as_it_is() -> None:
+    recording = recorded(power_drag(1.75), 7)
+    report = find_gap(ball_world(), recording, settings=GapSettings(experiment=False, time_limit=1e-3))
+    payload = report.to_dict()
+    assert payload["verdict"] == "unexplained"
+    assert payload["time_limit"] == 1e-3
+    assert payload["effects"] == []
+    assert payload["goodness"]["passes"] is False
+
+
 def test_a_clock_tells_cancelling_from_the_end_of_time() -> None:
     assert not Clock()()
     assert Clock(cancelled=lambda: True)()
