@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.design import Design, design
-from polyworld.estimation.forward import Forward, Settings
+from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.multistart import best_of_starts
 from polyworld.estimation.noise import measured_noise
@@ -22,39 +20,18 @@ from polyworld.estimation.refitting import (
     refit_ill_runs,
     restarted,
 )
-from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.trial import FitContext
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
 from polyworld.gap.search import Search
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.settings import SearchSettings
-from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.hidden_cases import Case
-from tests.benchmarks.hidden_disc_cases import draw_discs
-from tests.benchmarks.hidden_discs import Discs
-from tests.polyworld.estimation.test_several_bodies import recordings, scene, world
+from tests.polyworld.estimation.colliding_discs import bent_run, laid_out, plain, scene, world
+from tests.scenes.discs import Discs, Started, slide
 
 Array = NDArray[np.float64]
-
-
-def laid_out(hidden: Discs, count: int, seed: int) -> Design:
-    discs, starts = scene(count, seed)
-    told = world(discs, starts[0])
-    data, _ = recordings(hidden, [*starts, starts[0]], seed)
-    return design(coarsened(told, data), data)
-
-
-@cache
-def plain(count: int, seed: int) -> tuple[FitContext, FittedHypothesis]:
-    """Discs without anything hidden, fitted with all care."""
-    plan = laid_out(scene(count, seed)[0], count, seed)
-    bench = FitContext(plan, measured_noise(plan), 1)
-    begun = profile.start_states(plan)
-    base = Hypothesis(plan.world, ())
-    fitted = bench.fit(base, np.zeros(0), begun, horizons=profile.FINE_HORIZONS)
-    return bench, refit_by_multistart(refit_every_run(fitted), doubt=IN_DOUBT)
 
 
 @pytest.mark.parametrize(("run", "start", "off"), [(0, "disc1.velocity.x", 0.2), (1, "disc0.velocity.x", -0.4)])
@@ -66,14 +43,6 @@ def test_a_run_that_a_collision_led_astray_is_fitted_anew(run: int, start: str, 
     assert refit_ill_runs(lost).chi2 == pytest.approx(right.chi2, abs=1.0)
     assert restarted(lost, lost.hypothesis).chi2 < right.chi2 + 1.0
     assert refit_ill_runs(right) is right
-
-
-def bent_run(right: FittedHypothesis, run: int, start: str, off: float) -> FittedHypothesis:
-    """A fit begun with one initial state of one run off."""
-    states = list(right.fit.states)
-    labels = right.bench.design.runs[run].labels
-    states[run] = right.fit.states[run] + off * np.array([label == start for label in labels])
-    return right.bench.fit(right.hypothesis, right.values, states)
 
 
 def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
@@ -111,35 +80,40 @@ def test_a_run_whose_chi2_is_not_conspicuous_is_blamed_by_the_gate() -> None:
     assert refit_every_run(lost).chi2 < right.chi2 + 1.0
 
 
-def test_a_run_that_diverges_does_not_hold_up_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_diverges_does_not_hold_up_the_others() -> None:
+    """One run is 100 m away, where a force grows without bound in the next metre."""
     bench, right = plain(2, 2)
-    given = Forward.residuals
-
-    def diverging(self: Forward, settings: Sequence[Settings], horizon: float = 1.0) -> list[Array]:
-        found = given(self, settings, horizon)
-        return [np.full_like(raw, np.nan) if item.run == 0 else raw for item, raw in zip(settings, found, strict=True)]
-
-    monkeypatch.setattr(Forward, "residuals", diverging)
-    begun = profile.start_states(bench.design)
-    mixed = bench.fit(right.hypothesis, right.values, begun, horizons=profile.FINE_HORIZONS)
+    first, *others = bench.design.recording.runs
+    data = Recording((replace(first, positions=first.positions + np.array([100.0, 0.0, 0.0])), *others))
+    runaway = {"name": "runaway", "kind": "expression", "expression": "a*exp(20*(x.x/1[m] - 99))*ex"}
+    runaway |= {"parameters": {"a": 1.0}, "parameter_units": {"a": "m/s^2"}}
+    described = World.model_validate(bench.design.world.model_dump() | {"effects": [runaway]})
+    mixed_up = FitContext(design(described, data), bench.noise, 1)
+    starts = profile.start_states(mixed_up.design)
+    mixed = mixed_up.fit(Hypothesis(described, ()), np.zeros(0), starts, horizons=profile.FINE_HORIZONS)
     assert not np.isfinite(mixed.misfits[0])
     assert not mixed.fit.converged
-    np.testing.assert_array_equal(mixed.fit.states[0], begun[0])
+    np.testing.assert_array_equal(mixed.fit.states[0], starts[0])
     np.testing.assert_allclose(mixed.misfits[1:], right.misfits[1:], atol=0.01)
 
 
-def test_several_ways_find_the_motion_that_one_misses() -> None:
-    draw, bodies, run, seed = 32, 5, 0, 3
-    case = Case("bodies", 9000 + draw, draw, (), 0.03, "white", "discs", 4, 60.0, bodies)
-    drawn = draw_discs(case, 4711)
-    told = World.model_validate(drawn.world_json())
-    data = Recording(
-        tuple(Run(n, tuple(drawn.names), *rest) for n, *rest in drawn.runs(np.random.default_rng(seed), [run]))
-    )
-    plan = design(told.with_substep(1.001 / 60.0), data)
+def test_multistart_finds_the_motion_that_one_start_misses() -> None:
+    masses, radii = np.array([0.65, 1.39, 1.42, 0.73, 0.4]), np.array([0.093, 0.126, 0.132, 0.123, 0.093])
+    discs = Discs(masses, radii, np.full(5, 0.15), 0.8)
+    places = np.array([[-0.8709, -0.4385], [0.2771, -0.6711], [0.962, 0.1914], [0.1972, 0.8185], [-0.5546, 0.4909]])
+    speeds = [[2.1333, 1.2291], [-0.6879, 2.2282], [-1.3149, -0.3524], [-0.7558, -2.2695], [1.5836, -1.8336]]
+    start = Started(places, np.array(speeds), np.array([6.14, -3.65, -0.58, 3.51, 2.52]))
+    rng, times = np.random.default_rng(3), np.arange(91) / 60.0
+    path = slide(discs, start, times)
+    seen = np.zeros((len(times), 5, 3))
+    seen[..., :2] = path[..., :2] + rng.normal(0.0, 0.0076, (len(times), 5, 2))
+    half = 0.5 * (path[..., 2] + rng.normal(0.0, 0.03, (len(times), 5)))
+    turns = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
+    data = Recording((Run("run0", tuple(f"disc{i}" for i in range(5)), times, seen, turns),))
+    plan = design(world(discs, start).with_substep(1.001 / 60.0), data)
     bench = FitContext(plan, measured_noise(plan), 1)
-    begun = profile.start_states(plan)
-    one = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), begun, horizons=profile.FINE_HORIZONS)
+    states = profile.start_states(plan)
+    one = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), states, horizons=profile.FINE_HORIZONS)
     assert one.misfits[0] > 2.0
     way = best_of_starts(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
     assert way.chi2 < 1.1 * bench.observations

@@ -19,9 +19,8 @@ from polyworld.gap.sensitive_runs import sensitive_runs
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.hidden_discs import Started, slide
-from tests.polyworld.estimation.test_collisions import bent_run, laid_out, plain
-from tests.polyworld.estimation.test_several_bodies import scene, world
+from tests.polyworld.estimation.colliding_discs import bent_run, laid_out, plain, scene, world
+from tests.scenes.discs import Started, slide
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from polyworld.estimation.variable_projection import asked_for, profiled
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
-from tests.benchmarks.hidden_discs import slide
-from tests.polyworld.estimation.test_several_bodies import scene, started, world
+from tests.polyworld.estimation.colliding_discs import scene, started, world
+from tests.scenes.discs import slide
 
 Array = NDArray[np.float64]
 

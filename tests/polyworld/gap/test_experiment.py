@@ -12,7 +12,7 @@ from polyworld.gap.experiment import Contender, propose_experiment
 from polyworld.gap.settings import ExperimentSettings
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.polyworld.estimation.test_profile import ball_world, thrown
+from tests.polyworld.estimation.thrown_ball import ball_world, thrown
 
 SIGMA = 0.01
 ENOUGH = ExperimentSettings().enough

@@ -11,8 +11,8 @@ from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
 from polyworld.recording import Recording, Run
-from tests.benchmarks.material_fluids import filling, filling_case, sinking_case, swaying_case
-from tests.benchmarks.material_scenes import Case, falling_case, rope_case, strip_case, swinging_case
+from tests.scenes.fluids import filling, filling_case, sinking_case, swaying_case
+from tests.scenes.materials import Case, falling_case, rope_case, strip_case, swinging_case
 
 Draw = Callable[[np.random.Generator, str | None], Case]
 

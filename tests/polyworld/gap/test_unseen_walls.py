@@ -7,8 +7,8 @@ from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue, named
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.hidden_ball import Ball, Launch, Plane, fly
 from tests.polyworld.gap_scenes import RADIUS, Bouncing, ball_recording, ball_world, launches
+from tests.scenes.ball import Ball, Launch, Plane, fly
 
 ANGLE, OFFSET, FRICTION = 2.9, -2.0, 0.1
 NORMAL = np.array([np.cos(ANGLE), np.sin(ANGLE), 0.0])
