@@ -35,11 +35,7 @@ from polyworld.gap.settings import SearchSettings
 
 Array = NDArray[np.float64]
 
-SHORT, LONG = 4, 2  # segments of a run
-SENSITIVE = 1.06  # chi2 per measurement, in place of `far`, where bodies collide: behind impacts slopes predict little
-NEAR = 1.5  # chi2 per measurement below which a fit is near the data
-ONE_RUN = 0.75  # share of what is missing that what happens in one run has to explain to be tried first
-THIRD = 0.5  # share of what is missing that an effect beyond the second has to explain
+SHORT, LONG = 4, 2  # segments of a run: halves, and halves of these
 
 
 @dataclass
@@ -84,7 +80,7 @@ class Search:
             if short is None:
                 return None
             ground = self._on(short, self.ground)
-            if ground.chi2 > NEAR * short.observations:
+            if ground.chi2 > self.settings.near * short.observations:
                 return short
         return self.long_segments
 
@@ -131,10 +127,10 @@ class Search:
 
     def add(self, parents: Sequence[FittedHypothesis]) -> None:
         """Fit the hypotheses that one more effect makes of the parents."""
-        parents = distinct(parents)
+        parents = distinct(parents, self.settings.alike)
         effects = len(parents[0].hypothesis.parts) + 1
         level = min(p.chi2 for p in parents)
-        limit = SENSITIVE if profile.collide(self.context.design) else self.settings.far
+        limit = self.settings.far_colliding if profile.collide(self.context.design) else self.settings.far
         far = level > limit * self.context.observations
         if far and effects == 1 and self._in_one_run():
             return
@@ -265,7 +261,7 @@ class Search:
         Over whole runs what is still missing adds up, and a wrong effect that happens to bend paths alike comes nearer
         than a right one beside which another lacks.
         """
-        chosen = self.ranked(effects)[: self.settings.parents]
+        chosen = self.ranked(effects)[: self.settings.few]
         if self.used is not None:
             there = [t for t in self.used.ranked(effects) if identity(t.hypothesis) in self.whole.fitted]
             if there:
@@ -281,7 +277,7 @@ class Search:
             return False
         best = min(predictions, key=lambda p: p.starts[0].chi2)
         missing = best.parent.chi2 - self.context.observations
-        return best.parent.chi2 - best.starts[0].chi2 >= THIRD * missing
+        return best.parent.chi2 - best.starts[0].chi2 >= self.settings.half * missing
 
     def sensitive_runs(self, effects: int) -> tuple[str, ...]:
         """Return runs that the best, or the base, does not follow as a whole although it explains their segments."""
@@ -310,7 +306,7 @@ class Search:
 
     def _in_one_run(self) -> bool:
         """Whether most runs are explained, and the others by what happens in one run alone."""
-        if np.median(self.ground.misfits) > NEAR:
+        if np.median(self.ground.misfits) > self.settings.near:
             return False
         local = [h for h in self._more(self.ground) if h.parts[-1].candidate.leads is not None]
         if not local:
@@ -319,7 +315,7 @@ class Search:
         predictions = [
             p
             for p in self.whole.predict([self.ground], lambda _: local)
-            if self.ground.chi2 - p.starts[0].chi2 > ONE_RUN * missing
+            if self.ground.chi2 - p.starts[0].chi2 > self.settings.one_run * missing
         ]
         if predictions:
             self.whole.fit(predictions, 1, self.ground.chi2)
@@ -328,7 +324,7 @@ class Search:
     def _explains(self, trial: FittedHypothesis, level: float) -> bool:
         """Whether a fit explains what fits with chi2 `level` do not; an effect with an edge has to pass the gate, since
         it may be at a wrong place, which comes near the data and not there."""
-        near = NEAR * self.context.observations
+        near = self.settings.near * self.context.observations
         return trial.passes if level < near or _edged(trial.hypothesis) else trial.chi2 < near
 
     def _transfer(self, contest: Contest, found: Sequence[FittedHypothesis]) -> None:
@@ -339,7 +335,7 @@ class Search:
         chosen: list[FittedHypothesis] = []
         for trial in found[: self.settings.few if hopeless else self.settings.contenders]:
             behind = trial.ebic > found[0].ebic + self.settings.close
-            if behind and any(t.chi2 < NEAR * self.context.observations for t in chosen):
+            if behind and any(t.chi2 < self.settings.near * self.context.observations for t in chosen):
                 break
             chosen.append(self._whole(contest, trial))
         if not hopeless:
@@ -359,7 +355,7 @@ class Search:
             return self.whole.take(refit_by_multistart(whole))
         best = self.best(len(trial.hypothesis.parts))
         like = None
-        if best is not None and best.chi2 < NEAR * context.observations:
+        if best is not None and best.chi2 < self.settings.near * context.observations:
             like = context.fit(trial.hypothesis, start.values, best.fit.states)
             if best.passes and refused_by_most(like, best):
                 return self.whole.take(like)

@@ -16,34 +16,24 @@ from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.hypothesis import extended
-from polyworld.estimation.noise import Noise, refined_noise
+from polyworld.estimation.noise import refined_noise
 from polyworld.estimation.run_parts import halved
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.contest import identity
 from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
-from polyworld.gap.examine import LEFT, fitted_base, refitted
+from polyworld.gap.examine import BASE, differs, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
 from polyworld.gap.settings import PLAIN, SearchSettings
-from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
+from polyworld.gap.single_coordinate import follows_one_course, rivals
 from polyworld.gap.stability import far_fetched
 from polyworld.gap.symbolic import Near
 
-LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
-CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
-KEPT_CHANGED = 0.002  # the same of the share of outliers
-STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
-PLAINLY = 2  # effects beyond which a further one is sought only where one comes near to the data (`Search.foreseen`)
-AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
+PLAINLY = 2  # effects that are added without asking what they are predicted to explain (`Search.worth_a_third`)
 # Laws that act everywhere alike: under the right one of them, runs that behave unlike the rest stand out.
 EARLY = (*PLAIN, "tilt", "coriolis", "magnus_lift")
-MOST_UNKNOWNS = 8  # of such a law; not one number for each run
-CARE = 24  # iterations of their fits
-ASIDE = 4.0  # times the least chi2 beyond which a plain law is not fitted to the end
-PAIRED = 4  # plain laws that are fitted in pairs
-BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
 
 
 class Story:
@@ -104,7 +94,7 @@ def search_effects(
     outliers: asked, where plain laws and then single effects were fitted and none explains the data, which runs behave
     unlike the rest under the best of them; where there are any, the search ends there, and is to be repeated without.
     """
-    ground = _finer(fitted_base(plan, base, len(candidates), clock), substep)
+    ground = _finer(fitted_base(plan, base, len(candidates), clock), substep, settings.near)
     story.tell(
         0.1,
         "base fit",
@@ -151,7 +141,7 @@ def search_effects(
     verdict = _decided(search, effects, parents)
     if not limited and verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
         beside = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
-        verdict = leave_noise(beside, max(settings.credible, BESIDE))
+        verdict = leave_noise(beside, max(settings.credible, settings.one_course))
     bench = verdict.best.bench if verdict.best is not None else search.context
     if bench is not ground.bench:
         ground = refitted(ground, bench)
@@ -166,7 +156,7 @@ def search_effects(
             return Searched(Verdict("nothing_missing", None), bench, ground, near_misses, limited=limited)
     plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, bench)
     doubtful = verdict.kind == "identified" and verdict.best is not None and far_fetched(verdict.best) > 0
-    pairs = _plain_pairs(plain, bench) if not limited and (doubtful or verdict.kind == "unexplained") else ()
+    pairs = _plain_pairs(plain, bench, settings) if not limited and (doubtful or verdict.kind == "unexplained") else ()
     pool = _pool(search, bench, (*plain, *pairs), limited)
     return Searched(
         verdict, bench, ground, near_misses, _near(search), pool, plain, limited, rivals_fitted or not limited
@@ -236,9 +226,9 @@ def _laws_everywhere(search: Search, ground: FittedHypothesis) -> None:
     horizons, states = profile.horizons_for(context.design), profile.start_states(context.design)
     for candidate in (c for c in search.candidates if c.name in EARLY):
         for hypothesis in extended(ground.hypothesis, candidate, context.design.recording):
-            if hypothesis.extra <= MOST_UNKNOWNS:
+            if hypothesis.extra <= search.settings.unknowns:
                 start = hypothesis.starts(ground.values)[0]
-                fit = context.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
+                fit = context.fit(hypothesis, start, states, horizons=horizons, iterations=search.settings.care // 3)
                 search.whole.take(fit)
 
 
@@ -246,29 +236,32 @@ def _plain_laws(search: Search, ground: FittedHypothesis, bench: FitContext) -> 
     """Fit the plain laws, each by itself: they are reported beside any richer answer. Those that come near the best are
     fitted to the end."""
     found = []
-    plan = bench.design
+    plan, settings = bench.design, search.settings
     horizons, states = profile.horizons_for(plan), profile.start_states(plan)
     least = min((t.chi2 for t in search.whole.fitted.values()), default=np.inf)
     for candidate in (c for c in search.candidates if c.name in PLAIN):
         ways = []
         for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
-            if hypothesis.extra > MOST_UNKNOWNS:
+            if hypothesis.extra > settings.unknowns:
                 continue
             known = search.whole.fitted.get(identity(hypothesis))
             if known is None:
                 start = hypothesis.starts(ground.values)[0]
-                known = bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
-            ways.append(bench.refit(known, iterations=CARE if known.chi2 < ASIDE * least else LEFT))
+                known = bench.fit(hypothesis, start, states, horizons=horizons, iterations=settings.care // 3)
+            near = known.chi2 < settings.aside * least
+            ways.append(bench.refit(known, iterations=settings.care if near else BASE.barely))
         ways = [w for w in ways if np.isfinite(w.chi2)]
         if ways:
             found.append(min(ways, key=lambda t: t.ebic))
     return tuple(sorted(found, key=lambda t: t.ebic))
 
 
-def _plain_pairs(plain: Sequence[FittedHypothesis], bench: FitContext) -> tuple[FittedHypothesis, ...]:
+def _plain_pairs(
+    plain: Sequence[FittedHypothesis], bench: FitContext, settings: SearchSettings
+) -> tuple[FittedHypothesis, ...]:
     """Fit pairs of the plain laws that come nearest: real losses are often two of them together."""
     found = []
-    first = plain[:PAIRED]
+    first = plain[: settings.paired]
     for i, one in enumerate(first):
         for other in first[i + 1 :]:
             part = other.hypothesis.parts[0]
@@ -279,7 +272,7 @@ def _plain_pairs(plain: Sequence[FittedHypothesis], bench: FitContext) -> tuple[
                     both.starts(one.values)[0],
                     np.concatenate([one.values, other.values[len(other.hypothesis.base) :]]),
                 )
-                ways = [bench.fit(both, start, one.fit.states, iterations=CARE) for start in starts]
+                ways = [bench.fit(both, start, one.fit.states, iterations=settings.care) for start in starts]
                 found.append(min(ways, key=lambda t: t.chi2))
     return tuple(t for t in found if np.isfinite(t.chi2))
 
@@ -293,12 +286,13 @@ def _pool(
 ) -> tuple[FittedHypothesis, ...]:
     """The hypotheses that came nearest, with each number of effects, and the plain laws, all fitted under one noise."""
     found: dict[tuple[str, ...], FittedHypothesis] = {identity(t.hypothesis): t for t in plain}
+    iterations = 4 if limited else search.settings.care // 2
     for effects in range(1, search.settings.max_effects + 1):
-        for trial in search.ranked(effects)[:BESIDES]:
+        for trial in search.ranked(effects)[: search.settings.compared]:
             key = identity(trial.hypothesis)
             if key not in found or trial.chi2 < found[key].chi2:
                 same = trial.bench is bench and (trial.fit.converged or limited)
-                found[key] = trial if same else bench.refit(trial, iterations=4 if limited else CARE // 2)
+                found[key] = trial if same else bench.refit(trial, iterations=iterations)
     return tuple(t for t in found.values() if np.isfinite(t.chi2))
 
 
@@ -311,9 +305,9 @@ def _decided(search: Search, effects: int, parents: Sequence[FittedHypothesis]) 
     return beside_fewer(found, [found.best.bench.refit(p) for p in fewer], search.settings.credible)
 
 
-def _finer(ground: FittedHypothesis, substep: float) -> FittedHypothesis:
+def _finer(ground: FittedHypothesis, substep: float, near: float) -> FittedHypothesis:
     """A base that is near the data, fitted with shorter steps, where that is why it fails."""
-    if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
+    if ground.passes or ground.chi2 > near * ground.bench.observations:
         return ground
     fine = refined(ground, substep, substep / FINEST)
     return fine if fine.passes else ground
@@ -334,7 +328,7 @@ def _explained(
     """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
     promising = search.promising(0.5 * alarm)
     near = [t for t in promising if t.ebic < ground.ebic]
-    for trial in near[:AGAIN]:
+    for trial in near[: search.settings.few]:
         again = _from_states_of(trial, ground)
         if again.chi2 < ground.chi2 and again.passes:
             ground = again
@@ -346,7 +340,7 @@ def _explained(
 def _from_states_of(trial: FittedHypothesis, ground: FittedHypothesis) -> FittedHypothesis:
     """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
     values = trial.values[: len(ground.values)]
-    begun = trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=LEFT)
+    begun = trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=BASE.barely)
     return refitted(begun, trial.bench)
 
 
@@ -356,13 +350,5 @@ def _renoise(search: Search, effects: int) -> None:
     if best is None:
         return
     noise = refined_noise(search.context.design, search.context.noise, search.context.raw_residuals(best))
-    if _differs(noise, search.context.noise):
+    if differs(noise, search.context.noise):
         search.under(search.context.with_noise(noise), effects)
-
-
-def _differs(one: Noise, other: Noise) -> bool:
-    """Whether two estimates of the noise are so far apart that fits would weigh the data otherwise."""
-    levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(one.sigma, other.sigma, strict=True))
-    linked = max(float(np.max(np.abs(a - b))) for a, b in zip(one.rho, other.rho, strict=True))
-    kept = sum(int(np.sum(a != b)) for a, b in zip(one.kept, other.kept, strict=True))
-    return levels > LEVEL_CHANGED or linked > CORRELATION_CHANGED or kept > KEPT_CHANGED * one.count
