@@ -10,7 +10,7 @@ def require_positive(settings: object) -> None:
     """Raise ValueError, naming the first field of a dataclass that is not positive."""
     for entry in fields(settings):  # type: ignore[arg-type]
         value = getattr(settings, entry.name)
-        if not value > 0:
+        if not all(v > 0 for v in (value if isinstance(value, tuple) else (value,))):
             raise ValueError(f"{entry.name} must be positive, got {value!r}")
 
 

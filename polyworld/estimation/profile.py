@@ -133,7 +133,7 @@ def _over_horizons(
                 worse = 0.0 if horizon == horizons[0] else WORSE
                 at = restarts.restart_velocities(forward, noise, at, horizon, steps, worse)
             for _ in range(SWEEPS):
-                at = restarts.flip_spins(forward, noise, at, horizon, steps, restarts.ILL)
+                at = restarts.flip_spins(forward, noise, at, horizon, steps, restarts.SUSPECT)
     return at, steps, total, converged
 
 

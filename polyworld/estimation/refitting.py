@@ -15,22 +15,12 @@ from numpy.typing import NDArray
 from polyworld.estimation import profile
 from polyworld.estimation.descent import Point
 from polyworld.estimation.forward import Forward
-from polyworld.estimation.goodness import LEVEL, TESTS
 from polyworld.estimation.hypothesis import Hypothesis
+from polyworld.estimation.settings import GATE, REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
-from polyworld.estimation.variable_projection import ILL, best_start_of, middle, profiled, sensitive
+from polyworld.estimation.variable_projection import best_start_of, middle, profiled, sensitive
 
 Array = NDArray[np.float64]
-
-WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is, where that is ill too
-UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: lost already so where that is explained
-IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
-ODD = 0.25  # of chi2, by which a run has to be above that even if it is long: a law may be a little off
-VAIN = 3  # runs looked for in vain, after which no more are: it is the law that lacks something
-WORTH = 10.0  # chi2 by which a run that the gate blames has to fit better for other ways to be left
-BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost
-ITERATIONS = 12
-ANEW_ITERATIONS = 6  # at each of many horizons
 
 
 def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
@@ -40,7 +30,7 @@ def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
     typical = middle(trial.misfits)
     most = _limits(bench, typical)
     schedules = [profile.horizons_for(bench.design)]
-    if profile.collide(bench.design) and typical < ILL:
+    if profile.collide(bench.design) and typical < REFIT.explained:
         schedules.append(profile.thinned(profile.OTHER_HORIZONS, bench.design))
     states, costs = list(trial.fit.states), trial.costs
     for horizons in schedules:
@@ -50,7 +40,9 @@ def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
     return _carried_on(trial, states)
 
 
-def refit_by_multistart(trial: FittedHypothesis, level: float = np.inf, doubt: float = UNLIKELY) -> FittedHypothesis:
+def refit_by_multistart(
+    trial: FittedHypothesis, level: float = np.inf, doubt: float = REFIT.unlikely
+) -> FittedHypothesis:
     """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
 
     level: EBIC above which the trial is of no interest even if such runs came to fit as well as any does. doubt:
@@ -59,18 +51,18 @@ def refit_by_multistart(trial: FittedHypothesis, level: float = np.inf, doubt: f
     trial = refit_ill_runs(trial)
     bench = trial.bench
     typical = middle(trial.misfits)
-    if not sensitive(bench.design) or typical >= ILL:
+    if not sensitive(bench.design) or typical >= REFIT.explained:
         return trial
     costs = trial.costs
     limits = _limits(bench, typical, doubt)
-    hoped = np.minimum(costs, _limits(bench, typical, -UNLIKELY))
+    hoped = np.minimum(costs, _limits(bench, typical, -REFIT.unlikely))
     if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
         return trial
     ill = {int(k): float(limits[k]) for k in np.flatnonzero(costs > limits)}
     trial, asked = _by_other_ways(trial, ill)
     while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
         before = trial
-        trial, more = _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - WORTH})
+        trial, more = _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - REFIT.worth})
         if trial is before:
             break
         asked |= more
@@ -86,7 +78,7 @@ def _blamed(trial: FittedHypothesis) -> int | None:
     """The run of the series that fits worst, where that alone would fail the gate: it may be stuck where no chi2 is
     conspicuous."""
     worst = trial.goodness.worst
-    if worst is None or TESTS * worst.p * len(trial.goodness.series) > LEVEL:
+    if worst is None or GATE.tests * worst.p * len(trial.goodness.series) > GATE.level:
         return None
     return next(r.index for r in trial.bench.design.runs if r.run.name == worst.run)
 
@@ -99,7 +91,7 @@ def _by_other_ways(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[
     asked: set[int] = set()
     vain = 0
     for k in sorted(runs, key=lambda k: runs[k] - costs[k]):
-        if bench.design.runs[k].count and vain < VAIN:
+        if bench.design.runs[k].count and vain < REFIT.vain:
             way = best_start_of(bench, trial.hypothesis, trial.values, k, runs[k])
             asked.add(k)
             vain += way.chi2 > max(runs[k], 0.5 * (runs[k] + costs[k]))
@@ -115,7 +107,7 @@ def restarted(trial: FittedHypothesis, hypothesis: Hypothesis) -> FittedHypothes
     if sensitive(bench.design):
         return fit_near(bench, hypothesis, trial.values, [profile.start_states(bench.design), trial.fit.states])
     states = profile.start_states(bench.design)
-    again = bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=ANEW_ITERATIONS)
+    again = bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=REFIT.stepwise)
     again = again if again.fit.converged else bench.refit(again)
     return min([again, _crossed(again, trial)], key=lambda t: t.chi2)
 
@@ -136,19 +128,19 @@ def fit_near(
     if like is not None and like.passes and not np.any(_lost(like)):
         return profiled(like)
     horizons = profile.horizons_for(bench.design)
-    together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=ANEW_ITERATIONS)
+    together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=REFIT.stepwise)
     if together.passes and not np.any(_lost(together)):
         return profiled(together)
     forward = bench.forward(hypothesis)
     best, costs = list(starts[0]), np.full(len(bench.design.runs), np.inf)
     for states in starts:
         at = Point(values, tuple(states))
-        at, found = profile.fit_per_run(forward, bench.noise, at, horizons=horizons, iterations=ANEW_ITERATIONS)
+        at, found = profile.fit_per_run(forward, bench.noise, at, horizons=horizons, iterations=REFIT.stepwise)
         for k in np.flatnonzero(found < costs):
             best[k], costs[k] = at.states[k], found[k]
     typical = middle(costs / bench.counts)
     limits = _limits(bench, typical)
-    for k in np.flatnonzero(costs > limits) if typical < ILL else ():
+    for k in np.flatnonzero(costs > limits) if typical < REFIT.explained else ():
         if bench.design.runs[k].count:
             way = best_start_of(bench, hypothesis, values, int(k), float(limits[k]))
             if way.chi2 < costs[k]:
@@ -159,7 +151,7 @@ def fit_near(
 def refused_by_most(trial: FittedHypothesis, best: FittedHypothesis) -> bool:
     """Whether most runs speak against a trial that began where the best ended: no run that is lost is to blame then."""
     worse = np.sort(trial.costs - best.costs)
-    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND
+    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > REFIT.behind
 
 
 def _lost(trial: FittedHypothesis) -> NDArray[np.bool_]:
@@ -184,16 +176,16 @@ def _carried_on(trial: FittedHypothesis, states: list[Array]) -> FittedHypothesi
     return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
-def _limits(bench: FitContext, typical: float, doubt: float = UNLIKELY) -> Array:
+def _limits(bench: FitContext, typical: float, doubt: float = REFIT.unlikely) -> Array:
     """chi2 (R,) beyond which runs may be lost, where the worst of the better half has `typical` per measurement."""
     counts = bench.counts
-    if typical < ILL:
+    if typical < REFIT.explained:
         above = doubt * np.sqrt(2.0 / counts)
         if not profile.collide(bench.design):
-            above = np.maximum(above, ODD)
+            above = np.maximum(above, REFIT.odd)
         unlikely: Array = typical * (1.0 + above) * counts
         return unlikely
-    worse: Array = max(ILL, WORSE * typical) * counts
+    worse: Array = max(REFIT.explained, REFIT.worse * typical) * counts
     return worse
 
 
@@ -206,7 +198,7 @@ def _alone(
     world = trial.hypothesis.fitted_world(trial.values)
     forward = Forward(few, world, (), bench.cancelled)
     begun = profile.start_states(few)
-    found = profile.fit(forward, noise, np.zeros(0), begun, horizons=horizons, iterations=ITERATIONS)
+    found = profile.fit(forward, noise, np.zeros(0), begun, horizons=horizons, iterations=REFIT.iterations)
     bench.forward(trial.hypothesis).rollouts += found.rollouts
     for k, own, r in zip(chosen, found.states, found.linear.r, strict=True):
         if float(r @ r) < costs[k] - 1.0:

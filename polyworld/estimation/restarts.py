@@ -19,7 +19,7 @@ from polyworld.estimation.noise import Noise
 Array = NDArray[np.float64]
 
 OTHER_VELOCITIES = np.linspace(-1.0, 1.0, 9)  # of the highest speed in the run
-ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
+SUSPECT = 1.2  # chi2 per measurement of a run beyond which its spins are flipped: 3 sigma of 450
 TURN_ITERATIONS = 4
 OTHER_SPINS = np.array([-1.5, -0.75, 0.75, 1.5])  # of its spread, that a spin is tried at besides the other way round
 
@@ -54,7 +54,7 @@ def restart_velocities(forward: Forward, noise: Noise, at: Point, horizon: float
     leads back."""
     cost = run_costs(forward, noise, at, horizon)
     relative = cost / counts(forward, horizon)
-    limit = max(ILL, worse * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
+    limit = max(SUSPECT, worse * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
     options = {
         r.index: _other_velocities(r, at.states[r.index])
         for r in forward.design.runs

@@ -22,22 +22,10 @@ from polyworld.estimation.multistart import Way, best_of_starts
 from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.per_run_descent import descend_per_run
 from polyworld.estimation.score_test import bounded_step
+from polyworld.estimation.settings import PROJECTION, REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
-
-HOPELESS = 10.0  # chi2 per measurement of the better half of the runs beyond which no step is tried
-ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
-STEPS = 4  # of shared values, at most
-ALIKE = 0.5  # standard errors within which two steps are one
-LITTLE = 0.1  # standard errors below which a step is none
-ASKED = 5  # runs that are left out in turn, at most: those without which the step would be another
-FOLLOWED = 2  # of the steps asked for, those for which lost runs are looked for
-SEARCHES = 4  # for lost runs, in all
-LOST = 10.0  # chi2 by which a run is worse than before that has been lost on the way
-GAIN = 2.0  # fall of chi2 for which it goes on
-ITERATIONS, TOGETHER = 5, 4  # of a run by itself, and of all together after a step
-ROUGH = 0.5  # fall of chi2 below which a run is at rest
 
 
 @dataclass
@@ -50,7 +38,7 @@ class _Followed:
 
     def lost(self, before: Array) -> list[int]:
         """Runs that fit much worse than before."""
-        return [int(k) for k in np.flatnonzero(self.costs > before + LOST)]
+        return [int(k) for k in np.flatnonzero(self.costs > before + REFIT.worth)]
 
     def hoped(self, before: Array, lost: float = 0.0) -> float:
         """chi2 if runs that are lost come back to what they were, or to so much more."""
@@ -68,20 +56,20 @@ def profiled(trial: FittedHypothesis) -> FittedHypothesis:
     As it is where bodies do not collide, nothing is shared, or the better half of the runs is far from explained: then
     it is not a run that holds up the others.
     """
-    if not len(trial.values) or not sensitive(trial.bench.design) or middle(trial.misfits) > HOPELESS:
+    if not len(trial.values) or not sensitive(trial.bench.design) or middle(trial.misfits) > PROJECTION.hopeless:
         return trial
-    searches = SEARCHES
-    for _ in range(STEPS):
+    searches = PROJECTION.searches
+    for _ in range(PROJECTION.steps):
         before = trial.costs
         if not np.all(np.isfinite(before)):
             return trial
-        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, LOST))
+        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, REFIT.worth))
         further: FittedHypothesis | None = None
-        for one in followed[:FOLLOWED]:
+        for one in followed[: PROJECTION.followed]:
             lost = one.lost(before)
-            if lost and middle(one.costs / trial.bench.counts) > ILL:
+            if lost and middle(one.costs / trial.bench.counts) > REFIT.explained:
                 continue  # it is the law that fails
-            if one.hoped(before) < trial.chi2 - GAIN and len(lost) <= searches:
+            if one.hoped(before) < trial.chi2 - PROJECTION.gain and len(lost) <= searches:
                 searches -= len(lost)
                 _look_for(trial, one, lost, before)
                 further = _together(trial, one)
@@ -123,9 +111,9 @@ def asked_for(trial: FittedHypothesis) -> list[Array]:
     others = [towards(k) for k in range(len(own))] if len(own) > 1 else []
     others.sort(key=lambda v: -float(np.max(np.abs(v - first) / errors)))
     chosen: list[Array] = []
-    for v in (first, *others[:ASKED]):
-        moved = np.abs(v - trial.values) > LITTLE * errors
-        if moved.any() and all(np.any(np.abs(v - c) > ALIKE * errors) for c in chosen):
+    for v in (first, *others[: PROJECTION.asked]):
+        moved = np.abs(v - trial.values) > PROJECTION.little * errors
+        if moved.any() and all(np.any(np.abs(v - c) > PROJECTION.alike * errors) for c in chosen):
             chosen.append(v)
     return chosen
 
@@ -145,7 +133,7 @@ def _followed(trial: FittedHypothesis, values: Array) -> _Followed:
     best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))
     for states in (foretold, trial.fit.states):
         at = Point(values, states)
-        at, *_ = descend_per_run(forward, bench.noise, at, 1.0, steps, ITERATIONS, ROUGH)
+        at, *_ = descend_per_run(forward, bench.noise, at, 1.0, steps, PROJECTION.iterations, PROJECTION.rough)
         costs = trial_costs(forward, bench.noise, [at], 1.0)[0]
         for k in np.flatnonzero(costs < best.costs):
             best.states[k], best.costs[k] = at.states[k], costs[k]
@@ -156,14 +144,14 @@ def _look_for(trial: FittedHypothesis, one: _Followed, lost: list[int], before: 
     """Fit lost runs along several ways, in place."""
     for k in lost:
         if trial.bench.design.runs[k].count:
-            found = best_start_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + GAIN)
+            found = best_start_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + PROJECTION.gain)
             if found.chi2 < one.costs[k]:
                 one.states[k], one.costs[k] = found.state, found.chi2
 
 
 def _together(trial: FittedHypothesis, one: _Followed) -> FittedHypothesis | None:
     """All runs fitted together from what was found; None where that is no better."""
-    if one.costs.sum() > trial.chi2 - GAIN:
+    if one.costs.sum() > trial.chi2 - PROJECTION.gain:
         return None
-    found = trial.bench.fit(trial.hypothesis, one.values, one.states, iterations=TOGETHER)
-    return found if found.chi2 < trial.chi2 - GAIN else None
+    found = trial.bench.fit(trial.hypothesis, one.values, one.states, iterations=PROJECTION.together)
+    return found if found.chi2 < trial.chi2 - PROJECTION.gain else None

@@ -10,10 +10,11 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise, refined_noise
-from polyworld.estimation.refitting import IN_DOUBT, refit_by_multistart, refit_every_run
+from polyworld.estimation.refitting import refit_by_multistart, refit_every_run
+from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
-from polyworld.estimation.variable_projection import ILL, middle, sensitive
+from polyworld.estimation.variable_projection import middle, sensitive
 from polyworld.gap.settings import BaseSettings
 
 BASE = BaseSettings()
@@ -34,15 +35,15 @@ def fitted_base(
     horizons = profile.horizons_for(plan)
     if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=BASE.iterations)
-        trial = refit_by_multistart(trial, doubt=IN_DOUBT)
+        trial = refit_by_multistart(trial, doubt=REFIT.in_doubt)
     else:
         trial = _first(bench.fit(nothing, starts, states, horizons=horizons, iterations=BASE.rough))
     trial = with_refined_noise(trial)
     if trial.passes or not any(r.spread.any() for r in plan.runs):
         return trial
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
-    if sensitive(plan) and middle(trial.misfits) < ILL:
-        return with_refined_noise(refit_by_multistart(refit_every_run(trial), doubt=IN_DOUBT))
+    if sensitive(plan) and middle(trial.misfits) < REFIT.explained:
+        return with_refined_noise(refit_by_multistart(refit_every_run(trial), doubt=REFIT.in_doubt))
     turned = profile.flip_spins(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=BASE.iterations))
     if trial.passes or profile.collide(plan):

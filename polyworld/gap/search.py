@@ -17,7 +17,6 @@ from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
-    IN_DOUBT,
     fit_near,
     refit_by_multistart,
     refit_every_run,
@@ -25,6 +24,7 @@ from polyworld.estimation.refitting import (
     restarted,
 )
 from polyworld.estimation.score_test import leads
+from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
 from polyworld.estimation.variable_projection import profiled, sensitive
 from polyworld.gap.contest import Contest, Tell, identity
@@ -203,9 +203,9 @@ class Search:
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.few + 2]:
             if colliding:
-                self.whole.take(profiled(refit_by_multistart(trial, doubt=IN_DOUBT)))
+                self.whole.take(profiled(refit_by_multistart(trial, doubt=REFIT.in_doubt)))
             elif _edged(trial.hypothesis):
-                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=IN_DOUBT))
+                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=REFIT.in_doubt))
         if colliding and len(near) > 1:
             for trial in self.ranked(effects)[: self.settings.few]:
                 if trial.ebic <= best.ebic + self.settings.close:

@@ -11,7 +11,8 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.refitting import IN_DOUBT, refit_by_multistart, refit_every_run
+from polyworld.estimation.refitting import refit_by_multistart, refit_every_run
+from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
@@ -95,7 +96,7 @@ def plain(count: int, seed: int) -> tuple[FitContext, FittedHypothesis]:
     bench = FitContext(plan, measured_noise(plan), 1)
     first = profile.start_states(plan)
     fitted = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), first, horizons=profile.FINE_HORIZONS)
-    return bench, refit_by_multistart(refit_every_run(fitted), doubt=IN_DOUBT)
+    return bench, refit_by_multistart(refit_every_run(fitted), doubt=REFIT.in_doubt)
 
 
 def bent_run(right: FittedHypothesis, run: int, start: str, off: float) -> FittedHypothesis:

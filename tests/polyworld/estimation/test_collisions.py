@@ -13,13 +13,13 @@ from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.multistart import best_of_starts
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.refitting import (
-    IN_DOUBT,
     fit_near,
     refit_by_multistart,
     refit_every_run,
     refit_ill_runs,
     restarted,
 )
+from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FitContext
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
@@ -49,9 +49,11 @@ def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
     _, right = plain(4, 2)
     lost = bent_run(right, 0, "disc3.velocity.y", -0.4)
     assert refit_ill_runs(lost).chi2 > right.chi2 + 50.0
-    assert refit_by_multistart(lost, doubt=IN_DOUBT).chi2 < right.chi2 + 1.0
-    assert refit_by_multistart(lost, right.ebic + 10.0, IN_DOUBT).chi2 < right.chi2 + 1.0
-    assert refit_by_multistart(lost, right.ebic - 1000.0, IN_DOUBT).chi2 > right.chi2 + 50.0  # of no interest even so
+    assert refit_by_multistart(lost, doubt=REFIT.in_doubt).chi2 < right.chi2 + 1.0
+    assert refit_by_multistart(lost, right.ebic + 10.0, REFIT.in_doubt).chi2 < right.chi2 + 1.0
+    assert (
+        refit_by_multistart(lost, right.ebic - 1000.0, REFIT.in_doubt).chi2 > right.chi2 + 50.0
+    )  # of no interest even so
 
 
 def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
