@@ -16,7 +16,7 @@ class Vec8(wp.types.vector(length=MAX_PARAMETERS, dtype=wp.float64)):
 
 @wp.struct
 class Motion:
-    """What a law knows of the body, or node of a deformable body, that it acts on. World axes, SI.
+    """State of the body, or node of a deformable body, that a law acts on. World axes, SI.
 
     radius: that of the ball with the body's volume, 0 for a node. contact: 1 while the body touches another or is
     pressed on the supporting plane, else 0. gravity: of the environment.

@@ -236,7 +236,7 @@ def _tail(energy: float, count: int, *errors: float) -> float:
 
 
 class _Scale:
-    """Power that noise has in the low modes of whitened residuals of one kind, as the other modes tell it."""
+    """Power that noise has in the low modes of whitened residuals of one kind, as estimated from the other modes."""
 
     def __init__(self, design: Design, noise: Noise, whitened: list[Array], runs: list[LowModes], kind: Kind) -> None:
         known = noise.correlation[kind]
@@ -294,7 +294,7 @@ class _Scale:
                 level, *((resolution(self.design, s) / float(noise.sigma[s.run][s.where].min())) ** 2 for s in group)
             )
             if any(self.design.runs[s.run].run.sigma is not None for s in group):
-                level = max(level, 1.0)  # an accuracy that the recording tells covers what is smooth in its errors
+                level = max(level, 1.0)  # an accuracy that the recording states covers what is smooth in its errors
             for s in group:
                 self._level[id(s)] = level
                 self._own[id(s)] = float(np.sqrt(2.0 / count)) if count else 0.5
@@ -319,7 +319,7 @@ class _Scale:
 
 
 def _left(design: Design, runs: list[LowModes]) -> list[Array]:
-    """What the fit left of each low mode of each series."""
+    """Return the part of each low mode of each series that the fit left."""
     found = []
     for r, low in zip(design.runs, runs, strict=True):
         for i in range(len(r.series)):

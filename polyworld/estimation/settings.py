@@ -45,8 +45,9 @@ class RefitSettings:
     much depends on one fit; and by the share `odd` even if it is long, since a law may be a little off. Elsewhere it is
     ill at `worse` times theirs. vain: runs for which no better minimum is found, after which none is sought: it is the
     law that lacks something. worth: chi2 by which a run that the gate blames has to fit better for another minimum to
-    be taken; by so much a run is worse that a step of the shared values has lost. behind: chi2 by which the better half
-    of the runs, taken twice, may be behind the best's where some were lost. iterations: of a run by itself; stepwise:
+    be taken; by so much a run has got worse that a step of the shared values left
+    in another minimum. behind: chi2 by which the better half
+    of the runs, taken twice, may be behind the best's where some fit ill. iterations: of a run by itself; stepwise:
     the same at each of many horizons.
     """
 
@@ -72,8 +73,9 @@ class ProjectionSettings:
     hopeless: chi2 per measurement of the better half of the runs beyond which no step is tried. steps: at most. alike:
     standard errors within which two steps are one; little: below which a step is none. asked: runs that are left out in
     turn, at most: those without which the step would change most. followed: of the steps that result, those for which
-    lost runs are fitted again; searches: such fits in all. gain: fall of chi2 for which it goes on. iterations: of a
-    run by itself; together: of all runs after a step. rough: fall of chi2 below which a run is at rest.
+    runs that got worse are fitted again; searches: such fits in all. gain: fall of chi2 for which it goes on.
+    iterations: of a run by itself; together: of all runs after a step. rough: fall of chi2 below which a run is at
+    rest.
     """
 
     hopeless: float = 10.0

@@ -230,8 +230,8 @@ class Contest:
         mislead = (far and profile.collide(context.design)) or unpredicted(hypothesis)
         if mislead and not self.explained(trial):
             data, horizons = profile.start_states(context.design), profile.horizons_for(context.design)
-            begun = [x.before for p in ways for x in p.starts if x.before is not None] or [start.values]
-            for values in (begun if unpredicted(hypothesis) else [start.values])[: self.settings.few]:
+            off = [x.before for p in ways for x in p.starts if x.before is not None] or [start.values]
+            for values in (off if unpredicted(hypothesis) else [start.values])[: self.settings.few]:
                 other = context.fit(hypothesis, values, data, horizons=horizons, iterations=rough)
                 trial = min([trial, other], key=lambda t: t.chi2)
         return self.take(self._robust(trial) if leads_so_far else trial)
@@ -245,9 +245,9 @@ class Contest:
         if not same:
             return trial
         parent, own = same[0].parent, list(same[0].starts)
-        begun = mapped(parent, trial.hypothesis) if part.variant.everywhere is not None else []
-        begun += closer(self.context, parent, trial.hypothesis, own)[: self.settings.few]
-        for x in begun:
+        starts = mapped(parent, trial.hypothesis) if part.variant.everywhere is not None else []
+        starts += closer(self.context, parent, trial.hypothesis, own)[: self.settings.few]
+        for x in starts:
             tried = self.context.fit(x.hypothesis, x.values, parent.fit.states, iterations=2 * self.settings.rough)
             trial = min([trial, self._robust(tried)], key=lambda t: t.chi2)
             if self.explained(trial):

@@ -36,7 +36,7 @@ def moves(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
 
 
 def _competitors(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
-    """What segments hardly distinguish from the best, and what predicted the same as it did."""
+    """Return what segments hardly distinguish from the best, and what predicted the same as it did."""
     found: dict[tuple[str, ...], Move] = {}
     if search.used is not None:
         there = search.used.ranked(effects)
@@ -64,13 +64,13 @@ def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
     for less, values in reduced(search.context, best):
         (part,) = [p for p in best.hypothesis.parts if p.candidate.name not in less.names]
         theirs = {(u.name, u.unit) for u in part.variant.unknowns}
-        told = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
+        known = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
         ways = [h for c in search.candidates for h in extended(less.stepped(substep), c, recording)]
         fewer = [h for h in ways if len(h.parts[-1].variant.unknowns) < len(theirs)]
         for h in fewer:
             own = h.parts[-1].variant.unknowns
             if {(u.name, u.unit) for u in own} < theirs:
-                start = np.concatenate([values, [told[u.name] for u in own]])
+                start = np.concatenate([values, [known[u.name] for u in own]])
                 found.append(Move(h, Start(start, best.fit.states)))
         if len(best.hypothesis.parts) > 1 and best.passes and fewer:
             off = search.context.fit(less.stepped(substep), values, best.fit.states, iterations=0)

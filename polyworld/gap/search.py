@@ -64,7 +64,7 @@ class Search:
         substep: float,
     ) -> Search:
         """Begin a search from a fitted base."""
-        return cls(ground, candidates, settings, tell, substep, Contest(ground.bench, None, settings, tell))
+        return cls(ground, candidates, settings, tell, substep, Contest(ground.context, None, settings, tell))
 
     @property
     def context(self) -> FitContext:
@@ -91,7 +91,7 @@ class Search:
 
     def _segments(self, pieces: int) -> Contest | None:
         cut = segment_context(self.context, pieces)
-        return None if cut is None else Contest(cut.bench, cut, self.settings, self.tell)
+        return None if cut is None else Contest(cut.context, cut, self.settings, self.tell)
 
     # -- ranking -------------------------------------------------------------------------------------------------
 
@@ -240,7 +240,7 @@ class Search:
                 self.whole.fitted[identity(trial.hypothesis)] = fine
                 self.tell("finer steps", fine.figures())
 
-    def promising(self, gain: float) -> list[FittedHypothesis]:
+    def with_predicted_gain(self, gain: float) -> list[FittedHypothesis]:
         """Fit single effects for which the score test predicts that the extended BIC falls by more than `gain`."""
         choice = 2.0 * float(np.log(max(self.context.candidates, 1)))
         price = float(np.log(self.context.observations))

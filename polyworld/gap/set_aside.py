@@ -34,7 +34,7 @@ LOCAL = ("hidden_wall", "hidden_body", "dropped_frames")
 
 @dataclass(frozen=True)
 class Work:
-    """What all searches of one recording share. alarm: as in `GapSettings`."""
+    """Hold what all searches of one recording share. alarm: as in `GapSettings`."""
 
     world: World
     base: tuple[Unknown, ...]
@@ -102,7 +102,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
             raise InterruptedError(
                 f"the time limit of {work.clock.seconds:g} s passed before the world was fitted: allow more"
             ) from None
-        kept_names = {r.run.part_of or r.run.name for r in found.bench.design.runs}
+        kept_names = {r.run.part_of or r.run.name for r in found.context.design.runs}
         return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
     return aside, found
 

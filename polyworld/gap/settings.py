@@ -27,7 +27,7 @@ class BaseSettings:
     """How the base is fitted, and when the noise is estimated again from what a fit leaves.
 
     iterations: of the fit that all others start from. rough: of the same at each horizon, before it is known how far
-    from the data it is. far_off: chi2 per measurement beyond which where exactly a fit ends tells nothing; such a fit
+    from the data it is. far_off: chi2 per measurement beyond which where exactly a fit ends means nothing; such a fit
     goes on only while rough iterations leave less than `halved` of its chi2. refit, barely: iterations of a refit, and
     of one that is far off. refinements: of the noise after a fit, until chi2 changes by less than the share `changed`.
     level, correlation, outliers: relative change of a noise level, change of the correlation from sample to sample, and
@@ -152,17 +152,17 @@ class OutlierSettings:
 
     most: largest share of the runs that may be; with more, what they show is no exception. misfit: chi2 per measurement
     of a segment fitted by itself, beyond which it holds an event; a smooth force leaves less than 4 over a segment of a
-    dozen samples in the development cases. apart: how many times the upper quartile of all segments that has to be, so
-    that what happens in many runs is never an exception. excess: the same factor for whole runs under the best law;
-    explained: chi2 per measurement of most runs up to which that law is one to judge a run by: under a wrong law, runs
-    differ by their speeds alone. leaders: laws that are refitted without the runs that they explain worst; light: times
-    the noise at which such a run keeps an initial state of its own and has no say in what is shared. iterations: of the
-    fits of single segments.
+    dozen samples in the development cases. exceptional: how many times the upper quartile of all segments that has to
+    be, so that what happens in many runs is never an exception. excess: the same factor for whole runs under the best
+    law; explained: chi2 per measurement of most runs up to which that law is one to judge a run by: under a wrong law,
+    runs differ by their speeds alone. leaders: laws that are refitted without the runs that they explain worst; light:
+    times the noise at which such a run keeps an initial state of its own and has no say in what is shared. iterations:
+    of the fits of single segments.
     """
 
     most: float = 0.25
     misfit: float = 6.0
-    apart: float = 6.0
+    exceptional: float = 6.0
     excess: float = 4.0
     explained: float = 3.0
     leaders: int = 3
@@ -206,9 +206,9 @@ class MapSettings:
     it is counted how much of it lies inside. sure: standard deviations by which a window, or a disc, is significant.
     rough: relative error of a strength by its slope: friction ends the slide that it acts on. filled: share of a window
     that has to lie inside for the effect to show in full. bands: bounds of the radius in typical changes: small and
-    large discs are sought separately. kept: discs of each band. apart: share of the information that two of these must
-    not have in common. damped: share of the strength estimated at which a fit begins: beyond its bound, as with less
-    friction than none, there is no gradient. population, generations: of the search for discs.
+    large discs are sought separately. kept: discs of each band. overlap: share of the information that two of these
+    must not have in common. damped: share of the strength estimated at which a fit begins: beyond its bound, as with
+    less friction than none, there is no gradient. population, generations: of the search for discs.
     """
 
     windows: int = 512
@@ -219,7 +219,7 @@ class MapSettings:
     filled: float = 0.4
     bands: tuple[float, ...] = (0.0, 1.2, 2.5, 5.0, np.inf)
     kept: int = 2
-    apart: float = 0.1
+    overlap: float = 0.1
     damped: float = 0.7
     population: int = 40
     generations: int = 60
@@ -230,15 +230,15 @@ class ZoomSettings:
     """How the start of an effect with a place or a rhythm is refined.
 
     levels: of refinement. kept: places that are refined at each. around: new ones around each. width: standard
-    deviation of their distances in typical changes, halved at each level. apart: typical changes by which places that
-    are kept differ.
+    deviation of their distances in typical changes, halved at each level. separation: typical changes by which places
+    that are kept differ.
     """
 
     levels: int = 3
     kept: int = 4
     around: int = 24
     width: float = 1.0
-    apart: float = 0.1
+    separation: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ class ExperimentSettings:
 
 @dataclass(frozen=True)
 class PowerSettings:
-    """What it means that an effect could have been seen.
+    """Define that an effect could have been seen.
 
     power: probability with which an effect of the strength reported is seen. alarm: by how much an effect must lower
     the extended BIC to be looked into, as in the search. starts: of an effect with a place or a rhythm, spread over all

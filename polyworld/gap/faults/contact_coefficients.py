@@ -17,7 +17,7 @@ from polyworld.world import World
 if TYPE_CHECKING:
     from polyworld.estimation.trial import FitContext, FittedHypothesis
 
-MOST_GROUPS = 4  # different values among bodies that are fitted apart; more would be a refit, not an effect
+MOST_GROUPS = 4  # different values among bodies that are fitted independently; more would be a refit, not an effect
 OTHERS = (0.4, 2.5)  # times a friction that fits begin at, too
 ORDINARY_RESTITUTION = 0.5  # by which it may be off: lead from ivory
 ORDINARY_FRICTION = 1.0  # likewise: rubber from ice

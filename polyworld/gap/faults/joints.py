@@ -1,4 +1,4 @@
-"""What a world's joints lack: friction, damping, a motor; and the delay of a motor that is known."""
+"""Faults of a world's joints: friction, damping, a motor; and the delay of a motor that is known."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ CANDIDATES = (
         confused_with={
             "joint_friction": "large and small swings",
             "linear_drag": "one body on joints of two lengths",
-            "quadratic_drag": "large and small swings: the share lost to it falls with the swing",
+            "quadratic_drag": "large and small swings: the share it takes falls with the swing",
         },
     ),
     Candidate(
@@ -128,7 +128,7 @@ CANDIDATES = (
     Candidate(
         name="actuator_delay",
         group="joint",
-        law="a motor acts at t - d as told for t",
+        law="a motor acts at t - d as commanded for t",
         signature="the motion of driven bodies comes late by the same time, others' does not",
         reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, 5.6: pure time delay",
         variants=_delay,

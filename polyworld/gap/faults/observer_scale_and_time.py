@@ -69,7 +69,7 @@ def _limits(interval: float) -> dict[str, float]:
 
 
 def _time_offset(world: World, recording: Recording) -> tuple[Variant, ...]:
-    # Free initial states take up any offset, unless something tells when the world began.
+    # Free initial states take up any offset, unless something shows when the world began.
     begins = (
         any(run.lead > 0.0 for run in recording.runs)
         or bool(world.deformables)

@@ -93,15 +93,15 @@ def laid_out(hidden: Discs, count: int, seed: int) -> Design:
 def plain(count: int, seed: int) -> tuple[FitContext, FittedHypothesis]:
     """Fit discs of which nothing is hidden, by multistart of every run."""
     plan = laid_out(scene(count, seed)[0], count, seed)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     first = profile.start_states(plan)
-    fitted = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), first, horizons=profile.FINE_HORIZONS)
-    return bench, refit_by_multistart(refit_every_run(fitted), doubt=REFIT.in_doubt)
+    fitted = context.fit(Hypothesis(plan.world, ()), np.zeros(0), first, horizons=profile.FINE_HORIZONS)
+    return context, refit_by_multistart(refit_every_run(fitted), doubt=REFIT.in_doubt)
 
 
 def bent_run(right: FittedHypothesis, run: int, start: str, off: float) -> FittedHypothesis:
     """Fit again from the states found, one component of one run's changed by `off`."""
     states = list(right.fit.states)
-    labels = right.bench.design.runs[run].labels
+    labels = right.context.design.runs[run].labels
     states[run] = right.fit.states[run] + off * np.array([label == start for label in labels])
-    return right.bench.fit(right.hypothesis, right.values, states)
+    return right.context.fit(right.hypothesis, right.values, states)

@@ -35,62 +35,62 @@ Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(("run", "start", "off"), [(0, "disc1.velocity.x", 0.2), (1, "disc0.velocity.x", -0.4)])
-def test_a_run_that_a_collision_led_astray_is_fitted_anew(run: int, start: str, off: float) -> None:
+def test_a_run_that_a_collision_misled_is_fitted_again(run: int, start: str, off: float) -> None:
     _, right = plain(3, 2)
     assert right.misfits.max() < 1.1
-    lost = bent_run(right, run, start, off)
-    assert 1.2 < lost.misfits[run] < 2.0  # no slope leads back, and alone it is no great misfit
-    assert refit_ill_runs(lost).chi2 == pytest.approx(right.chi2, abs=1.0)
-    assert restarted(lost, lost.hypothesis).chi2 < right.chi2 + 1.0
+    stuck = bent_run(right, run, start, off)
+    assert 1.2 < stuck.misfits[run] < 2.0  # no slope leads back, and alone it is no great misfit
+    assert refit_ill_runs(stuck).chi2 == pytest.approx(right.chi2, abs=1.0)
+    assert restarted(stuck, stuck.hypothesis).chi2 < right.chi2 + 1.0
     assert refit_ill_runs(right) is right
 
 
-def test_where_one_way_leads_a_little_astray_several_do_not() -> None:
+def test_where_one_start_misleads_a_little_multistart_does_not() -> None:
     _, right = plain(4, 2)
-    lost = bent_run(right, 0, "disc3.velocity.y", -0.4)
-    assert refit_ill_runs(lost).chi2 > right.chi2 + 50.0
-    assert refit_by_multistart(lost, doubt=REFIT.in_doubt).chi2 < right.chi2 + 1.0
-    assert refit_by_multistart(lost, right.ebic + 10.0, REFIT.in_doubt).chi2 < right.chi2 + 1.0
+    stuck = bent_run(right, 0, "disc3.velocity.y", -0.4)
+    assert refit_ill_runs(stuck).chi2 > right.chi2 + 50.0
+    assert refit_by_multistart(stuck, doubt=REFIT.in_doubt).chi2 < right.chi2 + 1.0
+    assert refit_by_multistart(stuck, right.ebic + 10.0, REFIT.in_doubt).chi2 < right.chi2 + 1.0
     assert (
-        refit_by_multistart(lost, right.ebic - 1000.0, REFIT.in_doubt).chi2 > right.chi2 + 50.0
+        refit_by_multistart(stuck, right.ebic - 1000.0, REFIT.in_doubt).chi2 > right.chi2 + 50.0
     )  # of no interest even so
 
 
 def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
-    bench, right = plain(3, 2)
-    starts = [profile.start_states(bench.design)]
+    context, right = plain(3, 2)
+    starts = [profile.start_states(context.design)]
 
     def asked(known: Sequence[Array] | None) -> tuple[float, int]:
-        before = bench.rollouts
-        like = None if known is None else bench.fit(right.hypothesis, right.values, known)
-        return fit_near(bench, right.hypothesis, right.values, starts, like).chi2, bench.rollouts - before
+        before = context.rollouts
+        like = None if known is None else context.fit(right.hypothesis, right.values, known)
+        return fit_near(context, right.hypothesis, right.values, starts, like).chi2, context.rollouts - before
 
     alone, all_the_way = asked(None)
     short, rollouts = asked(right.fit.states)
     assert short == pytest.approx(alone, abs=1.0)
     assert 5 * rollouts < all_the_way
-    lost = bent_run(right, 1, "disc0.velocity.x", -0.4)
-    assert asked(lost.fit.states)[0] < right.chi2 + 1.0 < lost.chi2 - 20.0
+    stuck = bent_run(right, 1, "disc0.velocity.x", -0.4)
+    assert asked(stuck.fit.states)[0] < right.chi2 + 1.0 < stuck.chi2 - 20.0
 
 
 def test_a_run_whose_chi2_is_not_conspicuous_is_blamed_by_the_gate() -> None:
     _, right = plain(4, 5)
-    lost = bent_run(right, 1, "disc3.velocity.y", -0.4)
-    assert lost.chi2 > right.chi2 + 50.0
-    assert refit_ill_runs(lost) is lost
-    assert refit_by_multistart(lost).chi2 < right.chi2 + 1.0
-    assert refit_every_run(lost).chi2 < right.chi2 + 1.0
+    stuck = bent_run(right, 1, "disc3.velocity.y", -0.4)
+    assert stuck.chi2 > right.chi2 + 50.0
+    assert refit_ill_runs(stuck) is stuck
+    assert refit_by_multistart(stuck).chi2 < right.chi2 + 1.0
+    assert refit_every_run(stuck).chi2 < right.chi2 + 1.0
 
 
 def test_a_run_that_diverges_does_not_hold_up_the_others() -> None:
     """One run is 100 m away, where a force grows without bound in the next metre."""
-    bench, right = plain(2, 2)
-    first, *others = bench.design.recording.runs
+    context, right = plain(2, 2)
+    first, *others = context.design.recording.runs
     data = Recording((replace(first, positions=first.positions + np.array([100.0, 0.0, 0.0])), *others))
     runaway = {"name": "runaway", "kind": "expression", "expression": "a*exp(20*(x.x/1[m] - 99))*ex"}
     runaway |= {"parameters": {"a": 1.0}, "parameter_units": {"a": "m/s^2"}}
-    described = World.model_validate(bench.design.world.model_dump() | {"effects": [runaway]})
-    mixed_up = FitContext(design(described, data), bench.noise, 1)
+    described = World.model_validate(context.design.world.model_dump() | {"effects": [runaway]})
+    mixed_up = FitContext(design(described, data), context.noise, 1)
     starts = profile.start_states(mixed_up.design)
     mixed = mixed_up.fit(Hypothesis(described, ()), np.zeros(0), starts, horizons=profile.FINE_HORIZONS)
     assert not np.isfinite(mixed.misfits[0])
@@ -113,13 +113,13 @@ def test_multistart_finds_the_motion_that_one_start_misses() -> None:
     turns = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
     data = Recording((Run("run0", tuple(f"disc{i}" for i in range(5)), times, seen, turns),))
     plan = design(world(discs, start).with_substep(1.001 / 60.0), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     states = profile.start_states(plan)
-    one = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), states, horizons=profile.FINE_HORIZONS)
+    one = context.fit(Hypothesis(plan.world, ()), np.zeros(0), states, horizons=profile.FINE_HORIZONS)
     assert one.misfits[0] > 2.0
-    way = best_of_starts(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
-    assert way.chi2 < 1.1 * bench.observations
-    again = best_of_starts(plan.world, plan, bench.noise, 0, 1.1 * bench.observations)
+    way = best_of_starts(plan.world, plan, context.noise, 0, 1.1 * context.observations)
+    assert way.chi2 < 1.1 * context.observations
+    again = best_of_starts(plan.world, plan, context.noise, 0, 1.1 * context.observations)
     np.testing.assert_array_equal(way.state, again.state)
 
 
@@ -130,16 +130,16 @@ def test_a_contender_on_segments_is_not_held_by_states_bent_to_another_law() -> 
         return 2.0 * 0.15 * discs.masses[:, None] * np.column_stack([v[:, 1], -v[:, 0]])
 
     plan = laid_out(replace(discs, forces=(turning,)), 3, 3)
-    bench = FitContext(plan, measured_noise(plan), 1)
-    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
-    cut = segment_context(bench, 2)
+    context = FitContext(plan, measured_noise(plan), 1)
+    base = context.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
+    cut = segment_context(context, 2)
     assert cut is not None
-    contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
+    contest = Contest(cut.context, cut, SearchSettings(), lambda _step, _figures: None)
     coriolis = catalogue()["coriolis"]
     parent = cut.ground(base.hypothesis, base.values)
     predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, coriolis, plan.recording)))
     best = contest.fit(predictions, 1, parent.chi2)[0]
-    assert best.chi2 < 1.1 * cut.bench.observations
+    assert best.chi2 < 1.1 * cut.context.observations
     assert best.values[0] == pytest.approx(0.15, abs=0.01)
 
 
@@ -147,15 +147,15 @@ def test_what_a_law_contains_is_tried_whatever_was_predicted() -> None:
     discs, _ = scene(2, 2)
     anchor = np.array([0.3, -0.2])
     plan = laid_out(replace(discs, forces=(lambda _t, x, _v, _w: -0.5 * (x - anchor),)), 2, 2)
-    bench = FitContext(plan, measured_noise(plan), 2)
-    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
+    context = FitContext(plan, measured_noise(plan), 2)
+    base = context.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
     chosen = tuple(catalogue()[name] for name in ("spring", "tether"))
     search = Search.begin(base, chosen, SearchSettings(), lambda _step, _figures: None, plan.world.time.substep)
     (tether,) = extended(base.hypothesis, chosen[1], plan.recording)
     known = {"stiffness": 0.5, "rest_length": 0.01, "anchor_x": 0.3, "anchor_y": -0.2}
     values = np.array([known[u.name] for u in tether.unknowns])
-    begun = profile.start_states(plan)
-    search.whole.take(bench.fit(tether, values, begun, horizons=profile.FINE_HORIZONS))
+    states = profile.start_states(plan)
+    search.whole.take(context.fit(tether, values, states, horizons=profile.FINE_HORIZONS))
     search.improve(1)
     best = search.best(1)
     assert best is not None
@@ -167,9 +167,9 @@ def test_short_windows_are_fitted_in_as_few_parts_as_they_have_samples_for() -> 
     plan = laid_out(scene(2, 1)[0], 2, 1)
     cut = segment_context(FitContext(plan, measured_noise(plan), 1), 4)
     assert cut is not None
-    whole, short = profile.horizons_for(plan), profile.horizons_for(cut.bench.design)
+    whole, short = profile.horizons_for(plan), profile.horizons_for(cut.context.design)
     assert whole[-1] == short[-1] == 1.0
-    samples = max(len(r.times) for r in cut.bench.design.runs)
+    samples = max(len(r.times) for r in cut.context.design.runs)
     assert samples < len(plan.runs[0].times) / 2.0
     assert len(short) > 1
     assert np.diff([0.0, *short]).min() * samples > 3.0  # less than that many samples tell no state

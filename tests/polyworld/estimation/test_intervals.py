@@ -41,22 +41,22 @@ def test_an_interval_ends_where_the_best_fit_with_that_value_is_worse_by_its_lev
 ) -> None:
     described, data, true = discs
     plan = design(coarsened(described, data), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     (hypothesis,) = extended(Hypothesis(plan.world, ()), catalogue()["restitution_error"], data)
     start = np.array([u.start for u in hypothesis.unknowns])
-    trial = bench.fit(hypothesis, start, profile.start_states(plan), horizons=profile.FINE_HORIZONS)
-    trial = bench.refit(trial)
-    ((low, high),) = intervals95(bench, trial)
+    trial = context.fit(hypothesis, start, profile.start_states(plan), horizons=profile.FINE_HORIZONS)
+    trial = context.refit(trial)
+    ((low, high),) = intervals95(context, trial)
     assert low < true < high
     for end in (low, high):
-        told = with_parameters(hypothesis.world, dict.fromkeys(hypothesis.unknowns[0].paths, float(end)))
-        fixed = Forward(plan, told, ())
-        worse = profile.fit(fixed, bench.noise, np.zeros(0), trial.fit.states)
+        pinned = with_parameters(hypothesis.world, dict.fromkeys(hypothesis.unknowns[0].paths, float(end)))
+        fixed = Forward(plan, pinned, ())
+        worse = profile.fit(fixed, context.noise, np.zeros(0), trial.fit.states)
         assert worse.chi2 - trial.chi2 == pytest.approx(LEVEL**2, rel=0.15)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.1])
-def test_a_grip_that_was_enough_tells_of_no_greater_one(start: float) -> None:
+def test_a_grip_that_was_enough_says_nothing_of_a_greater_one(start: float) -> None:
     """A ball that bounces at 1 m/s sideways leaves the floor rolling if mu > 2 v / (7 (1 + e) u), here 0.04.
 
     The data hold no upper bound: chi2 is steep below 0.04 and level above.
@@ -80,10 +80,10 @@ def test_a_grip_that_was_enough_tells_of_no_greater_one(start: float) -> None:
     )
     data = Recording(tuple(runs))
     plan = design(coarsened(world, data), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     (hypothesis,) = extended(Hypothesis(plan.world, ()), catalogue()["friction_error"], data)
-    trial = bench.fit(hypothesis, np.array([start]), profile.start_states(plan))
-    ((low, high),) = intervals95(bench, bench.refit(trial))
+    trial = context.fit(hypothesis, np.array([start]), profile.start_states(plan))
+    ((low, high),) = intervals95(context, context.refit(trial))
     assert high == hypothesis.unknowns[0].upper
     assert 0.25 * enough < low < enough * 1.02
 
@@ -136,42 +136,42 @@ def double_pendulum() -> tuple[World, Recording, float]:
 def damped(world: World, data: Recording, true: float) -> FittedHypothesis:
     """All hinges' damping fitted, from its true value on."""
     plan = design(world, data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     choices = extended(Hypothesis(world, ()), catalogue()["joint_damping"], data)
     hypothesis = next(h for h in choices if len(h.unknowns[0].paths) == 2)
-    trial = bench.fit(hypothesis, np.array([true]), profile.start_states(plan), horizons=profile.FINE_HORIZONS)
-    return bench.refit(trial)
+    trial = context.fit(hypothesis, np.array([true]), profile.start_states(plan), horizons=profile.FINE_HORIZONS)
+    return context.refit(trial)
 
 
-def test_the_damping_of_a_double_pendulum_has_the_interval_that_fits_at_its_ends_bear_out(
+def test_the_damping_of_a_double_pendulum_has_the_interval_that_fits_at_its_ends_confirm(
     double_pendulum: tuple[World, Recording, float],
 ) -> None:
     world, data, true = double_pendulum
     cut = in_parts(data, world)
     assert len(cut.runs) > 2  # a whole run is too chaotic
     trial = damped(world, cut, true)
-    ((low, high),) = intervals95(trial.bench, trial)
+    ((low, high),) = intervals95(trial.context, trial)
     assert low < true < high
     for end in (low, high):
-        told = with_parameters(world, dict.fromkeys(trial.hypothesis.unknowns[0].paths, float(end)))
-        fixed = Forward(trial.bench.design, told, ())
-        worse = profile.fit(fixed, trial.bench.noise, np.zeros(0), trial.fit.states, iterations=30)
+        pinned = with_parameters(world, dict.fromkeys(trial.hypothesis.unknowns[0].paths, float(end)))
+        fixed = Forward(trial.context.design, pinned, ())
+        worse = profile.fit(fixed, trial.context.noise, np.zeros(0), trial.fit.states, iterations=30)
         assert worse.chi2 - trial.chi2 == pytest.approx(LEVEL**2, rel=0.3)
 
 
-def test_central_slopes_tell_an_error_that_one_sided_ones_do_not(
+def test_central_slopes_give_an_error_that_one_sided_ones_miss(
     double_pendulum: tuple[World, Recording, float],
 ) -> None:
     """2.4 s of chaos, not cut: start and damping act much alike there. The reference has steps a hundredth as long."""
     world, data, true = double_pendulum
     run = data.runs[0]
     trial = damped(world, Recording((run.rows(run.times < 2.4),)), true)
-    forward, at = trial.bench.forward(trial.hypothesis), Point(trial.values, trial.fit.states)
+    forward, at = trial.context.forward(trial.hypothesis), Point(trial.values, trial.fit.states)
     shared, own = standard_steps(forward, trial.fit.linear)
     small = (0.01 * shared, tuple(0.01 * s for s in own))
-    exact = covariances(forward, linearised_centrally(forward, trial.bench.noise, at, small))[0][0, 0]
-    told = profile.with_central_slopes(forward, trial.bench.noise, trial.fit).covariance[0, 0]
-    assert np.sqrt(told / exact) == pytest.approx(1.0, abs=0.1)
+    exact = covariances(forward, linearised_centrally(forward, trial.context.noise, at, small))[0][0, 0]
+    central = profile.with_central_slopes(forward, trial.context.noise, trial.fit).covariance[0, 0]
+    assert np.sqrt(central / exact) == pytest.approx(1.0, abs=0.1)
     assert np.sqrt(trial.fit.covariance[0, 0] / exact) < 0.5
 
 

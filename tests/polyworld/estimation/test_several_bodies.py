@@ -33,8 +33,8 @@ def test_base_fit_finds_spins_that_nobody_measured(count: int) -> None:
     """The spins show in how far each disc slides, and their signs only in how it leaves a collision."""
     discs, starts = scene(count, 1)
     data, _ = recordings(discs, starts, 1)
-    told = world(discs, starts[0])
-    plan = design(coarsened(told, data), data)
+    described = world(discs, starts[0])
+    plan = design(coarsened(described, data), data)
     base = fitted_base(plan, ())
     assert base.chi2 < 1.1 * plan.length
     assert base.passes
@@ -62,8 +62,8 @@ def test_an_impact_two_samples_after_the_start_is_found() -> None:
         places[..., :2] = flat[..., :2] + rng.normal(0.0, SIGMA, (len(times), 2, 2))
         half = 0.5 * (flat[..., 2] + rng.normal(0.0, 0.01, (len(times), 2)))
         turns = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
-        told = world(discs, begin)
-        plan = design(told, Recording((Run("r", ("disc0", "disc1"), times, places, turns),)))
+        described = world(discs, begin)
+        plan = design(described, Recording((Run("r", ("disc0", "disc1"), times, places, turns),)))
         base = fitted_base(plan, ())
         explained += base.chi2 < 1.15 * plan.length
     assert explained >= 7

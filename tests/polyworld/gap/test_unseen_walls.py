@@ -59,7 +59,7 @@ def test_one_hit_is_tried_with_the_jump_bent_to_either_side() -> None:
     v = -3.5 * NORMAL + 2.5 * aside
     data = recorded([Launch((0.0, 0.0, 2.0), (float(v[0]), float(v[1]), 2.0))])
     found = starts(data)
-    assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself leads astray
+    assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself misleads
 
 
 @pytest.mark.parametrize("normal", [(0.37, -0.21, 0.9), (-0.7, 0.3, 0.64)])
