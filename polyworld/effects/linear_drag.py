@@ -38,4 +38,5 @@ ABSENCE = Absence(
         "viscous_friction": "free flight",
         "restitution_error": "the residual between impacts",
     },
+    plain=True,
 )

@@ -36,4 +36,5 @@ ABSENCE = Absence(
         "wind": "opposite headings, or a release at rest",
         "gravity_error": "a drop alone: watch it rise, or throw it sideways",
     },
+    plain=True,
 )

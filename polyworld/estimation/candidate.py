@@ -48,12 +48,15 @@ class Candidate:
     """An effect that may be missing: its law and how it shows.
 
     name: standard name, as verdicts state it. law: formula. signature: what its absence looks like in the residuals.
-    confused_with: effect -> what separates the two. reference: where the law is written down.
-    variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of its own, for
-    an effect with more starts than can be simulated: (context, fitted trial, hypotheses that add this candidate, how
-    many to keep) -> starts of fits, best first. further: starts beside those of a variant, read off the residuals of a
-    trial: (context, fitted trial, variant) -> values of unknowns that are not at their first start's.
-    torque: whether it turns bodies and pushes none.
+    confused_with: effect -> what separates the two. reference: where the law is written down. variants: (world,
+    recording) -> the ways to add it; none where it cannot apply. leads: a score test of its own, for an effect with
+    more starts than can be simulated: (context, fitted trial, hypotheses that add this candidate, how many to keep) ->
+    starts of fits, best first. further: starts beside those of a variant, read off the residuals of a trial: (context,
+    fitted trial, variant) -> values of unknowns that are not at their first start's. torque: whether it turns bodies
+    and pushes none. plain: a law that is expected of ordinary scenes: fitted and reported beside any richer answer, and
+    preferred to it where a small remainder explains why. uniform: whether it acts everywhere alike, so that under it
+    runs that behave unlike the rest stand out; plain laws do. local: whether it acts at one place or in one run, so
+    that it may be taken for an outlying run.
     """
 
     name: str
@@ -66,3 +69,6 @@ class Candidate:
     leads: Callable[[FitContext, FittedHypothesis, Sequence[Hypothesis], int], list[ScoreTestStart]] | None = None
     further: Callable[[FitContext, FittedHypothesis, Variant], tuple[Mapping[str, float], ...]] | None = None
     torque: bool = False
+    plain: bool = False
+    uniform: bool = False
+    local: bool = False

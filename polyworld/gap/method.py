@@ -35,7 +35,7 @@ from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
 from polyworld.gap.searching import Searched, Story
 from polyworld.gap.set_aside import Work, search_without_outliers
-from polyworld.gap.settings import PLAIN, DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
+from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
 from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.gap.stability import widened
 from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
@@ -193,7 +193,7 @@ def _residual_force(
         assert best is not None
         if not _simpler(force, found.ground, best, work.decision.reach):
             return verdict, None, child
-        if all(name in PLAIN for name in best.hypothesis.names):  # both are laws one would expect
+        if all(p.candidate.plain for p in best.hypothesis.parts):  # both are laws one would expect
             verdict = replace(verdict, kind="ambiguous", credible=(best,), forms=())
         else:
             verdict = replace(verdict, kind="unexplained", credible=(), forms=())

@@ -26,14 +26,12 @@ from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
 from polyworld.gap.examine import BASE, differs, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
-from polyworld.gap.settings import PLAIN, SearchSettings
+from polyworld.gap.settings import SearchSettings
 from polyworld.gap.single_coordinate import competitors, follows_one_course
 from polyworld.gap.stability import far_fetched
 from polyworld.gap.symbolic import Near
 
 PLAINLY = 2  # effects that are added without asking what they are predicted to explain (`Search.worth_a_third`)
-# Laws that act everywhere alike: under the right one of them, runs that behave unlike the rest stand out.
-EARLY = (*PLAIN, "tilt", "coriolis", "magnus_lift")
 
 
 class Story:
@@ -225,7 +223,7 @@ def _laws_everywhere(search: Search, ground: FittedHypothesis) -> None:
     """Fit roughly the laws that act everywhere alike: under the right one, runs that behave unlike the rest show."""
     context = search.context
     horizons, states = profile.horizons_for(context.design), profile.start_states(context.design)
-    for candidate in (c for c in search.candidates if c.name in EARLY):
+    for candidate in (c for c in search.candidates if c.plain or c.uniform):
         for hypothesis in extended(ground.hypothesis, candidate, context.design.recording):
             if hypothesis.extra <= search.settings.unknowns:
                 start = hypothesis.starts(ground.values)[0]
@@ -240,7 +238,7 @@ def _plain_laws(search: Search, ground: FittedHypothesis, context: FitContext) -
     plan, settings = context.design, search.settings
     horizons, states = profile.horizons_for(plan), profile.start_states(plan)
     least = min((t.chi2 for t in search.whole.fitted.values()), default=np.inf)
-    for candidate in (c for c in search.candidates if c.name in PLAIN):
+    for candidate in (c for c in search.candidates if c.plain):
         ways = []
         for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
             if hypothesis.extra > settings.unknowns:
@@ -279,7 +277,7 @@ def _plain_pairs(
 
 
 def _is_plain(trial: FittedHypothesis) -> bool:
-    return trial.hypothesis.names[0] in PLAIN
+    return trial.hypothesis.parts[0].candidate.plain
 
 
 def _pool(

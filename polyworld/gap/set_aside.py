@@ -28,9 +28,6 @@ from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording
 from polyworld.world import World
 
-# What happens at one place or in one run and may be an effect of the catalogue rather than an outlying run.
-LOCAL = ("hidden_wall", "hidden_body", "dropped_frames")
-
 
 @dataclass(frozen=True)
 class Work:
@@ -92,7 +89,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
                 aside = tuple(o for o in aside if o.run not in explained)
                 found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates)
         if aside and found.verdict.kind == "nothing_missing" and not found.limited:
-            local = tuple(c for c in work.candidates if c.name in LOCAL)
+            local = tuple(c for c in work.candidates if c.local)
             whole = work.search(recording, local, most=1) if local else None
             if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
                 return (), whole
@@ -112,7 +109,7 @@ def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:
     named = found.verdict.best
     if found.limited or found.verdict.kind not in ("identified", "ambiguous") or named is None:
         return ()
-    if set(named.hypothesis.names) & set(LOCAL):
+    if any(p.candidate.local for p in named.hypothesis.parts):
         return ()
     alone = supporting_run(found.ground, named, work.outliers, work.decision.decisive)
     return () if alone is None else (alone,)

@@ -8,19 +8,6 @@ import numpy as np
 
 from polyworld.settings_checks import require_positive
 
-# Laws that are fitted and reported beside any richer answer, and preferred to it where a small remainder explains why.
-PLAIN = (
-    "gravity_error",
-    "restitution_error",
-    "friction_error",
-    "rolling_resistance",
-    "linear_drag",
-    "quadratic_drag",
-    "viscous_friction",
-    "joint_damping",
-    "joint_friction",
-)
-
 
 @dataclass(frozen=True)
 class BaseSettings:

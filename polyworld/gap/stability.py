@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.model_error import ModelError, RunEvidence, model_error_of, run_evidence
-from polyworld.gap.settings import PLAIN, DecisionSettings
+from polyworld.gap.settings import DecisionSettings
 
 Array = NDArray[np.float64]
 Names = tuple[str, ...]
@@ -73,7 +73,7 @@ def names_of(trial: FittedHypothesis) -> Names:
 
 def far_fetched(trial: FittedHypothesis) -> int:
     """Return the number of effects of a hypothesis that are neither plain laws nor faults of the observer."""
-    return sum(p.candidate.name not in PLAIN and p.candidate.group != "observer" for p in trial.hypothesis.parts)
+    return sum(not p.candidate.plain and p.candidate.group != "observer" for p in trial.hypothesis.parts)
 
 
 def closed(base: FittedHypothesis, trial: FittedHypothesis) -> float:

@@ -99,6 +99,7 @@ CANDIDATES = (
         signature="swings that shrink by the same angle each time, and stop",
         reference="Coulomb (1785); Lorenz (1924), on the damping of pendulums by dry friction",
         variants=_friction,
+        plain=True,
         confused_with={
             "joint_damping": "large and small swings: damping takes the same share, friction the same amount"
         },
@@ -110,6 +111,7 @@ CANDIDATES = (
         signature="swings that shrink by the same share each time",
         reference="Landau & Lifshitz, Mechanics, 25",
         variants=_damping,
+        plain=True,
         confused_with={
             "joint_friction": "large and small swings",
             "linear_drag": "one body on joints of two lengths",

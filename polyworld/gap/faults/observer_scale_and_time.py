@@ -153,6 +153,7 @@ CANDIDATES = (
         signature="from one instant on all bodies are ahead (frames dropped) or behind (repeated) by one time",
         reference="any video text; a change of the origin of time at an instant",
         variants=_dropped,
+        local=True,
         confused_with={
             "hidden_wall": "bodies elsewhere jump at the same instant, and speeds stay as they were",
             "fan": "the jump is a displacement along the velocity, with no change of velocity",
