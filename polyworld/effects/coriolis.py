@@ -21,6 +21,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39; the centrifugal force, of second order in Omega, is left out",
+    falling=True,
 )
 
 
