@@ -50,13 +50,13 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
     with _interruptible():
         trial = fitted_base(design(world, in_parts(recording, world)), base, cancelled=progress.cancelled)
         progress.report(0.5, 1.0, "looking at what is left")
-        where = localise(trial.bench.design, trial.bench.noise, trial.fit, unknowns=trial.hypothesis.unknowns)
+        where = localise(trial.context.design, trial.context.noise, trial.fit, unknowns=trial.hypothesis.unknowns)
         told = {
             "explained": trial.passes,
             "goodness": trial.goodness.to_json(),
-            "noise": trial.bench.noise.to_json(),
+            "noise": trial.context.noise.to_json(),
             "where": where.to_json(),
-            "cautions": list(cautions(trial.bench.design)),
+            "cautions": list(cautions(trial.context.design)),
             "base": [
                 {"name": u.name, "paths": list(u.paths), "value": float(v), "unit": u.unit}
                 for u, v in zip(trial.hypothesis.unknowns, trial.values, strict=True)
@@ -93,7 +93,7 @@ def propose(
         )
     told = report.to_dict()
     best = report.verdict.best
-    cut = report.bench.design.recording
+    cut = report.context.design.recording
     chosen = report.verdict.credible or ((best,) if best is not None else ())
     told["base_world"] = _fitted_world(report.base, world).model_dump(mode="json")
     told["proposals"] = [
@@ -171,27 +171,27 @@ def fitted_effect(
         progress.report(0.4, 1.0, "fitting it with the effect")
         hypothesis = Hypothesis(child, base, (Part(own, variant),))
         start = np.concatenate([ground.values, [u.start for u in unknowns]])
-        fitted = with_refined_noise(ground.bench.fit(hypothesis, start, ground.fit.states))
-        intervals = intervals95(fitted.bench, fitted)
+        fitted = with_refined_noise(ground.context.fit(hypothesis, start, ground.fit.states))
+        intervals = intervals95(fitted.context, fitted)
     return Proposal(
         effect.name,
         ground.hypothesis.fitted_world(ground.values),
         hypothesis.fitted_world(fitted.values),
         effects_of(fitted, intervals),
         fitted.passes,
-        _evidence(fitted.bench.refit(ground), fitted),
+        _evidence(fitted.context.refit(ground), fitted),
     )
 
 
 def _evidence(ground: FittedHypothesis, trial: FittedHypothesis) -> dict[str, float]:
     """What effects buy on the data fitted, both judged under the same noise: chi2, and BIC, which counts unknowns."""
-    gain = extended_bic(ground.chi2, 0, trial.bench.observations, 0, 1) - extended_bic(
-        trial.chi2, trial.hypothesis.extra, trial.bench.observations, 0, 1
+    gain = extended_bic(ground.chi2, 0, trial.context.observations, 0, 1) - extended_bic(
+        trial.chi2, trial.hypothesis.extra, trial.context.observations, 0, 1
     )
     return {
         "chi2_before": ground.chi2,
         "chi2_after": trial.chi2,
-        "measurements": trial.bench.observations,
+        "measurements": trial.context.observations,
         "further_unknowns": trial.hypothesis.extra,
         "bic_gain": gain,
     }
@@ -237,7 +237,7 @@ def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) ->
 
 def _starting_as(trial: FittedHypothesis) -> World:
     """The world with the initial state of the only run, or of its first part."""
-    run, states = trial.bench.design.runs[0], trial.fit.states[0]
+    run, states = trial.context.design.runs[0], trial.fit.states[0]
     numbers: dict[str, float] = {}
     at = 0
     for own in run.states:
@@ -257,7 +257,7 @@ def _interruptible() -> Iterator[None]:
 
 
 def _compared(trial: FittedHypothesis) -> tuple[Compared, ...]:
-    return compared(trial.bench.forward(trial.hypothesis), trial.bench.noise, trial.fit)
+    return compared(trial.context.forward(trial.hypothesis), trial.context.noise, trial.fit)
 
 
 def _pictures(before: tuple[Compared, ...], after: tuple[Compared, ...] | None = None) -> dict[str, bytes]:

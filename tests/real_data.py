@@ -22,7 +22,7 @@ from polyworld.representations.joint import Hinge
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Plane, Sphere
 from polyworld.world import StaticObject, TimeBase, World
-from tests.benchmarks.clevrer_data import HALF_SIZE, SHAPES, Scene, default_world, read_scene
+from tests.scenes.clevrer_data import HALF_SIZE, SHAPES, Scene, default_world, read_scene
 
 FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 GRAVITY = 9.81

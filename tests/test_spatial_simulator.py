@@ -9,7 +9,7 @@ from polyworld.rollout import rollout, simulator
 from polyworld.shapes import Box, Cylinder, Sphere, TriangleMesh, Wall
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.world import Effect, StaticObject, World
-from tests.benchmarks.six_body_scene import six_body_world
+from tests.scenes.six_bodies import six_body_world
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
 TIMES = np.arange(0.0, 2.001, 0.04)

@@ -58,7 +58,9 @@ class Absence:
     ways: conditions of a recording -> the ways to add the law; none where it would not show. signature: what residuals
     look like where it is missing. confused_with: effect -> what separates the two. effect: standard name of the effect,
     where that is not the law's; laws of one name are forms of one effect, whose signature stands with one of them.
-    frequency: the parameter that is a frequency, if any. torque: whether it turns bodies and pushes none.
+    frequency: the parameter that is a frequency, if any. torque: whether it turns bodies and pushes none. plain,
+    uniform: whether it is a law expected of ordinary scenes, and whether it acts everywhere alike, as plain laws do;
+    both stand with the signature.
     """
 
     ways: Callable[[Conditions], Sequence[Way]]
@@ -67,6 +69,8 @@ class Absence:
     effect: str = ""
     frequency: str | None = None
     torque: bool = False
+    plain: bool = False
+    uniform: bool = False
 
 
 def strength(typical: float, plausible: float | None = None) -> FreeParameter:

@@ -27,6 +27,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Batchelor, An Introduction to Fluid Dynamics, 5.11; R is that of the ball of equal volume",
+    falling=True,
 )
 
 

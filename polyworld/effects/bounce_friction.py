@@ -20,6 +20,8 @@ LAW = EffectLaw(
     },
     tangential=tangential,
     reference="Brody (1984), Phys. Teach. 22, 494: so a bounce with sliding does at one angle; here at all",
+    isotropic=True,
+    falling=True,
 )
 
 

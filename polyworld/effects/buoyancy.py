@@ -31,6 +31,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Batchelor, An Introduction to Fluid Dynamics, 6.8; exact while gravity is the only other force",
+    isotropic=True,
 )
 
 

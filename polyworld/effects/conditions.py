@@ -1,4 +1,4 @@
-"""What a recording of a world covers: region, speeds, spin, contacts. Ordinary sizes of effects follow from it."""
+"""Coverage of a recording: region, speeds, spin, contacts. Ordinary sizes of effects follow from it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FAR = 2.0  # sizes of the region visited by which a place may lie off its middle
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a recording of a world covers.
+    """Coverage of a recording of a world.
 
     lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
     mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move and were

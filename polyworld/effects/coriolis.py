@@ -21,6 +21,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39; the centrifugal force, of second order in Omega, is left out",
+    falling=True,
 )
 
 
@@ -38,4 +39,5 @@ ABSENCE = Absence(
     ways,
     signature="residual across the velocity, to the same side whatever the heading",
     confused_with={"magnus_lift": "the same throw with the spin reversed"},
+    uniform=True,
 )

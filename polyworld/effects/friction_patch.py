@@ -50,6 +50,7 @@ LAW = EffectLaw(
     },
     friction=friction,
     reference="Coulomb (1785), with a coefficient that depends on the place",
+    falling=True,
 )
 
 

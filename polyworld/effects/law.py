@@ -16,7 +16,7 @@ class Vec8(wp.types.vector(length=MAX_PARAMETERS, dtype=wp.float64)):
 
 @wp.struct
 class Motion:
-    """What a law knows of the body, or node of a deformable body, that it acts on. World axes, SI.
+    """State of the body, or node of a deformable body, that a law acts on. World axes, SI.
 
     radius: that of the ball with the body's volume, 0 for a node. contact: 1 while the body touches another or is
     pressed on the supporting plane, else 0. gravity: of the environment.
@@ -64,7 +64,8 @@ class EffectLaw:
     takes away; tangential restitution of the points that touch, spin included, or -1 for Coulomb friction alone; its
     share of the impulse, 0 to 1, the rest being Coulomb's).
     per_mass: whether the force is proportional to mass, so that it may act on the nodes of deformable objects too.
-    `reference` is where the law is written down.
+    isotropic: whether it knows no direction and no place, and so looks the same in turned axes. falling: whether bodies
+    under it still fall with about gravity. `reference` is where the law is written down.
     """
 
     kind: str
@@ -76,3 +77,5 @@ class EffectLaw:
     restitution: Any = None
     tangential: Any = None
     per_mass: bool = False
+    isotropic: bool = False
+    falling: bool = False

@@ -19,6 +19,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 25",
+    falling=True,
 )
 
 

@@ -18,6 +18,8 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "drag force per speed")},
     force=force,
     reference="Stokes (1851); c = 6 pi eta R for a ball",
+    isotropic=True,
+    falling=True,
 )
 
 
@@ -38,4 +40,5 @@ ABSENCE = Absence(
         "viscous_friction": "free flight",
         "restitution_error": "the residual between impacts",
     },
+    plain=True,
 )

@@ -19,6 +19,8 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg", -1e6, 1e6, (-0.1, 0.1), 0.0, "lift per spin and speed")},
     force=force,
     reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447; s = pi rho R^3 for slow flow past a ball",
+    isotropic=True,
+    falling=True,
 )
 
 
@@ -35,4 +37,5 @@ ABSENCE = Absence(
     ways,
     signature="residual across both spin and velocity",
     confused_with={"coriolis": "the same throw with the spin reversed; of unseen spins, more throws"},
+    uniform=True,
 )

@@ -66,6 +66,6 @@ ABSENCE = Absence(
     frequency="frequency",
     confused_with={
         "tilt": "a later start, or a longer run: forcing changes its sign",
-        "spring": "the same motion begun at another time",
+        "spring": "the same motion started at another time",
     },
 )

@@ -19,6 +19,8 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Newton, Principia II, prop. 5: resistance as the squared speed; here per mass, as damping is",
+    isotropic=True,
+    falling=True,
 )
 
 

@@ -18,6 +18,8 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed")},
     force=force,
     reference="Newton, Principia II; Batchelor, An Introduction to Fluid Dynamics, 5.11",
+    isotropic=True,
+    falling=True,
 )
 
 
@@ -36,4 +38,5 @@ ABSENCE = Absence(
         "wind": "opposite headings, or a release at rest",
         "gravity_error": "a drop alone: watch it rise, or throw it sideways",
     },
+    plain=True,
 )

@@ -20,6 +20,8 @@ LAW = EffectLaw(
     },
     restitution=restitution,
     reference="Hunt & Crossley (1975), J. Appl. Mech. 42, 440, to first order in the speed: e = 1 - k v where e0 is 1",
+    isotropic=True,
+    falling=True,
 )
 
 

@@ -25,6 +25,8 @@ LAW = EffectLaw(
     },
     tangential=tangential,
     reference="Garwin (1969), Am. J. Phys. 37, 88; Cross (2002), Am. J. Phys. 70, 1093",
+    isotropic=True,
+    falling=True,
 )
 
 

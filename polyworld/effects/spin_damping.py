@@ -18,6 +18,8 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg m^2/s", 0.0, 1e6, (0.0, 0.01), 0.0, "torque per angular velocity")},
     force=force,
     reference="Landau & Lifshitz, Fluid Mechanics, 20; c = 8 pi eta R^3 for a ball in slow flow",
+    isotropic=True,
+    falling=True,
 )
 
 

@@ -20,6 +20,8 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Sawatzki (1970), Acta Mech. 9, 159: a ball that turns fast, k = C_M rho R^5 / 2",
+    isotropic=True,
+    falling=True,
 )
 
 

@@ -14,7 +14,7 @@ NOWHERE = wp.constant(wp.float64(1.0e-12))  # distance from the anchor [m]
 def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     arm = b.x - wp.vec3d(p[0], p[1], p[2])
     length = wp.length(arm)
-    along = wp.vec3d()  # at the anchor no direction is told from another: a spring with a rest length pushes nowhere
+    along = wp.vec3d()  # at the anchor no direction is preferred: a spring with a rest length pushes nowhere
     if length > NOWHERE:
         along = arm / length
     tension = p[3] * (length - p[4]) + p[5] * wp.dot(along, b.v)

@@ -43,4 +43,5 @@ ABSENCE = Absence(
         "wind": "a release at rest and a throw against it: wind brakes by speed",
         "observer_tilt": "a body at rest on the floor: a tilted camera shows it displaced, not accelerated",
     },
+    plain=True,
 )

@@ -22,6 +22,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447, for a spin that stays as it is",
+    falling=True,
 )
 
 

@@ -18,6 +18,8 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "friction force per speed")},
     force=force,
     reference="Olsson, Astrom, Canudas de Wit, Gafvert & Lischinsky (1998), Eur. J. Control 4, 176",
+    isotropic=True,
+    falling=True,
 )
 
 
@@ -34,4 +36,5 @@ ABSENCE = Absence(
     ways,
     signature="deceleration in contact that grows with the speed; none in flight",
     confused_with={"linear_drag": "free flight", "friction_error": "sliding at several speeds"},
+    plain=True,
 )

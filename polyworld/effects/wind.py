@@ -30,6 +30,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Batchelor, An Introduction to Fluid Dynamics, 5.11; drag depends on the velocity relative to the fluid",
+    falling=True,
 )
 
 

@@ -1,4 +1,4 @@
-"""What an effect that may be missing is, and how it is put into a world."""
+"""Describe an effect that may be missing, and how it is put into a world."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Variant:
     world: the child, with the effect where it does nothing (at the unknowns' starts it moves as its parent does, or
     nearly so). unknowns: fitted together with the base parameters. starts: where fits begin, as values by name of
     unknown; several for an effect with a place or a frequency, and at least one. label: whom it acts on and by what
-    rule, for readers; empty where there is but one way. strength: name of the unknown that switches the effect off
-    when it is at its start; None where there is none. same_as: other effects that this design cannot tell
-    from it by construction (a uniform force on one body and a tilt), told with every verdict. idle: unknowns that do
-    nothing while the effect is off (its place, its rhythm), where it is off at all of its starts: the score test leaves
-    them out, and takes the motion at all starts to be the parent's. everywhere: of an effect that acts within a radius
-    of a place, values of these at which it acts on all that was seen; None for all others.
+    rule, for readers; empty where there is but one way. strength: name of the unknown that switches the effect off when
+    it is at its start; None where there is none. same_as: other effects that this design cannot distinguish by
+    construction (a uniform force on one body and a tilt), reported with every verdict. idle: unknowns that do nothing
+    while the effect is off (its place, its rhythm), where it is off at all of its starts: the score test leaves them
+    out, and takes the motion at all starts to be the parent's. everywhere: of an effect that acts within a radius of a
+    place, values of these at which it acts on all that was seen; None for all others.
     """
 
     world: World
@@ -48,12 +48,15 @@ class Candidate:
     """An effect that may be missing: its law and how it shows.
 
     name: standard name, as verdicts state it. law: formula. signature: what its absence looks like in the residuals.
-    confused_with: effect -> what separates the two. reference: where the law is written down.
-    variants: (world, recording) -> the ways to add it; none where it cannot apply. leads: a score test of its own, for
-    an effect with more starts than can be simulated: (bench, fitted trial, hypotheses that add this candidate, how many
-    to keep) -> where to begin fits, best first. further: starts beside those of a variant, read off the residuals of a
-    trial: (bench, fitted trial, variant) -> values of unknowns that are not at their first start's.
-    torque: whether it turns bodies and pushes none.
+    confused_with: effect -> what separates the two. reference: where the law is written down. variants: (world,
+    recording) -> the ways to add it; none where it cannot apply. leads: a score test of its own, for an effect with
+    more starts than can be simulated: (context, fitted trial, hypotheses that add this candidate, how many to keep) ->
+    starts of fits, best first. further: starts beside those of a variant, read off the residuals of a trial: (context,
+    fitted trial, variant) -> values of unknowns that are not at their first start's. torque: whether it turns bodies
+    and pushes none. plain: a law that is expected of ordinary scenes: fitted and reported beside any richer answer, and
+    preferred to it where a small remainder explains why. uniform: whether it acts everywhere alike, so that under it
+    runs that behave unlike the rest stand out; plain laws do. local: whether it acts at one place or in one run, so
+    that it may be taken for an outlying run.
     """
 
     name: str
@@ -66,3 +69,6 @@ class Candidate:
     leads: Callable[[FitContext, FittedHypothesis, Sequence[Hypothesis], int], list[ScoreTestStart]] | None = None
     further: Callable[[FitContext, FittedHypothesis, Variant], tuple[Mapping[str, float], ...]] | None = None
     torque: bool = False
+    plain: bool = False
+    uniform: bool = False
+    local: bool = False

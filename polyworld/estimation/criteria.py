@@ -1,4 +1,4 @@
-"""What a hypothesis has to show beyond a small residual: evidence for its unknowns, and forecasts of data left out."""
+"""Judge a hypothesis by more than a small residual: evidence for its unknowns, and predictions of data left out."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from polyworld.estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
 
-CUTS = (0.5, 0.625, 0.75, 0.875)  # of a single run's time: what comes before foretells what comes next
-PRIOR_WIDTH = 10.0  # typical changes: how far an unknown that the rest of the data do not tell may stray
+CUTS = (0.5, 0.625, 0.75, 0.875)  # of a single run's time: what comes before predicts what comes next
+PRIOR_WIDTH = 10.0  # typical changes: how far an unknown that the rest of the data do not determine may stray
 
 
 def extended_bic(chi2: float, unknowns: int, observations: float, effects: int, candidates: int) -> float:
@@ -50,7 +50,7 @@ def held_out_gain(better: Array, worse: Array) -> HeldOutGain:
 def held_out(design: Design, unknowns: tuple[Unknown, ...], fit: Fit) -> Array:
     """chi2 (F,) of data left out, at shared unknowns that the rest of the data give.
 
-    Several runs: each is left out in turn, its initial state fitted to it. One run: intervals are foretold from all
+    Several runs: each is left out in turn, its initial state fitted to it. One run: intervals are predicted from all
     that comes before. Unknowns move as the linearisation at the fit has it, so this costs no rollout (Cook & Weisberg
     1982, Residuals and Influence, chapter 5); one that the rest of the data do not tell goes back to its start.
     """

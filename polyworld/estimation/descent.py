@@ -35,9 +35,9 @@ STEPS = (1e-5, 1e-2)  # bounds of steps, in typical changes
 ROUGH_STEP = 0.3  # of a typical change: no less where a liquid splashes, whose motion jumps a little at any change
 TRIALS = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # dampings tried at once, as factors of the last successful one
 NO_NEARER = 0.1  # of the distance to its target that a step of a fit has to gain
-STUCK = 0.05  # of chi2: a fit that no step betters, though slopes foretell a greater fall, has not converged
+STUCK = 0.05  # of chi2: a fit that no step betters, though slopes predict a greater fall, has not converged
 BENT = 0.02  # of chi2, by which the least damped step is worse than the best where the valley is bent
-LEASH = 1.0  # typical changes, that a value may stray by where the data do not tell it yet
+LEASH = 1.0  # typical changes, that a value may stray by where the data do not determine it yet
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def descend(
             trials, costs = _with_states_after(forward, noise, trials, costs, linear, horizon, hold)
         best = int(np.argmin(costs))
         if not costs[best] < chi2:
-            at_rest = _foretold(linear, at, trials[0]) < max(tolerance, STUCK * chi2)
+            at_rest = _predicted_fall(linear, at, trials[0]) < max(tolerance, STUCK * chi2)
             damping *= 1e4
             if damping > 1e10:
                 return at, steps, iteration + 1, at_rest
@@ -122,8 +122,8 @@ def descend(
     return at, steps, iterations, False
 
 
-def _foretold(linear: Linearised, at: Point, to: Point) -> float:
-    """The fall of chi2 that the slopes foretell for a step."""
+def _predicted_fall(linear: Linearised, at: Point, to: Point) -> float:
+    """Return the fall of chi2 that the slopes predict for a step."""
     shared = to.values - at.values
     after = (
         r + a @ shared + b @ (new - old)

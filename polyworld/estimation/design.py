@@ -1,4 +1,4 @@
-"""What was measured, laid out for fitting: residual series of every run, and the initial states that are its own."""
+"""Lay measurements out for fitting: residual series of every run, and the initial states that are its own."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class RunDesign:
 
     @cached_property
     def layout(self) -> tuple[object, ...]:
-        """What runs have in common whose residual vectors are laid out alike."""
+        """Return what runs have in common whose residual vectors are laid out alike."""
         return (
             self.run.names,
             self.run.symmetry,
@@ -146,7 +146,7 @@ class Design:
         return sum(r.count for r in self.runs)
 
     def only(self, chosen: Sequence[int]) -> Design:
-        """The design of some of the runs, which are counted anew."""
+        """The design of some of the runs, which are renumbered."""
         runs = tuple(self.runs[k].counted(i) for i, k in enumerate(chosen))
         return Design(self.world, Recording(tuple(r.run for r in runs)), runs)
 

@@ -24,7 +24,7 @@ CLIP = 3.0  # standard deviations beyond which a difference is not noise
 HIGHEST = 9  # order of differences up to which a motion is followed
 FALLING = 0.3  # ratio of variances, order to order, below which it is motion that falls: noise keeps 0.9 to 1
 KEPT = 0.97334  # variance of a normal variable given that it is within CLIP
-CLIPPED = 0.25  # share of clipped differences from which on a stride tells nothing
+CLIPPED = 0.25  # share of clipped differences from which on a stride shows nothing
 FEWEST = 8  # differences that a scale needs
 UNSURE = {2: 0.4, 3: 0.2}  # least standard errors of correlations from so few strides
 CORRELATIONS = np.concatenate([np.linspace(0.0, 0.9, 31), 1.0 - np.geomspace(0.09, 0.015, 12)])
@@ -77,7 +77,7 @@ def _of_higher_order(times: Array, values: Array, third: float, interval: float)
 
 
 def _differences(times: Array, values: Array, order: int, stride: int, interval: float) -> Array:
-    """Divided differences of an order, scaled as the third ones are, of samples a stride apart; none across gaps."""
+    """Divided differences of an order, scaled as the third ones are, of every `stride`-th sample; none across gaps."""
     last = len(times) - order * stride
     t = np.stack([times[j * stride : last + j * stride] for j in range(order + 1)])
     y = np.stack([values[j * stride : last + j * stride] for j in range(order + 1)])

@@ -75,7 +75,7 @@ class Forward:
         return results
 
     def release(self) -> None:
-        """Let go of all simulators; they are built anew where they are needed again."""
+        """Let go of all simulators; they are built again where they are needed again."""
         self._batches.clear()
 
     def _batch_of(self, run: int) -> int:

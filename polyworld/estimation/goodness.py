@@ -20,20 +20,12 @@ from polyworld.estimation.noise import EXCESS, Kind, Noise, spectral_modes
 from polyworld.estimation.noise_levels import resolution
 from polyworld.estimation.profile import Fit
 from polyworld.estimation.projection import column_basis
+from polyworld.estimation.settings import GATE
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MODES = 12
-LINE = 1e-4  # a rhythm in higher modes that noise would show more seldom is none
-TESTS = 3.0  # of which the least p counts: of all, of the lowest modes, of the worst series
-LOWEST = 5  # modes in which most of what a model lacks shows: the fit of the state takes two or three of them
-LEVEL = 0.003  # share of good fits that may fail: a search must not raise one false alarm in a hundred
-LOUD = 9.0  # mean square, in noise variances, beyond which residuals are no noise of that level
-LEFT = 0.15  # part of a direction that the fit must have left, for it to count
-LOOSE = 3.0  # by how much more than its error a correlation may be off: it was drawn from much the same residuals
-LOUDER = 0.5  # most relative error of the power in low modes, where no correlation explains the residuals
-EDGE = 0.02  # least relative error of a noise level
 
 
 @dataclass(frozen=True)
@@ -53,11 +45,11 @@ class SeriesFit:
 class Goodness:
     """The verdict on a fit.
 
-    passes: p >= LEVEL. p: of the data under the hypothesis that the fit explains them, all tests taken together.
+    passes: p >= GATE.level. p: of the data under the hypothesis that the fit explains them, all tests taken together.
     statistic: energy of the low modes over its expectation, about 1 for noise. modes: how many count. p_total: of the
-    sum over all runs; p_lowest: the same of the LOWEST modes alone; p_worst: of the worst series, the number of them
+    sum over all runs; p_lowest: of the lowest modes alone; p_worst: of the worst series, the number of them
     accounted for. series: worst first. line: the strongest rhythm in higher modes, looked for where all else passes;
-    it counts where its p is below LINE.
+    it counts where its p is below GATE.line.
     """
 
     passes: bool
@@ -84,7 +76,7 @@ class Goodness:
         if not self.passes and self.worst is not None:
             w = self.worst
             text += f"; worst: {w.name} {w.kind} {'xyz'[w.axis]} in run {w.run}, {w.ratio:.3g} times"
-        if self.line.p < LINE:
+        if self.line.p < GATE.line:
             text += f"; {self.line.summary()}"
         return text + "."
 
@@ -99,7 +91,7 @@ class Goodness:
                 {"run": s.run, "name": s.name, "kind": s.kind, "axis": "xyz"[s.axis], "p": s.p, "ratio": s.ratio}
                 for s in self.series[:5]
             ],
-            "rhythm": self.line.to_json() if self.line.p < LINE else None,
+            "rhythm": self.line.to_json() if self.line.p < GATE.line else None,
             "summary": self.summary(),
         }
 
@@ -114,7 +106,7 @@ class LowModes:
     number: NDArray[np.int64]
 
 
-def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) -> Goodness:
+def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = GATE.level) -> Goodness:
     """Judge a fit made with this noise. level: the share of good fits that are allowed to fail."""
     whitened, own, shared = projected(fit)
     runs = [_low_modes(design, noise, r.index, whitened[r.index], own[r.index], shared[r.index]) for r in design.runs]
@@ -137,7 +129,7 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
         energy, count = _energy(z, low.covariance)
         energies.append(energy)
         counts.append(count)
-        few = low.number < LOWEST
+        few = low.number < GATE.lowest
         lowest.append(_energy(z[few], low.covariance[np.ix_(few, few)]))
         total_error.append(float(errors.max()))
         for i, s in enumerate(r.series):
@@ -157,13 +149,13 @@ def goodness(design: Design, noise: Noise, fit: Fit, *, level: float = LEVEL) ->
     p_worst = min(1.0, found[0].p * len(found))
     slow, left = (float(sum(e for e, _ in lowest)), sum(c for _, c in lowest))
     p_lowest = _tail(slow, left, max(x.lowest_error for x in scale.values()), 0.0) if left else 1.0
-    p = min(1.0, TESTS * min(p_total, p_lowest, p_worst))
-    if _loudest(design, noise, fit) > LOUD:
+    p = min(1.0, GATE.tests * min(p_total, p_lowest, p_worst))
+    if _loudest(design, noise, fit) > GATE.loud:
         p = 0.0  # whatever their course, such residuals are not the noise that the fit was made under
     line = NO_LINE
     if p >= level:  # what is wrong in low modes leaks into all
         line = strongest_line(design, noise, whitened, MODES)
-        p = min(p, line.p) if line.p < LINE else p
+        p = min(p, line.p) if line.p < GATE.line else p
     return Goodness(p >= level, p, statistic, modes, p_total, p_lowest, p_worst, tuple(found), line)
 
 
@@ -233,7 +225,7 @@ def _low_modes(design: Design, noise: Noise, run: int, whitened: Array, own: Arr
 def _energy(amplitudes: Array, covariance: Array) -> tuple[float, int]:
     """Squared amplitudes in units of their variance, and how many directions they are."""
     values, vectors = np.linalg.eigh(covariance)
-    use = values > LEFT
+    use = values > GATE.left
     return float(((vectors[:, use].T @ amplitudes) ** 2 / values[use]).sum()), int(use.sum())
 
 
@@ -244,7 +236,7 @@ def _tail(energy: float, count: int, *errors: float) -> float:
 
 
 class _Scale:
-    """Power that noise has in the low modes of whitened residuals of one kind, as the other modes tell it."""
+    """Power that noise has in the low modes of whitened residuals of one kind, as estimated from the other modes."""
 
     def __init__(self, design: Design, noise: Noise, whitened: list[Array], runs: list[LowModes], kind: Kind) -> None:
         known = noise.correlation[kind]
@@ -256,7 +248,7 @@ class _Scale:
             for m, i in zip(series, index, strict=True)
         ]
         self.known = known
-        found = spectrum.fitted(series, known.phi, max(LOOSE * known.error, 1e-3), 0)
+        found = spectrum.fitted(series, known.phi, max(GATE.loose * known.error, 1e-3), 0)
         # A model that is wrong passes for long-lived noise, but leaves more than the shortest differences have.
         supposed = differences.innovation(found.correlation) / differences.innovation(known.phi)
         self.louder = found.scale > EXCESS * supposed
@@ -265,9 +257,9 @@ class _Scale:
         self.members = [s for s in design.series if s.kind == kind]
         length = sum(int(noise.kept[s.run][s.where].sum()) for s in self.members)
         level = np.sqrt(2.0 / max(length, 1))
-        most = LOUDER if self.louder else np.inf
-        self.error = min(float(np.hypot(level, self._slope(MODES) * self.found.error)), most) + EDGE
-        self.lowest_error = min(float(np.hypot(level, self._slope(LOWEST) * self.found.error)), most) + EDGE
+        most = GATE.louder if self.louder else np.inf
+        self.error = min(float(np.hypot(level, self._slope(MODES) * self.found.error)), most) + GATE.edge
+        self.lowest_error = min(float(np.hypot(level, self._slope(GATE.lowest) * self.found.error)), most) + GATE.edge
         self._level = {id(s): 1.0 for s in self.members}
         self._own: dict[int, float] = {}
         self._levels(noise, whitened)
@@ -302,7 +294,7 @@ class _Scale:
                 level, *((resolution(self.design, s) / float(noise.sigma[s.run][s.where].min())) ** 2 for s in group)
             )
             if any(self.design.runs[s.run].run.sigma is not None for s in group):
-                level = max(level, 1.0)  # an accuracy that the recording tells covers what is smooth in its errors
+                level = max(level, 1.0)  # an accuracy that the recording states covers what is smooth in its errors
             for s in group:
                 self._level[id(s)] = level
                 self._own[id(s)] = float(np.sqrt(2.0 / count)) if count else 0.5
@@ -327,7 +319,7 @@ class _Scale:
 
 
 def _left(design: Design, runs: list[LowModes]) -> list[Array]:
-    """What the fit left of each low mode of each series."""
+    """Return the part of each low mode of each series that the fit left."""
     found = []
     for r, low in zip(design.runs, runs, strict=True):
         for i in range(len(r.series)):

@@ -108,8 +108,8 @@ def without_part(
         if not ways:
             return None
         smaller = ways[0]
-        told = hypothesis.of_part(i, values)
-        kept.append(np.array([told[u.name] for u in smaller.parts[-1].variant.unknowns]))
+        old = hypothesis.of_part(i, values)
+        kept.append(np.array([old[u.name] for u in smaller.parts[-1].variant.unknowns]))
     return smaller, np.concatenate(kept)
 
 

@@ -1,4 +1,4 @@
-"""Whether a body is borne when a run begins: then no velocity along gravity is fitted, which would make up hops."""
+"""Decide whether a body is supported when a run begins: then no velocity along gravity is fitted, nor spurious hops."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 EARLY = 8  # samples in which something must show
-CLEARLY = 2.0  # times the squares of a fall's misfit to those of a line's, or the other way round, that tell them apart
+CLEARLY = 2.0  # ratio of the squares of a fall's and a line's misfit from which one of them is the better
 RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
 VARIES = 1.2  # times its noise beyond which a height may vary in truth
 ALOFT = 1.5  # times its noise by which a mean height is off that of rest
 STEEP = 4.0  # standard errors of its slope above which a height changes
-CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch what bears it
+CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch its support
 TOUCHING = 1e-9  # gap that counts as none [m]
 MOST_STEPS = 100
 
@@ -48,8 +48,8 @@ def is_aloft(values: Array, rest: float) -> bool:
     """Whether a ball whose height (m,) seems to stay the same hops in truth, unseen for the noise: on the whole it is
     off the height at which it would rest, and varies about its mean by more than the noise does.
 
-    Only both tell: an observer may see every height wrongly, and noise that is correlated varies more than its third
-    differences say.
+    Only both together count: an observer may see every height wrongly, and noise that is correlated varies more than
+    its third differences say.
     """
     x = values[: 8 * EARLY]
     noise = noise_of(x)
@@ -57,15 +57,15 @@ def is_aloft(values: Array, rest: float) -> bool:
 
 
 def noise_of(values: Array) -> float:
-    """Standard deviation of the noise of a smooth course (m,), by its third differences, and no less than rounding's."""
+    """Return the standard deviation of the noise of a smooth course (m,): by third differences, at least rounding's."""
     noise = float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
     steps = np.unique(values)
     rounded = 1 < len(steps) <= len(values) // 2  # rounded values come again, noisy ones do not
     return max(noise, float(np.diff(steps).min()) / np.sqrt(12.0)) if rounded else noise
 
 
-def may_be_borne(world: World, item: RigidObject, run: Run) -> bool:
-    """Whether an object begins so near to another body, or to a fixed one, that this may bear it.
+def may_be_supported(world: World, item: RigidObject, run: Run) -> bool:
+    """Whether an object begins so near to another body, or to a fixed one, that this may support it.
 
     The place is the mean of the first samples. Of other bodies only the balls around them are looked at, and
     deformable ones may be anywhere.
@@ -82,7 +82,7 @@ def may_be_borne(world: World, item: RigidObject, run: Run) -> bool:
 
 
 def _beside_another(world: World, item: RigidObject, run: Run, close: float) -> bool:
-    """Whether another body begins so near that it may bear an object."""
+    """Whether another body begins so near that it may support an object."""
     place, _ = _first_place(run, item)
     size = geometry.circumscribed_radius(item.shape)
     for other in world.objects:
@@ -94,10 +94,10 @@ def _beside_another(world: World, item: RigidObject, run: Run, close: float) -> 
 
 
 def rest_place(world: World, item: RigidObject, run: Run, axis: int) -> float | None:
-    """Where along the axis that gravity is parallel to a ball lies that may be borne by what is fixed below it [m].
+    """Where along the axis that gravity is parallel to a ball lies that may be supported by what is fixed below it [m].
 
     A place fitted to noise would let it fall from there, or throw it out of the floor, and it would hop. None where
-    this is no ball, nothing fixed is near below it, another body may bear it, or gravity leans. Triangle meshes tell
+    this is no ball, nothing fixed is near below it, another body may support it, or gravity leans. Triangle meshes give
     no distance.
     """
     gravity = np.asarray(world.environment.gravity, dtype=float)
@@ -142,9 +142,9 @@ def _first_place(run: Run, item: RigidObject) -> tuple[Array, float]:
     return place, largest
 
 
-def is_borne(times: Array, values: Array, acceleration: float) -> bool:
-    """Whether a straight line describes the first samples clearly better than a fall. As many are looked at as it takes
-    to tell; where they do not tell, the body falls."""
+def is_supported(times: Array, values: Array, acceleration: float) -> bool:
+    """Whether a straight line describes the first samples clearly better than a fall. As many are used as it takes
+    to decide; where they do not decide, the body falls."""
     for count in (EARLY, 2 * EARLY, 4 * EARLY):
         leaning = _leaning(times[:count], values[:count], acceleration)
         if leaning:

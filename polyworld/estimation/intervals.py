@@ -21,11 +21,11 @@ ROUNDS = 3
 FOLLOWED = 3  # steps of all else after an unknown that was moved
 STRETCH = (0.8, 3.0)  # of the parabola's half width, beyond which a correction is not believed
 FLAT = 0.5  # of the growth expected at twice the distance, below which a side is looked at farther out
-FIRST = 0.1  # of a typical change, at which one begins where the fit tells nothing
+FIRST = 0.1  # of a typical change, at which one begins where the fit gives no width
 DOUBLED = 40  # times a distance is doubled at most
 
 
-def intervals95(bench: FitContext, trial: FittedHypothesis) -> Array:
+def intervals95(context: FitContext, trial: FittedHypothesis) -> Array:
     """95% intervals (S, 2) of the shared unknowns, within their bounds.
 
     Profile likelihood (Venzon & Moolgavkar 1988, Applied Statistics 37, 87): each unknown is moved, the other unknowns
@@ -36,7 +36,7 @@ def intervals95(bench: FitContext, trial: FittedHypothesis) -> Array:
     count = len(unknowns)
     if not count:
         return np.zeros((0, 2))
-    trial = replace(trial, fit=profile.with_central_slopes(bench.forward(trial.hypothesis), bench.noise, trial.fit))
+    trial = replace(trial, fit=profile.with_central_slopes(context.forward(trial.hypothesis), context.noise, trial.fit))
     covariance = trial.fit.covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     direction = covariance / np.maximum(sd, 1e-300)  # column i: what all unknowns do per standard deviation of i
@@ -49,7 +49,7 @@ def intervals95(bench: FitContext, trial: FittedHypothesis) -> Array:
     for _ in range(ROUNDS):
         moved = trial.values + (side * reach)[:, None] * direction[:, index].T
         moved = np.clip(moved, lower, upper)
-        grown = _profiled(bench, trial, moved, index) - trial.chi2
+        grown = _profiled(context, trial, moved, index) - trial.chi2
         stretch = LEVEL / np.sqrt(np.maximum(grown, 1e-12))
         wanted = reach * np.clip(stretch, 0.5, 2.0)
         sound = np.isfinite(grown) & known[index]
@@ -59,22 +59,23 @@ def intervals95(bench: FitContext, trial: FittedHypothesis) -> Array:
     ends = trial.values[index] + side * reach * sd[index]
     moved = np.clip(trial.values + (2.0 * side * reach)[:, None] * direction[:, index].T, lower, upper)
     twice = moved[np.arange(2 * count), index]
-    grown = _profiled(bench, trial, moved, index) - trial.chi2
+    grown = _profiled(context, trial, moved, index) - trial.chi2
     typical = np.array([u.typical for u in unknowns])[index]
     ends = np.where(known[index], ends, trial.values[index] + FIRST * side * typical)
     far = np.abs(twice - trial.values[index]) / np.maximum(sd[index], 1e-300)  # the bounds may be nearer than twice
     flat = grown < FLAT * np.maximum(far, LEVEL) ** 2
     for k in np.flatnonzero(flat | ~known[index]):
-        ends[k] = _far_end(bench, trial, int(index[k]), float(ends[k]))
+        ends[k] = _far_end(context, trial, int(index[k]), float(ends[k]))
     result = np.stack([ends[:count], ends[count:]], axis=1)
     clipped: Array = np.clip(result, lower[:, None], upper[:, None])
     return clipped
 
 
-def _far_end(bench: FitContext, trial: FittedHypothesis, index: int, end: float) -> float:
+def _far_end(context: FitContext, trial: FittedHypothesis, index: int, end: float) -> float:
     """Where chi2 has grown by the square of 1.96 on a side on which it grows less and less: a grip that is enough to
-    stop all sliding tells of no greater one. All else is fitted anew at doubled distances, so that the end may lie up
-    to twice as far as it should; the bound where none will do, and the end as it was where the first one does."""
+    stop all sliding says nothing of a greater one. All else is fitted again at doubled distances, so that the end may
+    lie up to twice as far as it should; the bound where none will do, and the end as it was where the first one
+    does."""
     unknown = trial.hypothesis.unknowns[index]
     far, states = end, trial.fit.states
     for _ in range(DOUBLED):
@@ -87,9 +88,9 @@ def _far_end(bench: FitContext, trial: FittedHypothesis, index: int, end: float)
         )
         values = trial.values.copy()
         values[index] = farther
-        forward = Forward(bench.design, trial.hypothesis.world, there, bench.cancelled)
-        fit = profile.fit(forward, bench.noise, values, states, iterations=FOLLOWED)
-        bench.forward(trial.hypothesis).rollouts += fit.rollouts
+        forward = Forward(context.design, trial.hypothesis.world, there, context.cancelled)
+        fit = profile.fit(forward, context.noise, values, states, iterations=FOLLOWED)
+        context.forward(trial.hypothesis).rollouts += fit.rollouts
         if not fit.chi2 < trial.chi2 + LEVEL**2:
             return far if far == end else farther
         far, states = farther, fit.states
@@ -124,7 +125,7 @@ class _Followed:
         )
 
 
-def _profiled(bench: FitContext, trial: FittedHypothesis, moved: Array, index: NDArray[np.int64]) -> Array:
+def _profiled(context: FitContext, trial: FittedHypothesis, moved: Array, index: NDArray[np.int64]) -> Array:
     """chi2 (K,) where the unknown index[k] has the value moved[k, index[k]], and all else follows."""
     lower = np.array([u.lower for u in trial.hypothesis.unknowns])
     upper = np.array([u.upper for u in trial.hypothesis.unknowns])
@@ -132,13 +133,13 @@ def _profiled(bench: FitContext, trial: FittedHypothesis, moved: Array, index: N
     count = len(moved)
     states = [
         s + within_reach((moved - trial.values) @ (answer @ a).T, own.typical)
-        for own, s, answer, a in zip(bench.design.runs, trial.fit.states, ground.answers, slopes, strict=True)
+        for own, s, answer, a in zip(context.design.runs, trial.fit.states, ground.answers, slopes, strict=True)
     ]
     # Beyond a kink, as where a grip suffices, all else stays as it is rather than following the slopes.
     alone = np.repeat(trial.values[None], count, axis=0)
     alone[np.arange(count), index] = moved[np.arange(count), index]
     as_they_are = [np.repeat(s[None], count, axis=0) for s in trial.fit.states]
-    at = _followed(bench, trial, moved, states).or_better(_followed(bench, trial, alone, as_they_are))
+    at = _followed(context, trial, moved, states).or_better(_followed(context, trial, alone, as_they_are))
     information = sum((a.T @ a for a in ground.slopes), np.zeros((moved.shape[1],) * 2))
     for _ in range(FOLLOWED):
         gradient = sum((r @ a for r, a in zip(at.residuals, ground.slopes, strict=True)), np.zeros_like(moved))
@@ -151,22 +152,22 @@ def _profiled(bench: FitContext, trial: FittedHypothesis, moved: Array, index: N
         there = [
             s + within_reach((r + (to - at.values) @ a.T) @ answer.T, own.typical)
             for own, s, r, a, answer in zip(
-                bench.design.runs, at.states, at.residuals, slopes, ground.answers, strict=True
+                context.design.runs, at.states, at.residuals, slopes, ground.answers, strict=True
             )
         ]
-        onward = at.or_better(_followed(bench, trial, to, there))
+        onward = at.or_better(_followed(context, trial, to, there))
         if not (onward.chi2 < at.chi2).any():
             break
         at = onward
     return at.chi2
 
 
-def _followed(bench: FitContext, trial: FittedHypothesis, values: Array, states: Sequence[Array]) -> _Followed:
-    settings = [Settings(r.index, values, states[r.index]) for r in bench.design.runs]
+def _followed(context: FitContext, trial: FittedHypothesis, values: Array, states: Sequence[Array]) -> _Followed:
+    settings = [Settings(r.index, values, states[r.index]) for r in context.design.runs]
     total = np.zeros(len(values))
     found = []
-    for r, raw in zip(bench.design.runs, bench.forward(trial.hypothesis).residuals(settings), strict=True):
-        white = bench.noise.whiten(r.index, raw)
+    for r, raw in zip(context.design.runs, context.forward(trial.hypothesis).residuals(settings), strict=True):
+        white = context.noise.whiten(r.index, raw)
         sound = np.all(np.isfinite(white), axis=1)
         found.append(np.where(sound[:, None], white, 0.0))
         total += np.where(sound, (found[-1] ** 2).sum(axis=1), np.inf)

@@ -22,7 +22,7 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-EARLY = 16  # samples from which a first place and rate are taken: with a curvature, for an acceleration nobody told
+EARLY = 16  # samples from which a first place and rate are taken: with a curvature, for an unknown acceleration
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class Linkage:
             for stop in ("lower", "upper"):  # they are counted from the pose at the start
                 described = getattr(link.joint, stop, None)
                 if described is not None:
-                    begun = q if link.forward else -q
-                    found[f"{path}.{stop}"] = given.get(f"{path}.{stop}", np.full(len(values), described)) - begun
+                    initial = q if link.forward else -q
+                    found[f"{path}.{stop}"] = given.get(f"{path}.{stop}", np.full(len(values), described)) - initial
         return found
 
     def first_guess(self, run: Run) -> Array:
@@ -160,7 +160,7 @@ class Linkage:
         return next((k.axis for k in self.links if isinstance(k.joint, Hinge)), np.zeros(3))
 
     def _seen(self, link: Link, run: Run, parent: _Motion) -> Array:
-        """A link's coordinate at each instant of a run; NaN where nothing tells it."""
+        """A link's coordinate at each instant of a run; NaN where nothing shows it."""
         unknown = np.full(len(run.times), np.nan)
         if link.item.name not in run.names:
             return unknown
@@ -232,8 +232,8 @@ def _same_hinge(world: World, link: Link, joint: Joint) -> bool:
     """Whether a joint lets a body that a link holds to the world turn as that does: its axis is the same line."""
     if not (isinstance(joint, Hinge) and isinstance(link.joint, Hinge) and link.parent < 0):
         return False
-    apart = np.asarray(joint.anchor) - np.asarray(link.joint.anchor)
-    off = (np.cross(_axis(world, joint), link.axis), np.cross(apart, link.axis))
+    offset = np.asarray(joint.anchor) - np.asarray(link.joint.anchor)
+    off = (np.cross(_axis(world, joint), link.axis), np.cross(offset, link.axis))
     return all(float(np.linalg.norm(v)) < 1e-9 for v in off)
 
 

@@ -22,21 +22,11 @@ from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.per_run_descent import descend_per_run
+from polyworld.estimation.settings import MULTISTART
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-FIRST = 0.05  # part of a run's time that is fitted before all else
-PARTS = (14, 11, 17)  # stages to the whole: where one way of parting it leads astray, another may not
-WAYS = 3  # states that are fitted side by side
-DRAWN = 100 * WAYS  # around the best, of which the nearest to the data are fitted
-WIDTHS = (1.0, 2.0)  # standard deviations in which they are drawn, in turn
-UNKNOWN = 0.1  # of a typical change: the spread before anything is fitted
-ITERATIONS, LAST = 2, 12  # at each stage, and at the whole
-ROUGH, TOLERANCE = 1.0, 1e-2  # of chi2
-PATTERNS = 64  # of the signs of spins at most, those with few turned first: of six bodies all
-ROUNDS = 2  # of them, at most: what a pattern leads to may be near to another
-TURNED, KEPT = 3, 8  # iterations for each, and how many of them are fitted to the end
 SEED = 2024  # of the draws, the same for all
 
 
@@ -62,15 +52,15 @@ def best_of_starts(
     below: chi2 at which no other way of parting the run is tried. cancelled: asked between batches; where it says so
     `InterruptedError` is raised. Equal inputs give equal results.
     """
-    forward = Forward(design.copies(run, WAYS), world, (), cancelled)
-    copies = noise.only([run] * WAYS)
+    forward = Forward(design.copies(run, MULTISTART.kept), world, (), cancelled)
+    copies = noise.only([run] * MULTISTART.kept)
     found: list[tuple[Array, float]] = []
-    for count in PARTS:
-        found.append(_followed(forward, copies, np.linspace(FIRST, 1.0, count)))
-        for _ in range(ROUNDS if design.runs[run].spread.any() else 0):
+    for count in MULTISTART.stages:
+        found.append(_followed(forward, copies, np.linspace(MULTISTART.first, 1.0, count)))
+        for _ in range(MULTISTART.rounds if design.runs[run].spread.any() else 0):
             state, before = found[-1]
             found.append(_turned_over(forward, noise, run, state))
-            if found[-1][1] > before - ROUGH:
+            if found[-1][1] > before - MULTISTART.rough:
                 break
         if min(cost for _, cost in found) < below:
             break
@@ -82,11 +72,12 @@ def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, floa
     run = forward.design.runs[0]
     rng = np.random.default_rng(SEED)
     best, cost, steps = run.start, np.inf, first_steps(forward)
-    root = np.diag(UNKNOWN * run.typical)
+    root = np.diag(MULTISTART.unknown * run.typical)
     for part in parts:
         whole = part == parts[-1]
         at = Point(np.zeros(0), (best, *_drawn(forward, noise, best, root, float(part), rng)))
-        many, tolerance = (LAST, TOLERANCE) if whole else (ITERATIONS, ROUGH)
+        many = MULTISTART.last if whole else MULTISTART.iterations
+        tolerance = MULTISTART.tolerance if whole else MULTISTART.rough
         at, steps, _, _ = descend_per_run(forward, noise, at, float(part), steps, many, tolerance)
         linear = linearised(forward, noise, at, float(part), steps)
         costs = np.array([float(r @ r) for r in linear.r])
@@ -101,19 +92,19 @@ def _turned_over(forward: Forward, noise: Noise, run: int, state: Array) -> tupl
     spins = np.flatnonzero(forward.design.runs[0].spread)
     few_first = chain.from_iterable(combinations(spins, k) for k in range(len(spins) + 1))
     options = []
-    for turned in islice(few_first, PATTERNS):
+    for turned in islice(few_first, MULTISTART.patterns):
         options.append(state.copy())
         options[-1][list(turned)] *= -1.0
-    for iterations in (TURNED, LAST):
+    for iterations in (MULTISTART.flipped, MULTISTART.last):
         many = Forward(forward.design.copies(0, len(options)), forward.world, (), forward.cancelled)
         copies = noise.only([run] * len(options))
         at, *_ = descend_per_run(
-            many, copies, Point(np.zeros(0), tuple(options)), 1.0, first_steps(many), iterations, ROUGH
+            many, copies, Point(np.zeros(0), tuple(options)), 1.0, first_steps(many), iterations, MULTISTART.rough
         )
         costs = trial_costs(many, copies, [at], 1.0)[0]
         forward.rollouts += many.rollouts
         best = np.argsort(costs)
-        options = [at.states[k] for k in best[:KEPT]]
+        options = [at.states[k] for k in best[: MULTISTART.finished]]
     return options[0], float(costs[best[0]])
 
 
@@ -129,8 +120,9 @@ def _drawn(
     forward: Forward, noise: Noise, best: Array, root: Array, part: float, rng: np.random.Generator
 ) -> list[Array]:
     """Of many states drawn around the best, those nearest to a part of the run: one less than are fitted."""
-    width = np.resize(WIDTHS, DRAWN)[:, None]
-    drawn = best + width * (rng.normal(size=(DRAWN, len(root))) @ root.T)
-    points = [Point(np.zeros(0), tuple(drawn[k : k + WAYS])) for k in range(0, DRAWN, WAYS)]
+    count, kept = MULTISTART.drawn * MULTISTART.kept, MULTISTART.kept
+    width = np.resize(MULTISTART.widths, count)[:, None]
+    drawn = best + width * (rng.normal(size=(count, len(root))) @ root.T)
+    points = [Point(np.zeros(0), tuple(drawn[k : k + kept])) for k in range(0, count, kept)]
     costs = trial_costs(forward, noise, points, part).ravel()
-    return [drawn[k] for k in np.argsort(costs)[: WAYS - 1]]
+    return [drawn[k] for k in np.argsort(costs)[: kept - 1]]

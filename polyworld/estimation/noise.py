@@ -69,7 +69,7 @@ class Noise:
 
     sigma[r] (m_r,): standard deviation [m, rad or rad/s]. kept[r] (m_r,): False for outliers, which count for nothing.
     previous[r] (m_r,): the entry before in the same series (itself where there is none), rho[r] (m_r,): the
-    correlation with it. correlation: by kind. repeated: rows that were shown twice. notes: what was not as told.
+    correlation with it. correlation: by kind. repeated: rows that were shown twice. notes: what was not as stated.
     """
 
     sigma: tuple[Array, ...]
@@ -92,7 +92,7 @@ class Noise:
         return 1.0 - self.count / max(sum(len(k) for k in self.kept), 1)
 
     def only(self, chosen: Sequence[int]) -> Noise:
-        """The noise of some of the runs, which are counted anew."""
+        """The noise of some of the runs, which are renumbered."""
         return replace(
             self,
             sigma=tuple(self.sigma[k] for k in chosen),

@@ -64,7 +64,7 @@ def levels(
 
 
 def _as_said(design: Design, series: Sequence[Series], levels: Array, notes: list[str]) -> Array:
-    """Levels with those that the recording tells, unless the data are clearly noisier."""
+    """Levels with those that the recording states, unless the data are clearly noisier."""
     levels = levels.copy()
     for i, s in enumerate(series):
         said = design.runs[s.run].run.sigma
@@ -124,7 +124,7 @@ def _rounding(design: Design, s: Series) -> float:
 
 
 def raw(run: RunDesign, s: Series) -> Array:
-    """What was measured of a series, rotations as turns since the first one, unwrapped."""
+    """Return what was measured of a series, rotations as turns since the first one, unwrapped."""
     column = run.run.names.index(s.name)
     if s.kind == "position":
         places: Array = run.run.positions[s.rows, column, s.axis]

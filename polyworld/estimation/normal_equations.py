@@ -13,8 +13,8 @@ from polyworld.estimation.forward import Forward
 Array = NDArray[np.float64]
 
 LONGEST = 20.0  # typical changes: an initial state goes no further in one step
-PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not tell stays where it is
-HELD = 0.3  # the same of states in a step: where a body rests on friction, slopes by its speed tell next to nothing
+PRIOR = 1e-4  # weight of an ordinary change in the curvature, so that what the data do not determine stays where it is
+HELD = 0.3  # the same of states in a step: where a body rests on friction, slopes by its speed are next to nothing
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Hold:
     weight: Array
 
     def cost(self, values: Array) -> float:
-        """What is added to chi2."""
+        """Return what is added to chi2."""
         return float(self.weight @ (values - self.values) ** 2)
 
 

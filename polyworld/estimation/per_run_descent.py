@@ -32,8 +32,8 @@ def descend_per_run(
     for iteration in range(iterations):
         linear = linearised(forward, noise, at, horizon, steps)
         chi2 = np.array([float(r @ r) for r in linear.r])
-        lost = ~np.isfinite(chi2)
-        failed, resting = failed | lost, resting | lost
+        diverged = ~np.isfinite(chi2)
+        failed, resting = failed | diverged, resting | diverged
         if resting.all():
             return at, steps, iteration, not failed.any()
         steps = standard_steps(forward, linear)
@@ -47,7 +47,7 @@ def descend_per_run(
             least = costs[best, np.arange(runs)]
             better = (least < chi2) & ~moved
             if attempt == 0:
-                foretold = _foretold(linear, at, options[0])
+                predicted = _predicted_fall(linear, at, options[0])
             states = tuple(options[best[k]].states[k] if better[k] else s for k, s in enumerate(at.states))
             at = Point(at.values, states)
             fallen = np.subtract(chi2, least, out=np.zeros(runs), where=better)
@@ -57,15 +57,15 @@ def descend_per_run(
             if moved.all():
                 break
         stuck = ~moved
-        failed = failed | (stuck & (foretold >= np.maximum(tolerance, STUCK * chi2)))
+        failed = failed | (stuck & (predicted >= np.maximum(tolerance, STUCK * chi2)))
         resting = resting | stuck
         if resting.all():
             return at, steps, iteration + 1, not failed.any()
     return at, steps, iterations, False
 
 
-def _foretold(linear: Linearised, at: Point, to: Point) -> Array:
-    """The fall of chi2 (R,) that the slopes foretell for a step, 0 of a run whose rollout diverges."""
+def _predicted_fall(linear: Linearised, at: Point, to: Point) -> Array:
+    """Return the fall of chi2 (R,) that the slopes predict for a step, 0 of a run whose rollout diverges."""
     falls = []
     for r, b, new, old in zip(linear.r, linear.b, to.states, at.states, strict=True):
         if not np.all(np.isfinite(r)):

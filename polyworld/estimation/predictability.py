@@ -1,4 +1,4 @@
-"""How long a run can be foretold from its start: bodies that swing on each other soon forget where they began.
+"""Estimate how long a run can be predicted from its start: bodies that swing on each other soon forget it.
 
 What two starts that hardly differ come to differ by grows exponentially there, so that a fit of a whole run has a
 minimum for every few turns, and valleys too narrow and bent to follow (Baake et al. 1992, Phys. Rev. A 45, 5524, whose
@@ -38,13 +38,13 @@ def foreseeable(world: World, run: Run, extent: float) -> int:
     if not n:
         return len(run.times)
     about = AROUND * np.diag(own.typical)
-    begun = own.start + np.concatenate([np.zeros((1, n)), about, -about])
+    starts = own.start + np.concatenate([np.zeros((1, n)), about, -about])
     changes = np.concatenate([np.zeros((1, n)), SMALL * np.diag(own.typical)])
-    states = (begun[:, None] + changes).reshape(-1, n)
+    states = (starts[:, None] + changes).reshape(-1, n)
     (moved,) = Forward(plan, world, ()).residuals([Settings(0, np.zeros((len(states), 0)), states)])
-    moved = moved.reshape(len(begun), 1 + n, -1)
-    apart = np.sqrt(_by_instant(plan, ((moved[:, 1:] - moved[:, :1]) / SMALL) ** 2))
-    beyond = np.flatnonzero(~np.all(apart <= GROWN * extent, axis=0))
+    moved = moved.reshape(len(starts), 1 + n, -1)
+    grown = np.sqrt(_by_instant(plan, ((moved[:, 1:] - moved[:, :1]) / SMALL) ** 2))
+    beyond = np.flatnonzero(~np.all(grown <= GROWN * extent, axis=0))
     return int(beyond[0]) if len(beyond) else len(run.times)
 
 

@@ -37,7 +37,7 @@ OTHER_HORIZONS = tuple(float(h) for h in np.linspace(0.05, 1.0, 24).round(3))  #
 ADDED = 7  # samples by which parts of windows are to grow on average where bodies meet
 COARSEST = 4  # at least every so many of the parts is fitted all the same
 OPENING = 0.4  # part of a run's time in which its first velocities are decided
-WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried anew
+WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried again
 SWEEPS = 2  # through all spins
 ROUGH = 10.0  # fall of chi2 below which a fit to a part of the runs is at rest
 
@@ -49,7 +49,7 @@ class Fit:
     values (S,): shared unknowns. states[run] (N,): initial-state coordinates. chi2: sum of squared whitened residuals
     at the minimum. covariance (S, S) of the shared unknowns, initial states profiled out; infinite variance where the
     data say nothing. linear: residuals and derivatives there. converged: False where the iterations
-    ran out, or no step brought what the slopes foretold.
+    ran out, or no step brought what the slopes predicted.
     """
 
     values: Array
@@ -133,7 +133,7 @@ def _over_horizons(
                 worse = 0.0 if horizon == horizons[0] else WORSE
                 at = restarts.restart_velocities(forward, noise, at, horizon, steps, worse)
             for _ in range(SWEEPS):
-                at = restarts.flip_spins(forward, noise, at, horizon, steps, restarts.ILL)
+                at = restarts.flip_spins(forward, noise, at, horizon, steps, restarts.SUSPECT)
     return at, steps, total, converged
 
 

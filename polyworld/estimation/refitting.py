@@ -1,8 +1,8 @@
-"""Runs that a fit has lost: their states were bent to a law that lacked something, or to a collision that was not,
-and no slope leads back.
+"""Refit runs whose initial state sits in a wrong local minimum, shared values fixed.
 
-With the law right, few runs fit ill while all others are explained. Each is then fitted anew by itself from the data's
-own start, with the shared values kept. And whole fits begun anew, over other parts of the runs.
+A state may have followed a law that lacked something, or a collision that was not, and no slope leads back. With the
+law right, few runs fit ill while all others are explained; each of these is fitted again by itself, from the data's own
+start or by multistart. Whole fits can be restarted, too, over other segments of the runs.
 """
 
 from __future__ import annotations
@@ -15,33 +15,22 @@ from numpy.typing import NDArray
 from polyworld.estimation import profile
 from polyworld.estimation.descent import Point
 from polyworld.estimation.forward import Forward
-from polyworld.estimation.goodness import LEVEL, TESTS
 from polyworld.estimation.hypothesis import Hypothesis
+from polyworld.estimation.settings import GATE, REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
-from polyworld.estimation.variable_projection import ILL, best_start_of, middle, profiled, sensitive
+from polyworld.estimation.variable_projection import best_start_of, middle, profiled, sensitive
 
 Array = NDArray[np.float64]
 
-WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is, where that is ill too
-UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: lost already so where that is explained
-IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
-ODD = 0.25  # of chi2, by which a run has to be above that even if it is long: a law may be a little off
-VAIN = 3  # runs looked for in vain, after which no more are: it is the law that lacks something
-WORTH = 10.0  # chi2 by which a run that the gate blames has to fit better for other ways to be left
-BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost
-ITERATIONS = 12
-ANEW_ITERATIONS = 6  # at each of many horizons
-
 
 def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
-    """The trial, with runs that fit much worse than the better half fitted anew, and all of it fitted on where that
-    was of use."""
-    bench = trial.bench
+    """Refit the runs that fit much worse than the better half, each by itself, and all together where that helped."""
+    context = trial.context
     typical = middle(trial.misfits)
-    most = _limits(bench, typical)
-    schedules = [profile.horizons_for(bench.design)]
-    if profile.collide(bench.design) and typical < ILL:
-        schedules.append(profile.thinned(profile.OTHER_HORIZONS, bench.design))
+    most = _limits(context, typical)
+    schedules = [profile.horizons_for(context.design)]
+    if profile.collide(context.design) and typical < REFIT.explained:
+        schedules.append(profile.thinned(profile.OTHER_HORIZONS, context.design))
     states, costs = list(trial.fit.states), trial.costs
     for horizons in schedules:
         chosen = np.flatnonzero(costs > most)
@@ -50,27 +39,29 @@ def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
     return _carried_on(trial, states)
 
 
-def refit_by_multistart(trial: FittedHypothesis, level: float = np.inf, doubt: float = UNLIKELY) -> FittedHypothesis:
-    """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
+def refit_by_multistart(
+    trial: FittedHypothesis, level: float = np.inf, doubt: float = REFIT.unlikely
+) -> FittedHypothesis:
+    """Refit ill runs, and where bodies collide those that still fit ill by multistart.
 
     level: EBIC above which the trial is of no interest even if such runs came to fit as well as any does. doubt:
     standard deviations of chi2 above that of the better half, beyond which a run is ill.
     """
     trial = refit_ill_runs(trial)
-    bench = trial.bench
+    context = trial.context
     typical = middle(trial.misfits)
-    if not sensitive(bench.design) or typical >= ILL:
+    if not sensitive(context.design) or typical >= REFIT.explained:
         return trial
     costs = trial.costs
-    limits = _limits(bench, typical, doubt)
-    hoped = np.minimum(costs, _limits(bench, typical, -UNLIKELY))
+    limits = _limits(context, typical, doubt)
+    hoped = np.minimum(costs, _limits(context, typical, -REFIT.unlikely))
     if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
         return trial
     ill = {int(k): float(limits[k]) for k in np.flatnonzero(costs > limits)}
-    trial, asked = _by_other_ways(trial, ill)
+    trial, asked = _by_multistart(trial, ill)
     while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
         before = trial
-        trial, more = _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - WORTH})
+        trial, more = _by_multistart(trial, {blamed: float(trial.costs[blamed]) - REFIT.worth})
         if trial is before:
             break
         asked |= more
@@ -78,29 +69,29 @@ def refit_by_multistart(trial: FittedHypothesis, level: float = np.inf, doubt: f
 
 
 def refit_every_run(trial: FittedHypothesis) -> FittedHypothesis:
-    """The trial, with every run fitted along several ways, whether or not it is conspicuous."""
-    return _by_other_ways(trial, dict.fromkeys(range(len(trial.bench.design.runs)), np.inf))[0]
+    """Refit every run by multistart, whether or not it fits ill."""
+    return _by_multistart(trial, dict.fromkeys(range(len(trial.context.design.runs)), np.inf))[0]
 
 
 def _blamed(trial: FittedHypothesis) -> int | None:
     """The run of the series that fits worst, where that alone would fail the gate: it may be stuck where no chi2 is
     conspicuous."""
     worst = trial.goodness.worst
-    if worst is None or TESTS * worst.p * len(trial.goodness.series) > LEVEL:
+    if worst is None or GATE.tests * worst.p * len(trial.goodness.series) > GATE.level:
         return None
-    return next(r.index for r in trial.bench.design.runs if r.run.name == worst.run)
+    return next(r.index for r in trial.context.design.runs if r.run.name == worst.run)
 
 
-def _by_other_ways(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[FittedHypothesis, set[int]]:
-    """The trial, with some runs fitted along several ways at its shared values, each until its chi2 is below a level,
-    and all of it fitted on where that was of use; and which runs were looked for: the worst come first, and a few that
-    come not even halfway there end it."""
-    bench, costs, states = trial.bench, trial.costs, list(trial.fit.states)
+def _by_multistart(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[FittedHypothesis, set[int]]:
+    """Refit some runs by multistart at the shared values, each until its chi2 is below a level, and all together where
+    that helped; and return which runs were tried: the worst come first, and a few that come not even halfway to their
+    level end it."""
+    context, costs, states = trial.context, trial.costs, list(trial.fit.states)
     asked: set[int] = set()
     vain = 0
     for k in sorted(runs, key=lambda k: runs[k] - costs[k]):
-        if bench.design.runs[k].count and vain < VAIN:
-            way = best_start_of(bench, trial.hypothesis, trial.values, k, runs[k])
+        if context.design.runs[k].count and vain < REFIT.vain:
+            way = best_start_of(context, trial.hypothesis, trial.values, k, runs[k])
             asked.add(k)
             vain += way.chi2 > max(runs[k], 0.5 * (runs[k] + costs[k]))
             if way.chi2 < costs[k] - 1.0:
@@ -109,62 +100,62 @@ def _by_other_ways(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[
 
 
 def restarted(trial: FittedHypothesis, hypothesis: Hypothesis) -> FittedHypothesis:
-    """A trial's hypothesis, or the same stepped otherwise, fitted from its values and the data's own starts, over other
-    parts of the runs; then with the states of whichever fits a run better. Where bodies collide, `begun`."""
-    bench = trial.bench
-    if sensitive(bench.design):
-        return fit_near(bench, hypothesis, trial.values, [profile.start_states(bench.design), trial.fit.states])
-    states = profile.start_states(bench.design)
-    again = bench.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=ANEW_ITERATIONS)
-    again = again if again.fit.converged else bench.refit(again)
+    """Fit a trial's hypothesis, or the same stepped otherwise, from its values and the data's own starts, over other
+    segments of the runs; then with the states of whichever fits a run better. Where bodies collide, as `fit_near`."""
+    context = trial.context
+    if sensitive(context.design):
+        return fit_near(context, hypothesis, trial.values, [profile.start_states(context.design), trial.fit.states])
+    states = profile.start_states(context.design)
+    again = context.fit(hypothesis, trial.values, states, horizons=profile.FINE_HORIZONS, iterations=REFIT.stepwise)
+    again = again if again.fit.converged else context.refit(again)
     return min([again, _crossed(again, trial)], key=lambda t: t.chi2)
 
 
 def fit_near(
-    bench: FitContext,
+    context: FitContext,
     hypothesis: Hypothesis,
     values: Array,
     starts: Sequence[Sequence[Array]],
     like: FittedHypothesis | None = None,
 ) -> FittedHypothesis:
-    """A hypothesis fitted from shared values that are about right: every run by itself for these, from each of some
-    initial states, a little more of it at a time, and where it is lost still, along several ways; then all of it.
+    """Fit a hypothesis from shared values that are about right: every run by itself for these, from each of some
+    initial states, a little more of it at a time, and where it still fits ill, by multistart; then all together.
 
     like: the hypothesis fitted from initial states with which a law like it fits; where it passes the gate from there,
     that is all.
     """
-    if like is not None and like.passes and not np.any(_lost(like)):
+    if like is not None and like.passes and not np.any(_ill(like)):
         return profiled(like)
-    horizons = profile.horizons_for(bench.design)
-    together = bench.fit(hypothesis, values, starts[0], horizons=horizons, iterations=ANEW_ITERATIONS)
-    if together.passes and not np.any(_lost(together)):
+    horizons = profile.horizons_for(context.design)
+    together = context.fit(hypothesis, values, starts[0], horizons=horizons, iterations=REFIT.stepwise)
+    if together.passes and not np.any(_ill(together)):
         return profiled(together)
-    forward = bench.forward(hypothesis)
-    best, costs = list(starts[0]), np.full(len(bench.design.runs), np.inf)
+    forward = context.forward(hypothesis)
+    best, costs = list(starts[0]), np.full(len(context.design.runs), np.inf)
     for states in starts:
         at = Point(values, tuple(states))
-        at, found = profile.fit_per_run(forward, bench.noise, at, horizons=horizons, iterations=ANEW_ITERATIONS)
+        at, found = profile.fit_per_run(forward, context.noise, at, horizons=horizons, iterations=REFIT.stepwise)
         for k in np.flatnonzero(found < costs):
             best[k], costs[k] = at.states[k], found[k]
-    typical = middle(costs / bench.counts)
-    limits = _limits(bench, typical)
-    for k in np.flatnonzero(costs > limits) if typical < ILL else ():
-        if bench.design.runs[k].count:
-            way = best_start_of(bench, hypothesis, values, int(k), float(limits[k]))
+    typical = middle(costs / context.counts)
+    limits = _limits(context, typical)
+    for k in np.flatnonzero(costs > limits) if typical < REFIT.explained else ():
+        if context.design.runs[k].count:
+            way = best_start_of(context, hypothesis, values, int(k), float(limits[k]))
             if way.chi2 < costs[k]:
                 best[k] = way.state
-    return profiled(bench.fit(hypothesis, values, best))
+    return profiled(context.fit(hypothesis, values, best))
 
 
 def refused_by_most(trial: FittedHypothesis, best: FittedHypothesis) -> bool:
-    """Whether most runs speak against a trial that began where the best ended: no run that is lost is to blame then."""
+    """Whether most runs speak against a trial that began where the best ended: no single run is to blame then."""
     worse = np.sort(trial.costs - best.costs)
-    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > BEHIND
+    return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > REFIT.behind
 
 
-def _lost(trial: FittedHypothesis) -> NDArray[np.bool_]:
+def _ill(trial: FittedHypothesis) -> NDArray[np.bool_]:
     """Runs (R,) that fit much worse than the better half."""
-    return trial.costs > _limits(trial.bench, middle(trial.misfits))
+    return trial.costs > _limits(trial.context, middle(trial.misfits))
 
 
 def _crossed(one: FittedHypothesis, other: FittedHypothesis) -> FittedHypothesis:
@@ -174,26 +165,26 @@ def _crossed(one: FittedHypothesis, other: FittedHypothesis) -> FittedHypothesis
         return one
     states = [b if taken else a for a, b, taken in zip(one.fit.states, other.fit.states, use, strict=True)]
     values = one.values if one.chi2 < other.chi2 else other.values
-    return one.bench.fit(one.hypothesis, values, states)
+    return one.context.fit(one.hypothesis, values, states)
 
 
 def _carried_on(trial: FittedHypothesis, states: list[Array]) -> FittedHypothesis:
     """The trial fitted on from other states, where there are any and that was of use."""
     if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
         return trial
-    return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
+    return min([trial, trial.context.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
-def _limits(bench: FitContext, typical: float, doubt: float = UNLIKELY) -> Array:
-    """chi2 (R,) beyond which runs may be lost, where the worst of the better half has `typical` per measurement."""
-    counts = bench.counts
-    if typical < ILL:
+def _limits(context: FitContext, typical: float, doubt: float = REFIT.unlikely) -> Array:
+    """chi2 (R,) beyond which runs are ill, where the worst of the better half has `typical` per measurement."""
+    counts = context.counts
+    if typical < REFIT.explained:
         above = doubt * np.sqrt(2.0 / counts)
-        if not profile.collide(bench.design):
-            above = np.maximum(above, ODD)
+        if not profile.collide(context.design):
+            above = np.maximum(above, REFIT.odd)
         unlikely: Array = typical * (1.0 + above) * counts
         return unlikely
-    worse: Array = max(ILL, WORSE * typical) * counts
+    worse: Array = max(REFIT.explained, REFIT.worse * typical) * counts
     return worse
 
 
@@ -201,13 +192,13 @@ def _alone(
     trial: FittedHypothesis, states: list[Array], costs: Array, chosen: NDArray[np.intp], horizons: tuple[float, ...]
 ) -> None:
     """Fit some runs each by itself; states and chi2 (R,) of those that are the better for it are put in place."""
-    bench = trial.bench
-    few, noise = bench.design.only(chosen.tolist()), bench.noise.only(chosen.tolist())
+    context = trial.context
+    few, noise = context.design.only(chosen.tolist()), context.noise.only(chosen.tolist())
     world = trial.hypothesis.fitted_world(trial.values)
-    forward = Forward(few, world, (), bench.cancelled)
-    begun = profile.start_states(few)
-    found = profile.fit(forward, noise, np.zeros(0), begun, horizons=horizons, iterations=ITERATIONS)
-    bench.forward(trial.hypothesis).rollouts += found.rollouts
+    forward = Forward(few, world, (), context.cancelled)
+    starts = profile.start_states(few)
+    found = profile.fit(forward, noise, np.zeros(0), starts, horizons=horizons, iterations=REFIT.iterations)
+    context.forward(trial.hypothesis).rollouts += found.rollouts
     for k, own, r in zip(chosen, found.states, found.linear.r, strict=True):
         if float(r @ r) < costs[k] - 1.0:
             states[k], costs[k] = own, float(r @ r)

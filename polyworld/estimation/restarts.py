@@ -19,14 +19,14 @@ from polyworld.estimation.noise import Noise
 Array = NDArray[np.float64]
 
 OTHER_VELOCITIES = np.linspace(-1.0, 1.0, 9)  # of the highest speed in the run
-ILL = 1.2  # chi2 per measurement of a run beyond which its spins are tried the other way
+SUSPECT = 1.2  # chi2 per measurement of a run beyond which its spins are flipped: 3 sigma of 450
 TURN_ITERATIONS = 4
 OTHER_SPINS = np.array([-1.5, -0.75, 0.75, 1.5])  # of its spread, that a spin is tried at besides the other way round
 
 
 def flip_spins(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, ill: float) -> Point:
     """Spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a time.
-    The slope of a spin tells nothing of the other sign."""
+    The slope of a spin shows nothing of the other sign."""
     cost = run_costs(forward, noise, at, horizon)
     limits = ill * counts(forward, horizon)
     for slot in range(max((int(np.count_nonzero(r.spread)) for r in forward.design.runs), default=0)):
@@ -54,7 +54,7 @@ def restart_velocities(forward: Forward, noise: Noise, at: Point, horizon: float
     leads back."""
     cost = run_costs(forward, noise, at, horizon)
     relative = cost / counts(forward, horizon)
-    limit = max(ILL, worse * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
+    limit = max(SUSPECT, worse * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
     options = {
         r.index: _other_velocities(r, at.states[r.index])
         for r in forward.design.runs
@@ -70,15 +70,15 @@ def _other_velocities(run: RunDesign, own: Array) -> Array:
         for share in OTHER_VELOCITIES:
             options.append(own.copy())
             options[-1][i] = share * run.reach[i]
-    hasty = np.concatenate([state.hasty for state in run.states], axis=1)
+    short_window = np.concatenate([state.short_window for state in run.states], axis=1)
     first = 0
     for state in run.states:
         mine = slice(first, first + len(state.labels))
         first = mine.stop
-        for guess in hasty:
+        for guess in short_window:
             options.append(own.copy())
             options[-1][mine] = guess[mine]
-    return np.array([*options, *hasty])
+    return np.array([*options, *short_window])
 
 
 def _tried(

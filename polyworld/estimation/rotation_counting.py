@@ -1,7 +1,7 @@
 """Turns of a simulated body against a measured one, counted on beyond half a turn.
 
 A rotation vector is at most half a turn long. A body that rolls a little too far is many turns ahead by the end, and a
-residual that wraps round tells a fit to turn the wrong way. Far from the data the mismatch of the steps from instant to
+residual that wraps round makes a fit turn the wrong way. Far from the data the mismatch of the steps from instant to
 instant is summed up instead: that sum grows steadily, and near the data the rotation vector itself is used.
 """
 
@@ -16,7 +16,7 @@ from polyworld.symmetry import rotation_vector
 Array = NDArray[np.float64]
 
 NEAR = 0.5  # of half a turn: below it the rotation vector is taken, as it is
-APART = 0.8  # of half a turn: beyond it the sum
+SUMMED = 0.8  # of half a turn: beyond it the sum
 LEAP = 0.3  # of half a turn between two instants: a measured orientation that leaps is not counted
 
 
@@ -64,6 +64,6 @@ def _steps(orientations: Array) -> Array:
 
 def _share(size: Array, half: Array | float) -> Array:
     """0 near the data, 1 far from them, smooth between."""
-    x = np.clip((size / half - NEAR) / (APART - NEAR), 0.0, 1.0)
+    x = np.clip((size / half - NEAR) / (SUMMED - NEAR), 0.0, 1.0)
     share: Array = x * x * (3.0 - 2.0 * x)
     return share

@@ -1,4 +1,4 @@
-"""Where a run may be cut: into stretches that begin where data tell a state, each with an initial state of its own."""
+"""Cut runs into segments that begin where data determine a state, each with an initial state of its own."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ Array = NDArray[np.float64]
 FEWEST = 16  # samples of a stretch
 MOST = 1024  # samples of a run that is fitted as one
 PART = 512  # samples of the parts of a longer one, about
-SHORTEST = 40  # samples of a part of a run that cannot be foretold
+SHORTEST = 40  # samples of a part of a run that cannot be predicted
 ABOUT = 8  # samples about the start of a stretch that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no stretch begins there
 
 
 def in_parts(recording: Recording, *worlds: World) -> Recording:
-    """The recording with its long runs in parts, where all the worlds may start anywhere and every part tells how.
+    """The recording with its long runs in parts, where all the worlds may start anywhere and every part shows how.
 
     Over a long run a small error of a parameter adds up to turns and bounces, rollouts need steps as fine as the whole
     run asks for, and each costs the whole run. Parts have initial states of their own (multiple shooting without
-    conditions of continuity); what they tell of an effect comes from what it does within one, and from how that differs
-    from part to part. Bodies that swing on each other are followed only as far as the first world can foretell them.
+    conditions of continuity); what they show of an effect comes from what it does within one, and from how that differs
+    from part to part. Bodies that swing on each other are followed only as far as the first world can predict them.
     """
     swinging = swings_on_others(worlds[0])
     if not swinging and all(len(run.times) <= MOST for run in recording.runs):
@@ -59,8 +59,8 @@ def halved(recording: Recording, names: Sequence[str]) -> Recording:
 
 
 def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World:
-    """A world that was found on parts, as it is to be read with the recording: where frames were dropped is told by the
-    run's name and from where the run begins."""
+    """A world that was found on parts, as it is to be read with the recording: where frames were dropped is given by
+    the run's name and a time from its start."""
     seen = world.observer
     part = next((r for r in parts.runs if seen is not None and r.name == seen.shift_run and r.part_of), None)
     if seen is None or part is None:
@@ -72,7 +72,7 @@ def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World
 
 
 def _slips(world: World) -> bool:
-    """Whether the observer's clock slips, at an instant that is told from where a whole run begins."""
+    """Whether the observer's clock slips, at an instant that counts from the start of a whole run."""
     return world.observer is not None and world.observer.shift != 0.0
 
 
@@ -89,7 +89,7 @@ def _even(run: Run) -> list[int]:
 
 
 def _foreseen(world: World, run: Run) -> list[int]:
-    """The same of parts that can be foretold, each from its own start."""
+    """The same of parts that can be predicted, each from its own start."""
     count, edges, extent = len(run.times), [0], extent_of(run)
     index, rough = np.arange(count), roughness(run)
     while True:
@@ -105,7 +105,7 @@ def _foreseen(world: World, run: Run) -> list[int]:
 
 
 def _between(run: Run, edges: Sequence[int]) -> list[Run]:
-    """Parts that follow each other without a gap; the run itself where one of them would tell too little."""
+    """Parts that follow each other without a gap; the run itself where one of them would show too little."""
     if len(edges) == 2:
         return [run]
     kept = np.arange(len(run.times))
@@ -118,7 +118,7 @@ def _between(run: Run, edges: Sequence[int]) -> list[Run]:
 
 def smooth_near(rough: Array, wanted: int, there: Sequence[int]) -> int:
     """The instant nearest to the one wanted, of those there are, at which a stretch may begin: not just before or at an
-    impact, where its state could hardly be told."""
+    impact, where its state could hardly be determined."""
     nearest = sorted(there, key=lambda k: abs(k - wanted))
     smooth = [k for k in nearest if rough[k] <= ROUGH]
     return smooth[0] if smooth else min(nearest, key=lambda k: rough[k])

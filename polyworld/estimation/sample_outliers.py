@@ -49,7 +49,7 @@ def repeats(rows: Array, share: float = 0.1) -> Bools:
     """Which rows (m, d) equal the row before in every component, where that is an exception.
 
     A noisy measurement does not return to the last bit: the row was shown again. Where more than a share of the rows
-    do, the data are coarse or the object rests, and none is told.
+    do, the data are coarse or the object rests, and none is reported.
     """
     again = np.zeros(len(rows), dtype=bool)
     if len(rows) > 1:

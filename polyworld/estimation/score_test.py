@@ -1,4 +1,4 @@
-"""The score test: what each effect promises, from the slope of the trajectories where it does nothing yet.
+"""The score test: predict the gain of each effect from the slope of the trajectories where it does nothing yet.
 
 Rao 1948 (Proc. Camb. Phil. Soc. 44, 50): derivatives of the residuals by an effect's unknowns, projected off all that
 is fitted already, against the residuals. It needs one batch of rollouts for each way to add an effect, all of its
@@ -41,9 +41,9 @@ class ScoreTestStart:
 
 
 def leads(
-    bench: FitContext, trial: FittedHypothesis, hypotheses: Sequence[Hypothesis], keep: int, horizon: float = 1.0
+    context: FitContext, trial: FittedHypothesis, hypotheses: Sequence[Hypothesis], keep: int, horizon: float = 1.0
 ) -> list[ScoreTestStart]:
-    """The `keep` most promising starts of each hypothesis that adds one effect to a fitted one, best first.
+    """Return `keep` starts of each hypothesis that adds one effect to a fitted one, largest predicted gain first.
 
     horizon: part of each run's time that the trial was fitted to. Effects with a score test of their own are judged by
     whole runs, and left out of shorter ones.
@@ -56,41 +56,41 @@ def leads(
         if candidate.leads is not None:
             special.setdefault(candidate.name, []).append(hypothesis)
             continue
-        tried = _with_further_starts(bench, trial, hypothesis) if horizon >= 1.0 else hypothesis
-        own = [replace(lead, hypothesis=hypothesis) for lead in _of_one(bench, trial, tried, ground, horizon)]
+        tried = _with_further_starts(context, trial, hypothesis) if horizon >= 1.0 else hypothesis
+        own = [replace(lead, hypothesis=hypothesis) for lead in _of_one(context, trial, tried, ground, horizon)]
         found += sorted(own, key=lambda lead: lead.chi2)[:keep]
     for group in special.values() if horizon >= 1.0 else ():
         by_itself = group[0].parts[-1].candidate.leads
-        found += by_itself(bench, trial, group, keep) if by_itself is not None else []
+        found += by_itself(context, trial, group, keep) if by_itself is not None else []
     return sorted(found, key=lambda lead: lead.chi2)
 
 
-def _with_further_starts(bench: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis) -> Hypothesis:
+def _with_further_starts(context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis) -> Hypothesis:
     """The hypothesis with the starts that residuals tell of its last effect."""
     part = hypothesis.parts[-1]
     if part.candidate.further is None:
         return hypothesis
     first = part.variant.starts[0]
-    more = tuple({**first, **start} for start in part.candidate.further(bench, trial, part.variant))
+    more = tuple({**first, **start} for start in part.candidate.further(context, trial, part.variant))
     variant = replace(part.variant, starts=(*part.variant.starts, *more))
     return replace(hypothesis, parts=(*hypothesis.parts[:-1], replace(part, variant=variant)))
 
 
 def _of_one(
-    bench: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, ground: NuisanceProjection, horizon: float
+    context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, ground: NuisanceProjection, horizon: float
 ) -> list[ScoreTestStart]:
     own = hypothesis.parts[-1].variant
     starts = np.array(hypothesis.starts(trial.values))
-    per_start = len(bench.design.runs) * (1 + len(own.unknowns) - len(own.idle))
+    per_start = len(context.design.runs) * (1 + len(own.unknowns) - len(own.idle))
     found: list[ScoreTestStart] = []
     size = max(1, MOST_WORLDS // per_start)
     for first in range(0, len(starts), size):
-        found += _of_starts(bench, trial, hypothesis, ground, starts[first : first + size], horizon)
+        found += _of_starts(context, trial, hypothesis, ground, starts[first : first + size], horizon)
     return found
 
 
 def _of_starts(
-    bench: FitContext,
+    context: FitContext,
     trial: FittedHypothesis,
     hypothesis: Hypothesis,
     ground: NuisanceProjection,
@@ -111,14 +111,14 @@ def _of_starts(
     values = np.concatenate([plain, changed.reshape(j * k, -1)])
     settings = [
         Settings(r.index, values, np.repeat(trial.fit.states[r.index][None], len(values), axis=0))
-        for r in bench.design.runs
+        for r in context.design.runs
     ]
     square = np.zeros(j)
     ga, gc = np.zeros((j, s)), np.zeros((j, k))
     cc, ac = np.zeros((j, k, k)), np.zeros((j, s, k))
     answers = []
-    for r, raw in zip(bench.design.runs, bench.forward(hypothesis).residuals(settings, horizon), strict=True):
-        white = bench.noise.whiten(r.index, raw) * r.before(horizon)
+    for r, raw in zip(context.design.runs, context.forward(hypothesis).residuals(settings, horizon), strict=True):
+        white = context.noise.whiten(r.index, raw) * r.before(horizon)
         base = np.broadcast_to(white[: len(plain)], (j, white.shape[1]))
         slopes = (white[len(plain) :].reshape(j, k, -1) - base[:, None]) / signed[:, :, None]
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
@@ -146,11 +146,11 @@ def _of_starts(
         begin = starts[i].copy()
         begin[at] += step
         shared = -ground.inverse @ (ga[i] + ac[i] @ step)
-        begin[:s] = np.clip(begin[:s] + shared, least, most)  # the slope may foretell more than there can be
+        begin[:s] = np.clip(begin[:s] + shared, least, most)  # the slope may predict more than there can be
         states = tuple(
             own_states + within_reach(still[i] + step @ moved[i] + shared @ carried, run.typical)
             for run, own_states, (still, moved, carried) in zip(
-                bench.design.runs, trial.fit.states, answers, strict=True
+                context.design.runs, trial.fit.states, answers, strict=True
             )
         )
         found.append(ScoreTestStart(hypothesis, begin, float(chi2), starts[i], states))

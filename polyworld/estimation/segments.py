@@ -132,7 +132,7 @@ def _smoothed(run: Run, begins: Sequence[int]) -> list[int]:
 
 
 def restartable(world: World, recording: Recording) -> bool:
-    """Whether trajectories may be restarted at any instant: what is not measured of a state must not be lost there.
+    """Whether trajectories may be restarted at any instant: what is not measured of a state must not be dropped there.
 
     Balls whose turns were not measured have their spin among the unknowns of each segment.
     """

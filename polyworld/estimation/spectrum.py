@@ -34,8 +34,8 @@ class Modes:
 
 @dataclass(frozen=True)
 class Correction:
-    """What a spectrum says: correlation from sample to sample of the first series, its standard error, and scale: the
-    variance of the innovations over that supposed."""
+    """Correction by a spectrum: correlation from sample to sample of the first series, its standard error, and scale:
+    the variance of the innovations over that supposed."""
 
     correlation: float
     error: float

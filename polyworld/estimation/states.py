@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
-from polyworld.estimation.initial_support import is_aloft, is_borne, keeps_height, may_be_borne, rest_place
+from polyworld.estimation.initial_support import is_aloft, is_supported, keeps_height, may_be_supported, rest_place
 from polyworld.estimation.linkage import Linkage, is_held, linkages
 from polyworld.estimation.measured_spin import initial_spin
 from polyworld.recording import Run
@@ -28,7 +28,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
-HASTY = (2, 4)  # the same where an impact may follow soon
+SHORT_WINDOWS = (2, 4)  # the same where an impact may follow soon
 USUAL = 0.95  # share of the speeds over a few samples that are held for true
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
@@ -39,12 +39,12 @@ TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
 class StateCoordinates:
     """The coordinates (N,) of one object's initial state in one run.
 
-    kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first.
-    labels (N,). start (N,): first guess. typical (N,): ordinary changes.
-    spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
-    reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
-    samples, in case a body hits something right after the start. known: components that are not fitted: the position
-    of a ball that lies on something, a spin that was measured without an orientation.
+    kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first. labels (N,).
+    start (N,): first guess. typical (N,): ordinary changes. spread (N,): how far a coordinate of which nothing was
+    measured may ordinarily be from zero, else 0. reach (N,): of a velocity, the highest speed along its axis in the
+    run; else 0. short_window (K, N): estimates from fewer samples, in case a body hits something right after the start.
+    known: components that are not fitted: the position of a ball that lies on something, a spin that was measured
+    without an orientation.
     """
 
     name: str
@@ -54,7 +54,7 @@ class StateCoordinates:
     typical: Array
     spread: Array
     reach: Array
-    hasty: Array
+    short_window: Array
     known: Mapping[str, float] = field(default_factory=dict)
     linkage: Linkage | None = None
 
@@ -86,8 +86,8 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
             continue
         column = run.names.index(name)
         if not is_held(world, name):
-            hasty = np.array([_free(world, item, run, column, count).start for count in HASTY])
-            found.append(replace(_free(world, item, run, column, EARLY), hasty=hasty))
+            short_window = np.array([_free(world, item, run, column, count).start for count in SHORT_WINDOWS])
+            found.append(replace(_free(world, item, run, column, EARLY), short_window=short_window))
     return tuple(found)
 
 
@@ -112,7 +112,7 @@ def with_unobserved_spins(world: World, states: tuple[StateCoordinates, ...]) ->
                 typical=np.concatenate([own.typical, spread / 6.0]),
                 spread=np.concatenate([own.spread, spread]),
                 reach=np.concatenate([own.reach, none]),
-                hasty=np.concatenate([own.hasty, np.zeros((len(own.hasty), 3))], axis=1),
+                short_window=np.concatenate([own.short_window, np.zeros((len(own.short_window), 3))], axis=1),
             )
         )
     return tuple(found)
@@ -137,13 +137,13 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             continue
         fall = float(gravity[axis])
         level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
-        borne = level and may_be_borne(world, item, run)
-        supports = axis if borne else supports
-        known = rest_place(world, item, run, axis) if borne else None
+        supported = level and may_be_supported(world, item, run)
+        supports = axis if supported else supports
+        known = rest_place(world, item, run, axis) if supported else None
         if known is not None and not is_aloft(values[rows], known):
             fixed[f"position.{letter}"] = known
             continue
-        if borne and known is None:
+        if supported and known is None:
             labels.append(f"position.{letter}")
             start.append(float(np.mean(values[rows][:EARLY])))
             typical.append(LENGTH)
@@ -187,7 +187,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     label = f"angular_velocity.{'xyz'[axis]}"
     if len(rows) < 2 and planar and label not in labels and _spin_shows(world, item):
         labels.append(label)
-        start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest nothing tells which way to go
+        start.append(item.angular_velocity[axis] or 10.0 * TURN)  # at rest no slope shows the direction
         typical.append(10.0 * TURN)
         spread = np.append(spread, SPIN)
     elif len(rows) < 2 and label not in labels and not any(item.angular_velocity) and _is_lifted(world, item):
@@ -204,14 +204,16 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         np.array(typical),
         spread,
         np.array([reach.get(label, 0.0) for label in labels]),
-        np.repeat(np.array(start)[None], len(HASTY), axis=0),
+        np.repeat(np.array(start)[None], len(SHORT_WINDOWS), axis=0),
         fixed,
     )
 
 
 def _known_spin(item: RigidObject, labels: list[str]) -> bool:
     """Whether the spin of a body was measured or described, or does nothing without friction."""
-    return any(label.startswith("angular_velocity") for label in labels) or any(item.angular_velocity) or not item.friction
+    return (
+        any(label.startswith("angular_velocity") for label in labels) or any(item.angular_velocity) or not item.friction
+    )
 
 
 def _rolling(radius: float, start: Mapping[str, float], axis: int, gravity: float) -> dict[str, float]:
@@ -269,9 +271,9 @@ def _jointed(whole: Linkage, run: Run) -> StateCoordinates:
     n = len(start)
     typical = np.tile([TURN, 10.0 * TURN], n // 2)
     none = np.zeros(n)
-    hasty = np.repeat(start[None], len(HASTY), axis=0)
+    short_window = np.repeat(start[None], len(SHORT_WINDOWS), axis=0)
     name = linkage.links[0].item.name
-    return StateCoordinates(name, "jointed", linkage.labels, start, typical, none, none, hasty, linkage=linkage)
+    return StateCoordinates(name, "jointed", linkage.labels, start, typical, none, none, short_window, linkage=linkage)
 
 
 def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
@@ -292,14 +294,14 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
     none = np.zeros(len(labels))
-    hasty = np.repeat(start[None], len(HASTY), axis=0)
-    return StateCoordinates(name, "free", tuple(labels), start, typical, none, none, hasty)
+    short_window = np.repeat(start[None], len(SHORT_WINDOWS), axis=0)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, none, none, short_window)
 
 
 def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:
     """Value and slope at time 0 of so many first samples (m,): with the curvature of a free fall, or with none where
-    they say that the body is borne."""
-    if acceleration and is_borne(times, values, acceleration):
+    they say that the body is supported."""
+    if acceleration and is_supported(times, values, acceleration):
         acceleration = 0.0
     times, values = times[:early], values[:early] - 0.5 * acceleration * times[:early] ** 2
     slope, place = np.polyfit(times, values, 1)

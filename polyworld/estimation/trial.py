@@ -42,7 +42,7 @@ class FittedHypothesis:
 
     hypothesis: Hypothesis
     fit: profile.Fit
-    bench: FitContext = field(repr=False)
+    context: FitContext = field(repr=False)
 
     @property
     def chi2(self) -> float:
@@ -58,7 +58,7 @@ class FittedHypothesis:
     def price(self) -> float:
         """Cost of the effects in the extended BIC: of their unknowns, of choosing them, and of implausible values."""
         h = self.hypothesis
-        occam = extended_bic(0.0, h.extra, self.bench.observations, len(h.parts), self.bench.candidates)
+        occam = extended_bic(0.0, h.extra, self.context.observations, len(h.parts), self.context.candidates)
         return occam + self.implausibility
 
     @property
@@ -71,7 +71,7 @@ class FittedHypothesis:
     @cached_property
     def goodness(self) -> Goodness:
         """Whether what is left is noise."""
-        return goodness(self.bench.design, self.bench.noise, self.fit)
+        return goodness(self.context.design, self.context.noise, self.fit)
 
     @property
     def passes(self) -> bool:
@@ -81,11 +81,11 @@ class FittedHypothesis:
     @cached_property
     def held_out(self) -> Array:
         """chi2 (F,) of data left out."""
-        return held_out(self.bench.design, self.hypothesis.unknowns, self.fit)
+        return held_out(self.context.design, self.hypothesis.unknowns, self.fit)
 
     @cached_property
     def ground(self) -> NuisanceProjection:
-        """What is fitted, to project further effects off."""
+        """Return what is fitted, to project further effects off."""
         return NuisanceProjection(self.fit)
 
     @property
@@ -96,7 +96,7 @@ class FittedHypothesis:
     @property
     def misfits(self) -> Array:
         """chi2 per measurement (R,) of each run, infinite where its rollout diverges."""
-        return self.costs / self.bench.counts
+        return self.costs / self.context.counts
 
     @property
     def costs(self) -> Array:
@@ -104,7 +104,7 @@ class FittedHypothesis:
         return np.array([float(r @ r) for r in self.fit.linear.r])
 
     def figures(self) -> dict[str, Any]:
-        """What is told of a fit as a search goes on, JSON-ready."""
+        """Return the figures of a fit that are reported as a search goes on, JSON-ready."""
         return {
             "hypothesis": self.hypothesis.title,
             "chi2": self.chi2,
@@ -116,7 +116,7 @@ class FittedHypothesis:
 
 
 class NuisanceProjection:
-    """What is fitted already, with the initial states projected out, run by run.
+    """What is fitted, with the initial states projected out, run by run.
 
     bases[run] (m, n): orthonormal, of what the initial state can take up. answers[run] (N, m): what the initial state
     does to take up a residual. slopes[run] (m, S): derivatives by the shared unknowns, less what the initial state
@@ -177,7 +177,7 @@ class FitContext:
         return sum(f.rollouts for _, f in self._forwards.values())
 
     def with_noise(self, noise: Noise) -> FitContext:
-        """The same bench under other noise; forward models are shared."""
+        """The same context under other noise; forward models are shared."""
         return replace(self, noise=noise)
 
     def forward(self, hypothesis: Hypothesis) -> Forward:
@@ -234,7 +234,7 @@ class FitContext:
         return [raw[0] for raw in self.forward(trial.hypothesis).residuals(settings)]
 
     def refit(self, trial: FittedHypothesis, *, iterations: int = 12, target: float | None = None) -> FittedHypothesis:
-        """Go on from where a fit ended, under this bench's noise."""
+        """Go on from where a fit ended, under this context's noise."""
         return self.fit(trial.hypothesis, trial.fit.values, trial.fit.states, iterations=iterations, target=target)
 
 
@@ -249,17 +249,17 @@ def refined(trial: FittedHypothesis, substep: float, shortest: float) -> FittedH
         step = max(substep, now / FINER) if coarse else now / FINER
         if step_error(trial, step) < UNMINDED:
             return trial
-        trial = trial.bench.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
+        trial = trial.context.fit(trial.hypothesis.stepped(step), trial.values, trial.fit.states)
 
 
 def step_error(trial: FittedHypothesis, step: float) -> float:
     """Sum of squares of what a rollout with other steps [s] changes in the whitened residuals of a fit, less what the
     initial states can take up."""
-    bench = trial.bench
-    settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in bench.design.runs]
-    finer = Forward(bench.design, trial.hypothesis.stepped(step).world, trial.hypothesis.unknowns, bench.cancelled)
+    context = trial.context
+    settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in context.design.runs]
+    finer = Forward(context.design, trial.hypothesis.stepped(step).world, trial.hypothesis.unknowns, context.cancelled)
     total = 0.0
-    for r, raw in zip(bench.design.runs, finer.residuals(settings), strict=True):
-        change = bench.noise.whiten(r.index, raw)[0] - trial.fit.linear.r[r.index]
+    for r, raw in zip(context.design.runs, finer.residuals(settings), strict=True):
+        change = context.noise.whiten(r.index, raw)[0] - trial.fit.linear.r[r.index]
         total += float(np.sum(trial.ground.off(r.index, change) ** 2)) if np.all(np.isfinite(change)) else np.inf
     return total

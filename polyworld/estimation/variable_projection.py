@@ -1,10 +1,10 @@
-"""Shared values moved with every run's initial state found anew at each, where bodies collide.
+"""Step shared values with every run's initial state fitted again at each step, where bodies collide.
 
-Behind collisions a small change makes another motion, so that a fit of everything together stops where one run that
-is touchy lies in a narrow valley of its own, however plainly the others ask for other values. Here shared values take
-the step that all runs ask for once initial states are projected out (variable projection: Golub & Pereyra 1973, SIAM
-J. Numer. Anal. 10, 413), or that all but one ask for; every run follows by itself, and one that is lost on the way is
-fitted along several ways.
+Behind collisions a small change makes another motion, so that a fit of everything together stops where one run that is
+ill-conditioned lies in a narrow valley of its own, however plainly the others ask for other values. Here shared values
+take the step that all runs ask for once initial states are projected out (variable projection: Golub & Pereyra 1973,
+SIAM J. Numer. Anal. 10, 413), or that all but one ask for; every run follows by itself, and one that gets worse is
+fitted by multistart.
 """
 
 from __future__ import annotations
@@ -22,22 +22,10 @@ from polyworld.estimation.multistart import Way, best_of_starts
 from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.per_run_descent import descend_per_run
 from polyworld.estimation.score_test import bounded_step
+from polyworld.estimation.settings import PROJECTION, REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
-
-HOPELESS = 10.0  # chi2 per measurement of the better half of the runs beyond which no step is tried
-ILL = 1.5  # chi2 per measurement of a run beyond which it may be lost
-STEPS = 4  # of shared values, at most
-ALIKE = 0.5  # standard errors within which two steps are one
-LITTLE = 0.1  # standard errors below which a step is none
-ASKED = 5  # runs that are left out in turn, at most: those without which the step would be another
-FOLLOWED = 2  # of the steps asked for, those for which lost runs are looked for
-SEARCHES = 4  # for lost runs, in all
-LOST = 10.0  # chi2 by which a run is worse than before that has been lost on the way
-GAIN = 2.0  # fall of chi2 for which it goes on
-ITERATIONS, TOGETHER = 5, 4  # of a run by itself, and of all together after a step
-ROUGH = 0.5  # fall of chi2 below which a run is at rest
 
 
 @dataclass
@@ -48,13 +36,13 @@ class _Followed:
     states: list[Array]
     costs: Array
 
-    def lost(self, before: Array) -> list[int]:
+    def worse(self, before: Array) -> list[int]:
         """Runs that fit much worse than before."""
-        return [int(k) for k in np.flatnonzero(self.costs > before + LOST)]
+        return [int(k) for k in np.flatnonzero(self.costs > before + REFIT.worth)]
 
-    def hoped(self, before: Array, lost: float = 0.0) -> float:
-        """chi2 if runs that are lost come back to what they were, or to so much more."""
-        return float(np.minimum(self.costs, before + lost).sum())
+    def hoped(self, before: Array, worse: float = 0.0) -> float:
+        """Return chi2 if runs that got worse come back to what they were, or to so much more."""
+        return float(np.minimum(self.costs, before + worse).sum())
 
 
 def sensitive(design: Design) -> bool:
@@ -68,22 +56,22 @@ def profiled(trial: FittedHypothesis) -> FittedHypothesis:
     As it is where bodies do not collide, nothing is shared, or the better half of the runs is far from explained: then
     it is not a run that holds up the others.
     """
-    if not len(trial.values) or not sensitive(trial.bench.design) or middle(trial.misfits) > HOPELESS:
+    if not len(trial.values) or not sensitive(trial.context.design) or middle(trial.misfits) > PROJECTION.hopeless:
         return trial
-    searches = SEARCHES
-    for _ in range(STEPS):
+    searches = PROJECTION.searches
+    for _ in range(PROJECTION.steps):
         before = trial.costs
         if not np.all(np.isfinite(before)):
             return trial
-        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, LOST))
+        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, REFIT.worth))
         further: FittedHypothesis | None = None
-        for one in followed[:FOLLOWED]:
-            lost = one.lost(before)
-            if lost and middle(one.costs / trial.bench.counts) > ILL:
+        for one in followed[: PROJECTION.followed]:
+            worse = one.worse(before)
+            if worse and middle(one.costs / trial.context.counts) > REFIT.explained:
                 continue  # it is the law that fails
-            if one.hoped(before) < trial.chi2 - GAIN and len(lost) <= searches:
-                searches -= len(lost)
-                _look_for(trial, one, lost, before)
+            if one.hoped(before) < trial.chi2 - PROJECTION.gain and len(worse) <= searches:
+                searches -= len(worse)
+                _refit(trial, one, worse, before)
                 further = _together(trial, one)
             if further is not None:
                 break
@@ -98,11 +86,11 @@ def middle(misfits: Array) -> float:
     return float(np.sort(misfits)[(len(misfits) - 1) // 2])
 
 
-def best_start_of(bench: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
+def best_start_of(context: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
     """The way found to fit a run best at shared values (S,); `below` as in `best_way`."""
-    world = hypothesis.fitted_world(values, bench.design.runs[run].run)
-    found = best_of_starts(world, bench.design, bench.noise, run, below, bench.cancelled)
-    bench.forward(hypothesis).rollouts += found.rollouts
+    world = hypothesis.fitted_world(values, context.design.runs[run].run)
+    found = best_of_starts(world, context.design, context.noise, run, below, context.cancelled)
+    context.forward(hypothesis).rollouts += found.rollouts
     return found
 
 
@@ -123,47 +111,47 @@ def asked_for(trial: FittedHypothesis) -> list[Array]:
     others = [towards(k) for k in range(len(own))] if len(own) > 1 else []
     others.sort(key=lambda v: -float(np.max(np.abs(v - first) / errors)))
     chosen: list[Array] = []
-    for v in (first, *others[:ASKED]):
-        moved = np.abs(v - trial.values) > LITTLE * errors
-        if moved.any() and all(np.any(np.abs(v - c) > ALIKE * errors) for c in chosen):
+    for v in (first, *others[: PROJECTION.asked]):
+        moved = np.abs(v - trial.values) > PROJECTION.little * errors
+        if moved.any() and all(np.any(np.abs(v - c) > PROJECTION.alike * errors) for c in chosen):
             chosen.append(v)
     return chosen
 
 
 def _followed(trial: FittedHypothesis, values: Array) -> _Followed:
     """Every run fitted by itself at other shared values, from where the slopes have it and from where it was."""
-    bench, linear = trial.bench, trial.fit.linear
-    forward = bench.forward(trial.hypothesis)
+    context, linear = trial.context, trial.fit.linear
+    forward = context.forward(trial.hypothesis)
     shift = values - trial.values
-    foretold = tuple(
+    predicted = tuple(
         state + within_reach(answer @ (r + a @ shift), own.typical)
         for own, state, answer, r, a in zip(
-            bench.design.runs, trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True
+            context.design.runs, trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True
         )
     )
     steps = standard_steps(forward, linear)
     best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))
-    for states in (foretold, trial.fit.states):
+    for states in (predicted, trial.fit.states):
         at = Point(values, states)
-        at, *_ = descend_per_run(forward, bench.noise, at, 1.0, steps, ITERATIONS, ROUGH)
-        costs = trial_costs(forward, bench.noise, [at], 1.0)[0]
+        at, *_ = descend_per_run(forward, context.noise, at, 1.0, steps, PROJECTION.iterations, PROJECTION.rough)
+        costs = trial_costs(forward, context.noise, [at], 1.0)[0]
         for k in np.flatnonzero(costs < best.costs):
             best.states[k], best.costs[k] = at.states[k], costs[k]
     return best
 
 
-def _look_for(trial: FittedHypothesis, one: _Followed, lost: list[int], before: Array) -> None:
-    """Fit lost runs along several ways, in place."""
-    for k in lost:
-        if trial.bench.design.runs[k].count:
-            found = best_start_of(trial.bench, trial.hypothesis, one.values, k, float(before[k]) + GAIN)
+def _refit(trial: FittedHypothesis, one: _Followed, worse: list[int], before: Array) -> None:
+    """Fit runs that got worse by multistart, in place."""
+    for k in worse:
+        if trial.context.design.runs[k].count:
+            found = best_start_of(trial.context, trial.hypothesis, one.values, k, float(before[k]) + PROJECTION.gain)
             if found.chi2 < one.costs[k]:
                 one.states[k], one.costs[k] = found.state, found.chi2
 
 
 def _together(trial: FittedHypothesis, one: _Followed) -> FittedHypothesis | None:
     """All runs fitted together from what was found; None where that is no better."""
-    if one.costs.sum() > trial.chi2 - GAIN:
+    if one.costs.sum() > trial.chi2 - PROJECTION.gain:
         return None
-    found = trial.bench.fit(trial.hypothesis, one.values, one.states, iterations=TOGETHER)
-    return found if found.chi2 < trial.chi2 - GAIN else None
+    found = trial.context.fit(trial.hypothesis, one.values, one.states, iterations=PROJECTION.together)
+    return found if found.chi2 < trial.chi2 - PROJECTION.gain else None

@@ -37,7 +37,7 @@ LOWERED: dict[str, dict[Kind, Kind]] = {
     "held_out_remainder": {"identified": "unexplained", "nothing_missing": "unexplained"},
     # A procedure that finds effects in data without any proves nothing by finding one.
     "null_control": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
-    # A rival that was not fitted has not lost.
+    # A competitor that was not fitted is not excluded.
     "time_limit": {"identified": "ambiguous", "identified_with_remainder": "unexplained"},
     "runner_up": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
     "nothing_held_out": {"identified": "ambiguous", "identified_with_remainder": "ambiguous"},
@@ -89,7 +89,7 @@ def contradictions(
         folds = len(best.held_out)
         gain = held_out_gain(best.held_out, found.ground.held_out)
         if folds < 2 or gain.gain * folds <= settings.decisive or not gain.exceeds(settings.clearly):
-            parts = "later parts" if len(found.bench.design.runs) == 1 else "the other runs"
+            parts = "later parts" if len(found.context.design.runs) == 1 else "the other runs"
             text = f"nothing was held out, and {parts} are not predicted decisively better"
             checks.append(Check("nothing_held_out", text))
     return checks

@@ -265,10 +265,10 @@ def _meetings(world: World, recording: Recording) -> tuple[tuple[str, str], ...]
             for b in list(columns)[i + 1 :]:
                 if frozenset((a, b)) in joined or (a, b) in found:
                     continue
-                apart = np.linalg.norm(run.positions[:, columns[a]] - run.positions[:, columns[b]], axis=1)
-                step = np.abs(np.diff(apart))
+                distance = np.linalg.norm(run.positions[:, columns[a]] - run.positions[:, columns[b]], axis=1)
+                step = np.abs(np.diff(distance))
                 slack = float(np.nanmax(step)) if np.isfinite(step).any() else 0.0
                 limit = (1.0 + NEAR) * (reach(world, world.object(a)) + reach(world, world.object(b))) + slack
-                if np.any(apart <= limit):
+                if np.any(distance <= limit):
                     found[(a, b)] = None
     return tuple(found)

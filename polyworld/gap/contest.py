@@ -31,8 +31,7 @@ Key = tuple[str, ...]
 Tell = Callable[[str, dict[str, Any]], None]
 More = Callable[[FittedHypothesis], list[Hypothesis]]
 
-HALFWAY = (0.3, 1.0)  # shares of the predicted step that are tried as starts
-IMPACTS = 12  # starts of an effect at contacts at which chi2 itself is evaluated: slopes predict nothing there
+HALFWAY = (0.3, 1.0)  # shares of the predicted step that are tried as starts: slopes often ask for too much
 
 
 def labels(hypothesis: Hypothesis) -> list[str]:
@@ -117,13 +116,13 @@ class Contest:
         for parent in parents:
             own: dict[Key, list[ScoreTestStart]] = {}
             held = [h for h in more(parent) if self.holds(h)]
-            for lead in leads(self.context, parent, [h for h in held if not self._steep(h)], self.settings.starts):
+            for lead in leads(self.context, parent, [h for h in held if not self._steep(h)], self.settings.few):
                 own.setdefault(identity(lead.hypothesis), []).append(lead)
             for hypothesis in held:
                 if self._steep(hypothesis):
-                    tried = leads(self.context, parent, [hypothesis], IMPACTS)
+                    tried = leads(self.context, parent, [hypothesis], self.settings.impacts)
                     seen = sorted((self._evaluated(parent, x) for x in tried), key=lambda x: x.chi2)
-                    own.setdefault(identity(hypothesis), []).extend(seen[: self.settings.starts])
+                    own.setdefault(identity(hypothesis), []).extend(seen[: self.settings.few])
             found += [(parent, tuple(sorted(x, key=lambda lead: lead.chi2))) for x in own.values() if x]
         price = float(np.log(self.observations))
         gains = [p.chi2 - starts[0].chi2 - starts[0].hypothesis.extra * price for p, starts in found]
@@ -231,8 +230,8 @@ class Contest:
         mislead = (far and profile.collide(context.design)) or unpredicted(hypothesis)
         if mislead and not self.explained(trial):
             data, horizons = profile.start_states(context.design), profile.horizons_for(context.design)
-            begun = [x.before for p in ways for x in p.starts if x.before is not None] or [start.values]
-            for values in (begun if unpredicted(hypothesis) else [start.values])[: self.settings.starts]:
+            off = [x.before for p in ways for x in p.starts if x.before is not None] or [start.values]
+            for values in (off if unpredicted(hypothesis) else [start.values])[: self.settings.few]:
                 other = context.fit(hypothesis, values, data, horizons=horizons, iterations=rough)
                 trial = min([trial, other], key=lambda t: t.chi2)
         return self.take(self._robust(trial) if leads_so_far else trial)
@@ -246,9 +245,9 @@ class Contest:
         if not same:
             return trial
         parent, own = same[0].parent, list(same[0].starts)
-        begun = mapped(parent, trial.hypothesis) if part.variant.everywhere is not None else []
-        begun += closer(self.context, parent, trial.hypothesis, own)[: self.settings.starts]
-        for x in begun:
+        starts = mapped(parent, trial.hypothesis) if part.variant.everywhere is not None else []
+        starts += closer(self.context, parent, trial.hypothesis, own)[: self.settings.few]
+        for x in starts:
             tried = self.context.fit(x.hypothesis, x.values, parent.fit.states, iterations=2 * self.settings.rough)
             trial = min([trial, self._robust(tried)], key=lambda t: t.chi2)
             if self.explained(trial):

@@ -20,7 +20,6 @@ from polyworld.gap.model_error import ModelError
 from polyworld.gap.settings import DecisionSettings
 from polyworld.gap.stability import (
     Names,
-    apart,
     chosen_in_subsets,
     closed,
     contains,
@@ -30,6 +29,7 @@ from polyworld.gap.stability import (
     has_effect,
     leader_and_error,
     names_of,
+    separation,
     support_of,
 )
 
@@ -49,18 +49,19 @@ class RunnerUp:
 
 @dataclass(frozen=True)
 class Stability:
-    """What the data name when model error is admitted.
+    """Hold what the data name when model error is admitted.
 
     leader: the hypothesis that leads then. error: the model error that it leaves. support: effect -> share of subsets
-    of the runs in which it is chosen. rivals: sets of names within reach of the leader. held_out: gain per left-out run
-    over the base, in chi2. ahead: by how much its extended BIC is below that of the base. reasons: why it is not named,
-    where it is not. alternatives: hypotheses chosen in some subsets of the runs each, where no more is wrong.
+    of the runs in which it is chosen. competitors: sets of names within reach of the leader. held_out: gain per
+    left-out run over the base, in chi2. ahead: by how much its extended BIC is below that of the base. reasons: why it
+    is not named, where it is not. alternatives: hypotheses chosen in some subsets of the runs each, where no more is
+    wrong.
     """
 
     leader: FittedHypothesis
     error: ModelError
     support: dict[str, float]
-    rivals: tuple[Names, ...]
+    competitors: tuple[Names, ...]
     held_out: HeldOutGain
     ahead: float
     reasons: tuple[str, ...] = ()
@@ -109,7 +110,7 @@ def decide(
         others = [t for t in pool if all(t is not s for s in standing)]
         found = compare(base, [*others, *standing], courses, settings, seed)
         if not far_fetched(found.leader) and found.leader.hypothesis.names:
-            if not found.reasons and not {names_of(t) for t in standing} & set(found.rivals):
+            if not found.reasons and not {names_of(t) for t in standing} & set(found.competitors):
                 return _named(gated, found)
             return _side_by_side(gated, found, (found.leader, *standing, *found.alternatives))
     return gated
@@ -117,7 +118,7 @@ def decide(
 
 def _named(gated: Verdict, found: Stability) -> Verdict:
     best = found.leader
-    kind: Kind = "identified" if best.passes and not found.rivals else "identified_with_remainder"
+    kind: Kind = "identified" if best.passes and not found.competitors else "identified_with_remainder"
     return replace(gated, kind=kind, best=best, credible=(best,), stability=found)
 
 
@@ -154,7 +155,7 @@ def compare(
     chosen = chosen_in_subsets(by_subset, index, settings)
     support = support_of(pool, index, chosen, by_subset, same)
     within = [t for t, score in zip(pool, scores, strict=True) if score - scores[index] <= settings.decisive]
-    rivals = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not contains(t, leader, same)))
+    competitors = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not contains(t, leader, same)))
     held_out = found.held_out()
     gain = held_out_gain(held_out[index], held_out[0])
     ahead = float(scores[0] - scores[index])
@@ -167,7 +168,7 @@ def compare(
         )
     if not leader.hypothesis.names:
         reasons.append("with model error admitted, no effect is decisive")
-        return Stability(leader, error, support, rivals, gain, ahead, tuple(reasons))
+        return Stability(leader, error, support, competitors, gain, ahead, tuple(reasons))
     if ahead <= settings.decisive:
         reasons.append(
             f"with model error admitted, the base is only {ahead:.1f} behind in the extended BIC "
@@ -206,7 +207,7 @@ def compare(
             f"{' and '.join(unstable)} {'is' if len(unstable) == 1 else 'are'} not chosen whichever runs are left "
             f"out (in {100.0 * least:.0f}% of the subsets)"
         )
-    return Stability(leader, error, support, rivals, gain, ahead, tuple(reasons), tuple(alternatives))
+    return Stability(leader, error, support, competitors, gain, ahead, tuple(reasons), tuple(alternatives))
 
 
 def leave_noise(trials: Sequence[FittedHypothesis], credible: float, settings: DecisionSettings = DEFAULT) -> Verdict:
@@ -264,7 +265,7 @@ def one_of_each_name(trials: Sequence[FittedHypothesis]) -> list[FittedHypothesi
 def _could_pass(trial: FittedHypothesis, ranked: Sequence[FittedHypothesis]) -> bool:
     """Return whether chi2 is near enough to the least, within what noise does, for the gate to be worth asking."""
     least = min(t.chi2 for t in ranked)
-    return trial.chi2 < least + 5.0 * float(np.sqrt(2.0 * max(least, trial.bench.observations)))
+    return trial.chi2 < least + 5.0 * float(np.sqrt(2.0 * max(least, trial.context.observations)))
 
 
 def _preferred(trial: FittedHypothesis, best: FittedHypothesis, chance: float) -> bool:
@@ -276,7 +277,7 @@ def _preferred(trial: FittedHypothesis, best: FittedHypothesis, chance: float) -
 def _richer(one: FittedHypothesis, other: FittedHypothesis, chance: float) -> bool:
     """Return whether a law with more unknowns predicts what a simpler one does, noise aside."""
     more = one.hypothesis.extra - other.hypothesis.extra
-    return more > 0 and apart(one, other) < float(chdtri(more, chance))
+    return more > 0 and separation(one, other) < float(chdtri(more, chance))
 
 
 def _runner_up(best: FittedHypothesis, ranked: Sequence[FittedHypothesis]) -> RunnerUp | None:

@@ -26,7 +26,7 @@ from polyworld.estimation.trial import FitContext, FittedHypothesis
 Array = NDArray[np.float64]
 
 MOST_ONSETS = 400  # of one run that are scored; longer runs are scored at every second, third ... stamp
-APART = 4  # scored onsets between two that are both told
+BETWEEN = 4  # scored onsets between two that are both reported
 WHOLE = 0.5  # of a frame, from which on a shift is nearer to one frame than to none
 SMALL = 0.1  # of a frame, by which what is seen is shifted for a slope
 ENDS = 3  # samples before the first onset and after the last
@@ -43,7 +43,7 @@ class Onset:
 
 
 def dropped_frame_starts(
-    bench: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, run: RunDesign, count: int
+    context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, run: RunDesign, count: int
 ) -> tuple[Onset, ...]:
     """The onsets in a run at which dropped or repeated frames would explain most of a fit's residuals, best first.
 
@@ -57,7 +57,7 @@ def dropped_frame_starts(
     ground = trial.ground
     stride = 1 + (len(times) - 2 * ENDS) // MOST_ONSETS
     first_after = np.arange(ENDS, len(times) - ENDS + 1, stride)
-    slopes = ground.off(run.index, _slopes(bench, trial, hypothesis, run, first_after))
+    slopes = ground.off(run.index, _slopes(context, trial, hypothesis, run, first_after))
     rest = ground.off(run.index, trial.fit.linear.r[run.index])
     shared = ground.slopes[run.index]
     pulls = sum(
@@ -73,7 +73,7 @@ def dropped_frame_starts(
     gain = -(2.0 * gradient * shift + information * shift**2)
     chosen: list[int] = []
     for k in np.argsort(-gain, kind="stable"):
-        if len(chosen) < count and known[k] and all(abs(k - other) >= APART for other in chosen):
+        if len(chosen) < count and known[k] and all(abs(k - other) >= BETWEEN for other in chosen):
             chosen.append(int(k))
     return tuple(
         Onset(float(0.5 * (times[i - 1] + times[i])), float(shift[k]), float(gain[k]))
@@ -82,21 +82,21 @@ def dropped_frame_starts(
 
 
 def dropped_frame_leads(
-    bench: FitContext, trial: FittedHypothesis, hypotheses: Sequence[Hypothesis], keep: int
+    context: FitContext, trial: FittedHypothesis, hypotheses: Sequence[Hypothesis], keep: int
 ) -> list[ScoreTestStart]:
     """Where to begin fits of hypotheses whose last part is a shift in one run: the `keep` best onsets of all runs."""
     found: list[ScoreTestStart] = []
     for hypothesis in hypotheses:
         part = hypothesis.parts[-1].variant
         observer = part.world.observer
-        run = next((r for r in bench.design.runs if observer is not None and r.run.name == observer.shift_run), None)
+        run = next((r for r in context.design.runs if observer is not None and r.run.name == observer.shift_run), None)
         if run is None:
             continue
-        for onset in dropped_frame_starts(bench, trial, hypothesis, run, keep):
-            told = {"shift": onset.shift, "shift_time": onset.time}
-            values = np.concatenate([trial.values, [told[u.name] for u in part.unknowns]])
-            before = np.concatenate([trial.values, [(told | {"shift": 0.0})[u.name] for u in part.unknowns]])
-            (slope,) = _slopes(bench, trial, hypothesis, run, np.searchsorted(run.times, [onset.time]))
+        for onset in dropped_frame_starts(context, trial, hypothesis, run, keep):
+            given = {"shift": onset.shift, "shift_time": onset.time}
+            values = np.concatenate([trial.values, [given[u.name] for u in part.unknowns]])
+            before = np.concatenate([trial.values, [(given | {"shift": 0.0})[u.name] for u in part.unknowns]])
+            (slope,) = _slopes(context, trial, hypothesis, run, np.searchsorted(run.times, [onset.time]))
             states = list(trial.fit.states)
             answer = trial.ground.answers[run.index] @ (slope * onset.shift)
             states[run.index] = states[run.index] + within_reach(answer, run.typical)
@@ -105,7 +105,7 @@ def dropped_frame_leads(
 
 
 def _slopes(
-    bench: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, run: RunDesign, first_after: NDArray[np.int64]
+    context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, run: RunDesign, first_after: NDArray[np.int64]
 ) -> Array:
     """Whitened derivatives (K, m) of a run's residuals by a shift from each of K stamps on."""
     own = hypothesis.parts[-1].variant.unknowns
@@ -113,9 +113,9 @@ def _slopes(
     begin = {u.name: u.lower for u in own}
     shared = np.array([[*trial.values, *((begin | {"shift": s})[u.name] for u in own)] for s in (0.0, step)])
     states = np.repeat(trial.fit.states[run.index][None], 2, axis=0)
-    (raw,) = bench.forward(hypothesis).residuals([Settings(run.index, shared, states)])
+    (raw,) = context.forward(hypothesis).residuals([Settings(run.index, shared, states)])
     row = np.zeros(run.length, dtype=np.int64)
     for s in run.series:
         row[s.where] = s.rows
     late = row[None] >= first_after[:, None]
-    return bench.noise.whiten(run.index, np.nan_to_num(raw[1] - raw[0]) / step * late)
+    return context.noise.whiten(run.index, np.nan_to_num(raw[1] - raw[0]) / step * late)

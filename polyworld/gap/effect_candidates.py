@@ -44,6 +44,8 @@ def _candidate(name: str, kinds: list[str]) -> Candidate:
         confused_with=absence.confused_with,
         further=None if absence.frequency is None else partial(rhythm_starts, absence.frequency),
         torque=absence.torque,
+        plain=absence.plain,
+        uniform=absence.uniform,
     )
 
 

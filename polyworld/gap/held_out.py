@@ -165,8 +165,8 @@ def _carried(plan: Design, other: Design, states: Sequence[Array]) -> tuple[Arra
     """Initial states of another design of the same runs, as far as they are coordinates of this one too."""
     carried = []
     for own, theirs, known in zip(plan.runs, other.runs, states, strict=True):
-        told = dict(zip(theirs.labels, known, strict=True))
-        carried.append(np.array([told.get(label, v) for label, v in zip(own.labels, own.start, strict=True)]))
+        fitted = dict(zip(theirs.labels, known, strict=True))
+        carried.append(np.array([fitted.get(label, v) for label, v in zip(own.labels, own.start, strict=True)]))
     return tuple(carried)
 
 

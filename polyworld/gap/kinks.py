@@ -116,6 +116,6 @@ def _near_others(world: World, track: Track, others: Sequence[Track], margin: fl
     for other in others:
         limit = 1.25 * (own + reach(world, world.object(other.name))) + margin
         rows = np.searchsorted(other.times, track.times).clip(0, len(other.times) - 1)
-        apart = np.linalg.norm(track.places - other.places[rows], axis=1)
-        near |= np.isfinite(apart) & (apart <= limit)
+        distance = np.linalg.norm(track.places - other.places[rows], axis=1)
+        near |= np.isfinite(distance) & (distance <= limit)
     return near

@@ -100,7 +100,7 @@ def localise(
 ) -> Localisation:
     """Share the residuals of a fit out over the factors.
 
-    unknowns: those fitted, whose values then move the world that tells phases and speeds; without them it moves as
+    unknowns: those fitted, whose values then move the world that gives phases and speeds; without them it moves as
     `design.world` does from the fitted initial states.
     """
     settings = settings or LocaliseSettings()

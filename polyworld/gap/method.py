@@ -35,7 +35,7 @@ from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
 from polyworld.gap.searching import Searched, Story
 from polyworld.gap.set_aside import Work, search_without_outliers
-from polyworld.gap.settings import PLAIN, DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
+from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
 from polyworld.gap.single_coordinate import follows_one_course
 from polyworld.gap.stability import widened
 from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
@@ -115,14 +115,14 @@ def find_gap(
 
     courses = _courses(screening, recording, found)
     verdict = decide(found.verdict, found.ground, found.pool, courses, settings.decision, settings.seed)
-    best, bench, ground = verdict.best, found.bench, found.ground
-    intervals = intervals95(bench, best or ground)
+    best, context, ground = verdict.best, found.context, found.ground
+    intervals = intervals95(context, best or ground)
     if verdict.kind == "identified_with_remainder" and verdict.stability is not None and best is not None:
         intervals = widened(intervals, best, verdict.stability.error)
     child: World | None = None
     if best is not None:
         whole = without_runs(recording, [o.run for o in aside])
-        child = of_whole_runs(_fitted_world(best, world), whole, bench.design.recording)
+        child = of_whole_runs(_fitted_world(best, world), whole, context.design.recording)
     story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
 
     remainder = None if verdict.stability is None else remainder_of(best or ground, ground)
@@ -134,10 +134,10 @@ def find_gap(
     checks = contradictions(found, verdict, gap, null, settings.decision)
     verdict = replace(verdict, kind=lowered(verdict.kind, checks))
     experiment = _experiment(story, found, verdict) if settings.experiment and not found.limited else None
-    story.tell(1.0, "done", {"rollouts": bench.rollouts})
+    story.tell(1.0, "done", {"rollouts": context.rollouts})
     return GapReport(
         verdict=verdict,
-        bench=bench,
+        context=context,
         base=ground,
         intervals=intervals,
         world=child,
@@ -146,7 +146,7 @@ def find_gap(
         experiment=experiment,
         residual_force=force.to_json() if force is not None else None,
         near_misses=found.near_misses,
-        cautions=(*(f.message for f in screening.findings), *cautions(bench.design)),
+        cautions=(*(f.message for f in screening.findings), *cautions(context.design)),
         history=tuple(story.steps),
         set_aside=aside,
         checks=tuple(checks),
@@ -158,9 +158,9 @@ def find_gap(
 
 def _courses(screening: Screening, recording: Recording, found: Searched) -> int:
     """Number of distinct courses among the runs that are fitted; parts of one long run differ as courses do."""
-    kept = {r.run.part_of or r.run.name for r in found.bench.design.runs}
+    kept = {r.run.part_of or r.run.name for r in found.context.design.runs}
     if len(kept) == 1:
-        return len(found.bench.design.runs)
+        return len(found.context.design.runs)
     of_kept = {c for c, run in zip(screening.course_of, recording.runs, strict=True) if run.name in kept}
     return len(of_kept)
 
@@ -180,7 +180,7 @@ def _residual_force(
         verdict.kind in ("identified", "ambiguous")
         and best is not None
         and all(len(t.hypothesis.parts) > 1 for t in verdict.credible)
-        and not follows_one_course(found.bench.design)
+        and not follows_one_course(found.context.design)
     )
     large = verdict.kind == "identified_with_remainder" and remainder is not None
     large = large and remainder is not None and remainder.beyond_noise > remainder.noise
@@ -193,7 +193,7 @@ def _residual_force(
         assert best is not None
         if not _simpler(force, found.ground, best, work.decision.reach):
             return verdict, None, child
-        if all(name in PLAIN for name in best.hypothesis.names):  # both are laws one would expect
+        if all(p.candidate.plain for p in best.hypothesis.parts):  # both are laws one would expect
             verdict = replace(verdict, kind="ambiguous", credible=(best,), forms=())
         else:
             verdict = replace(verdict, kind="unexplained", credible=(), forms=())
@@ -210,7 +210,7 @@ def _simpler(force: ResidualForce, ground: FittedHypothesis, best: FittedHypothe
     """
     if not force.explains or force.world is None:
         return False
-    effects = extended_bic(best.chi2, best.hypothesis.extra, best.bench.observations, 0, 1)
+    effects = extended_bic(best.chi2, best.hypothesis.extra, best.context.observations, 0, 1)
     return law_ebic(force, ground) < effects - by
 
 
@@ -226,25 +226,25 @@ def _proof(
         return None
     before = _fitted_world(found.ground, work.world)
     after = child if child is not None else before
-    gap = held_out_gap(begins(before), begins(after), held_out, found.bench.noise)
+    gap = held_out_gap(begins(before), begins(after), held_out, found.context.noise)
     work.story.tell(0.85, "sealed data", gap.to_dict())
     return gap
 
 
 def _null_control(work: Work, found: Searched, best: FittedHypothesis | None, seed: int) -> NullControl:
     """Repeat the search on data simulated from the base world, with its noise: nothing is missing there."""
-    ground, bench = found.ground, found.bench
+    ground, context = found.ground, found.context
     states = best.fit.states if best is not None else ground.fit.states
-    made = simulated_recording(bench.forward(ground.hypothesis), ground.values, states, bench.noise, seed)
-    quiet = replace(work, story=Story(None), base=ground.hypothesis.base, world=bench.design.world)
+    made = simulated_recording(context.forward(ground.hypothesis), ground.values, states, context.noise, seed)
+    quiet = replace(work, story=Story(None), base=ground.hypothesis.base, world=context.design.world)
     again = quiet.search(made, work.candidates)
     after: float | None = None
     if best is not None:
         added = [u.start for u in best.hypothesis.unknowns[len(ground.values) :]]
         values = np.concatenate([again.ground.values, added])
         # Places and frequencies stay as found: where the strength is nothing, they could not be determined.
-        after = again.bench.fit(best.hypothesis, values, again.ground.fit.states).chi2
-    control = NullControl(again.verdict.kind, again.ground.chi2, after, int(again.bench.observations), seed)
+        after = again.context.fit(best.hypothesis, values, again.ground.fit.states).chi2
+    control = NullControl(again.verdict.kind, again.ground.chi2, after, int(again.context.observations), seed)
     work.story.tell(0.95, "null control", control.to_dict())
     return control
 
@@ -259,7 +259,7 @@ def _experiment(story: Story, found: Searched, verdict: Verdict) -> dict[str, ob
         Contender(t.hypothesis.names, t.hypothesis.world, t.hypothesis.unknowns, t.values, t.fit.covariance)
         for t in verdict.credible
     ]
-    sought = propose_experiment(found.bench.design, found.bench.noise, contenders)
+    sought = propose_experiment(found.context.design, found.context.noise, contenders)
     story.tell(0.98, "experiment", {"found": sought is not None})
     return sought.to_dict() if sought is not None else None
 

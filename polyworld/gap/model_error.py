@@ -68,7 +68,7 @@ def model_error_of(trial: FittedHypothesis, left: float) -> ModelError:
     Pairs of neighbouring modes are pooled, and variances fall with the mode's number, as those of smooth courses do.
     left: part of a mode that fitted directions must leave for it to be counted.
     """
-    design, noise = trial.bench.design, trial.bench.noise
+    design, noise = trial.context.design, trial.context.noise
     residuals, own, shared = projected(trial.fit)
     energy = {kind: np.zeros((2, MODES)) for kind in noise.correlation}  # of the modes, and its expectation for noise
     others = {kind: np.zeros(2) for kind in noise.correlation}
@@ -91,7 +91,7 @@ def model_error_of(trial: FittedHypothesis, left: float) -> ModelError:
 
 @dataclass(frozen=True)
 class RunEvidence:
-    """What each run says of the shared values near a fit, its own initial state profiled out.
+    """Evidence of each run on the shared values near a fit, its own initial state profiled out.
 
     chi2 of run r after a change d of the shared values: level[r] + 2 slope[r] d + d^T curvature[r] d. prior (S,):
     weight of a typical change, which keeps what the data do not determine. free (S,): values not at a bound.

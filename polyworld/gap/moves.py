@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-GREATER = (1.1, 2.0)  # times a friction from which it is fitted again
-SIMPLER = 3  # simpler effects that are fitted in the place of each of several
-
-SAME = 0.05  # of chi2, by which the residuals of two parents differ that are names for the same motion
+GREATER = (1.1, 2.0)  # times a friction from which it is fitted again: just past a sticking contact, and well past it
 
 
 @dataclass(frozen=True)
@@ -39,7 +36,7 @@ def moves(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
 
 
 def _competitors(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
-    """What segments hardly distinguish from the best, and what predicted the same as it did."""
+    """Return what segments hardly distinguish from the best, and what predicted the same as it did."""
     found: dict[tuple[str, ...], Move] = {}
     if search.used is not None:
         there = search.used.ranked(effects)
@@ -67,17 +64,17 @@ def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
     for less, values in reduced(search.context, best):
         (part,) = [p for p in best.hypothesis.parts if p.candidate.name not in less.names]
         theirs = {(u.name, u.unit) for u in part.variant.unknowns}
-        told = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
+        known = best.hypothesis.of_part(best.hypothesis.parts.index(part), best.values)
         ways = [h for c in search.candidates for h in extended(less.stepped(substep), c, recording)]
         fewer = [h for h in ways if len(h.parts[-1].variant.unknowns) < len(theirs) + _confusable(part, h.parts[-1])]
         for h in fewer:
             own = h.parts[-1].variant.unknowns
             if {(u.name, u.unit) for u in own} < theirs:
-                start = np.concatenate([values, [told[u.name] for u in own]])
+                start = np.concatenate([values, [known[u.name] for u in own]])
                 found.append(Move(h, Start(start, best.fit.states)))
         if len(best.hypothesis.parts) > 1 and best.passes and fewer:
             off = search.context.fit(less.stepped(substep), values, best.fit.states, iterations=0)
-            for lead in leads(search.context, off, fewer, 1)[:SIMPLER]:
+            for lead in leads(search.context, off, fewer, 1)[: search.settings.few]:
                 starts = [Start(lead.values, best.fit.states)]
                 if lead.states is not None:
                     starts.append(Start(lead.values, lead.states))
@@ -115,11 +112,11 @@ def reduced(context: FitContext, trial: FittedHypothesis) -> list[tuple[Hypothes
     return [less for less in found if less is not None]
 
 
-def distinct(parents: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
-    """Return the parents less those that leave nearly the same residuals as one before them: another name for it."""
+def distinct(parents: Sequence[FittedHypothesis], alike: float) -> list[FittedHypothesis]:
+    """Return the parents less those whose residuals are those of one before them but for a share `alike` of chi2."""
     kept: list[FittedHypothesis] = []
     for trial in parents:
-        if all(_difference(trial, other) >= SAME * min(trial.chi2, other.chi2) for other in kept):
+        if all(_difference(trial, other) >= alike * min(trial.chi2, other.chi2) for other in kept):
             kept.append(trial)
     return kept
 

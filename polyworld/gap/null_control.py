@@ -38,8 +38,8 @@ class NullControl:
 
 
 def simulated_recording(forward: Forward, values: Array, states: Sequence[Array], noise: Noise, seed: int) -> Recording:
-    """What a world would have shown: its motion at all instants that were measured, with noise of the same level and
-    correlation in time. Components that were not measured stay so."""
+    """Simulate a measurement of a world: its motion at all instants that were measured, with noise of the same level
+    and correlation in time. Components that were not measured stay so."""
     rng = np.random.default_rng(seed)
     plan = forward.design
     settings = [Settings(r.index, values[None], states[r.index][None]) for r in plan.runs]

@@ -24,7 +24,7 @@ PRIOR = 1e3  # ordinary changes of an initial state: next to nothing is known of
 @dataclass(frozen=True)
 class Onset:
     """From when on [s, since the run's start] an object's motion differs, in which run, and by how many standard
-    deviations the first window that tells it is off."""
+    deviations the first window that shows it is off."""
 
     run: str
     name: str

@@ -65,7 +65,7 @@ class _SegmentFits:
     iterations: int
 
     def again(self, k: int) -> None:
-        """Fit a segment again, begun earlier: just before an impact its own samples hardly determine its state."""
+        """Fit a segment again with an earlier start: before an impact its own samples hardly determine its state."""
         plan, first = self.segments.whole, self.segments.first[k]
         run = plan.runs[int(self.segments.run[k])].run
         since = run.times - run.times[0]
@@ -103,7 +103,7 @@ def event_runs(
     names = [r.name for r in recording.runs]
 
     every = np.concatenate([f.misfit for f in fits])
-    limit = max(settings.misfit, settings.apart * _ordinary(every, settings))
+    limit = max(settings.misfit, settings.exceptional * _ordinary(every, settings))
     beyond = [(f, int(k)) for f in fits for k in np.flatnonzero(f.misfit > limit)]
     for f, k in beyond:
         f.again(k)
@@ -112,7 +112,7 @@ def event_runs(
     found: dict[str, OutlyingRun] = {}
     for f, k in beyond:
         excess = float(f.misfit[k])
-        if excess > max(settings.misfit, settings.apart * usual):
+        if excess > max(settings.misfit, settings.exceptional * usual):
             length = float(f.context.design.runs[k].times[-1])
             how = (
                 f"over {length:.2g} s no motion of this world fits (chi2 per measurement {excess:.3g}, in the other "
@@ -188,7 +188,7 @@ def misfitting_runs(
     if ordinary > settings.explained:
         return ()
     found = []
-    for run, misfit in zip(trial.bench.design.runs, misfits, strict=True):
+    for run, misfit in zip(trial.context.design.runs, misfits, strict=True):
         if misfit > settings.excess * ordinary:
             white = trial.fit.linear.r[run.index]
             names = " + ".join(trial.hypothesis.names) or "the world as it is"
@@ -202,10 +202,10 @@ def misfitting_runs(
 def _concentrated(trial: FittedHypothesis, spare: int, light: float) -> tuple[FittedHypothesis, Array]:
     """Refit a hypothesis with the runs that it explains worst all but left out; with chi2 per measurement (R,)."""
     worst = set(np.argsort(-trial.misfits, kind="stable")[:spare].tolist())
-    noise = trial.bench.noise
+    noise = trial.context.noise
     scale = np.array([light if r in worst else 1.0 for r in range(len(noise.sigma))])
     lighter = replace(noise, sigma=tuple(sigma * k for sigma, k in zip(noise.sigma, scale, strict=True)))
-    again = trial.bench.with_noise(lighter).refit(trial)
+    again = trial.context.with_noise(lighter).refit(trial)
     return again, again.misfits * scale**2
 
 
@@ -224,7 +224,7 @@ def supporting_run(
     price = (best.ebic - best.chi2) - (base.ebic - base.chi2)
     if gains.sum() - gains[run] > price + decisive:
         return None
-    own = best.bench.design.runs[run]
+    own = best.context.design.runs[run]
     white = base.fit.linear.r[run]
     names = " + ".join(n for n in best.hypothesis.names if n not in base.hypothesis.names)
     how = f"it alone supports {names}, which lowers its chi2 by {gains[run]:.3g} and that of all others by " + (

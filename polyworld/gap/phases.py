@@ -1,4 +1,5 @@
-"""What each object was doing at each measured instant: flying, touching, sliding, rolling, resting, just hit."""
+"""Classify the motion of each object at each measured instant: flying, touching, sliding, rolling, resting, just
+hit."""
 
 from __future__ import annotations
 
@@ -121,12 +122,12 @@ def _in_contact(world: World, name: str, velocity: Array, spin: Array, speed: Ar
 def _contacts(name: str, events: Sequence[Event], last: float) -> list[tuple[float, float]]:
     """Begin and end [s] of every contact of an object."""
     found: list[tuple[float, float]] = []
-    begun: dict[tuple[str, ...], float] = {}
+    open_since: dict[tuple[str, ...], float] = {}
     for e in events:
         if name not in e.participants:
             continue
         if e.kind == "contact_begin":
-            begun[e.participants] = e.time
-        elif e.kind == "contact_end" and e.participants in begun:
-            found.append((begun.pop(e.participants), e.time))
-    return found + [(begin, last) for begin in begun.values()]
+            open_since[e.participants] = e.time
+        elif e.kind == "contact_end" and e.participants in open_since:
+            found.append((open_since.pop(e.participants), e.time))
+    return found + [(begin, last) for begin in open_since.values()]

@@ -91,12 +91,12 @@ def power_check(
         from polyworld.gap.catalogue import catalogue
 
         candidates = tuple(catalogue().values())
-    count = max(trial.bench.candidates, len(candidates))
+    count = max(trial.context.candidates, len(candidates))
     found: list[Power] = []
     for candidate in candidates:
-        for hypothesis in extended(trial.hypothesis, candidate, trial.bench.design.recording):
+        for hypothesis in extended(trial.hypothesis, candidate, trial.context.design.recording):
             extra = hypothesis.extra - trial.hypothesis.extra
-            needed = noncentrality_needed(extra, trial.bench.observations, count, settings)
+            needed = noncentrality_needed(extra, trial.context.observations, count, settings)
             found += _of_hypothesis(trial, hypothesis, needed, settings)
     return tuple(sorted(found, key=lambda p: (p.noncentrality / p.needed, p.effect, p.label)))
 
@@ -166,16 +166,16 @@ def _of_unknown(
 
 def _noncentralities(trial: FittedHypothesis, hypothesis: Hypothesis, values: Array) -> Array:
     """Squared length (k,) of the change of the whitened motion at shared values (k, S), all fitted projected out."""
-    bench: FitContext = trial.bench
+    context: FitContext = trial.context
     ground = trial.ground
     settings = [
         Settings(r.index, values, np.repeat(trial.fit.states[r.index][None], len(values), axis=0))
-        for r in bench.design.runs
+        for r in context.design.runs
     ]
     square = np.zeros(len(values))
     along = np.zeros((len(values), ground.inverse.shape[0]))
-    for r, raw in zip(bench.design.runs, bench.forward(hypothesis).residuals(settings), strict=True):
-        change = ground.off(r.index, bench.noise.whiten(r.index, raw) - trial.fit.linear.r[r.index])
+    for r, raw in zip(context.design.runs, context.forward(hypothesis).residuals(settings), strict=True):
+        change = ground.off(r.index, context.noise.whiten(r.index, raw) - trial.fit.linear.r[r.index])
         square += (change**2).sum(axis=1)
         along += change @ ground.slopes[r.index]
     result: Array = square - np.einsum("ks,st,kt->k", along, ground.inverse, along)

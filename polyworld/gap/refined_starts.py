@@ -23,7 +23,7 @@ SEED = 1822  # of the directions, the same for all
 
 
 def closer(
-    bench: FitContext,
+    context: FitContext,
     ground: FittedHypothesis,
     hypothesis: Hypothesis,
     found: Sequence[ScoreTestStart],
@@ -52,7 +52,7 @@ def closer(
                 starts.append(fixed | dict(zip([u.name for u in placed], place.tolist(), strict=True)))
         around = replace(part, variant=replace(variant, starts=tuple(starts)))
         moved = replace(hypothesis, parts=(*hypothesis.parts[:-1], around))
-        best = _distinct([*best, *leads(bench, ground, [moved], len(starts))], at, typical, settings)
+        best = _distinct([*best, *leads(context, ground, [moved], len(starts))], at, typical, settings)
     return [replace(lead, hypothesis=hypothesis) for lead in best]
 
 
@@ -62,7 +62,7 @@ def _distinct(
     """Choose the best few starts, best first, that are not all at one place."""
     kept: list[ScoreTestStart] = []
     for lead in sorted(found, key=lambda x: x.chi2):
-        if all(float(np.max(np.abs(_place(lead, at) - _place(k, at)) / typical)) > settings.apart for k in kept):
+        if all(float(np.max(np.abs(_place(lead, at) - _place(k, at)) / typical)) > settings.separation for k in kept):
             kept.append(lead)
         if len(kept) == settings.kept:
             break

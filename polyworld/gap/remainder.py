@@ -69,7 +69,7 @@ def remainder_of(
 ) -> Remainder:
     """Describe the residuals of a fit, compared with those of the base."""
     settings = settings or LocaliseSettings()
-    design, noise = trial.bench.design, trial.bench.noise
+    design, noise = trial.context.design, trial.context.noise
     kind = first_kind(design.series)
     left, size = _rms(trial, kind)
     before, _ = _rms(base, kind)
@@ -81,13 +81,13 @@ def remainder_of(
 
 def _rms(trial: FittedHypothesis, kind: str) -> tuple[float, list[Array]]:
     """Root mean square of raw residuals of one kind, and each run's residual size (m,) per series entry."""
-    raw = trial.bench.raw_residuals(trial)
+    raw = trial.context.raw_residuals(trial)
     squares, sizes = [], []
-    for s in trial.bench.design.series:
+    for s in trial.context.design.series:
         if s.kind == kind:
-            own = raw[s.run][s.where][trial.bench.noise.kept[s.run][s.where]]
+            own = raw[s.run][s.where][trial.context.noise.kept[s.run][s.where]]
             squares.append(own**2)
-        sizes.append(np.abs(raw[s.run][s.where]) / trial.bench.noise.sigma[s.run][s.where])
+        sizes.append(np.abs(raw[s.run][s.where]) / trial.context.noise.sigma[s.run][s.where])
     total = np.concatenate(squares)
     return float(np.sqrt(np.mean(total))) if np.all(np.isfinite(total)) else float("inf"), sizes
 
@@ -96,8 +96,8 @@ def _correlations(trial: FittedHypothesis, sizes: list[Array]) -> dict[str, floa
     """Correlate the residual's size with time, speed, height and the distance travelled, all series together."""
     columns: dict[str, list[Array]] = {"time": [], "speed": [], "height": [], "distance travelled": []}
     size: list[Array] = []
-    for s, own in zip(trial.bench.design.series, sizes, strict=True):
-        run = trial.bench.design.runs[s.run].run
+    for s, own in zip(trial.context.design.series, sizes, strict=True):
+        run = trial.context.design.runs[s.run].run
         if s.name not in run.names or len(s.rows) < 4:
             continue
         path = run.positions[s.rows, run.names.index(s.name)]

@@ -1,4 +1,4 @@
-"""What was found, as plain data: the verdict with its evidence, and the way there."""
+"""Report the verdict with its evidence, and how it was reached, as plain data."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class GapReport:
     """
 
     verdict: Verdict
-    bench: FitContext = field(repr=False)
+    context: FitContext = field(repr=False)
     base: FittedHypothesis = field(repr=False)
     intervals: Array
     world: World | None
@@ -89,7 +89,7 @@ class GapReport:
             "runner_up": _runner_up(self.verdict.runner_up),
             "experiment": self.experiment,
             "residual_force": self.residual_force,
-            "noise": self.bench.noise.to_json(),
+            "noise": self.context.noise.to_json(),
             "goodness": judged.goodness.to_json(),
             "sealed": None if self.held_out is None else self.held_out.to_dict(),
             "null_control": None if self.null is None else self.null.to_dict(),
@@ -162,7 +162,7 @@ def _stability(found: Stability) -> dict[str, Any]:
         "held_out_error": found.held_out.error,
         "ebic_ahead": found.ahead,
         "model_error": found.error.size,
-        "rivals": [list(names) for names in found.rivals],
+        "rivals": [list(names) for names in found.competitors],
         "reasons": list(found.reasons),
     }
 

@@ -20,7 +20,7 @@ BEGUN = 6  # frequencies that fits begin at, beside those of the grid
 
 
 def rhythm_starts(
-    frequency: str, bench: FitContext, trial: FittedHypothesis, variant: Variant
+    frequency: str, context: FitContext, trial: FittedHypothesis, variant: Variant
 ) -> tuple[Mapping[str, float], ...]:
     """Starts at the frequencies at which residuals swing most, where those of the grid are too far apart, or end.
 
@@ -31,17 +31,17 @@ def rhythm_starts(
         return ()
     highest = next(u.upper for u in variant.unknowns if u.name == frequency)
     others = [start for start in variant.starts if start[frequency] == grid[0]]
-    return tuple({**start, frequency: f} for f in rhythms(bench, trial, grid[0], highest, BEGUN) for start in others)
+    return tuple({**start, frequency: f} for f in rhythms(context, trial, grid[0], highest, BEGUN) for start in others)
 
 
-def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float, count: int) -> tuple[float, ...]:
+def rhythms(context: FitContext, trial: FittedHypothesis, low: float, high: float, count: int) -> tuple[float, ...]:
     """Find the `count` frequencies [Hz] from low to high that explain most of a fit's position residuals.
 
     One oscillation at all times and in all runs (the clock is the recording's) along each axis, beside what initial
     states can take up: a least-squares spectrum (Lomb 1976, Astrophys. Space Sci. 39, 447), whitened as the fit was. A
     forcing moves a free body so, and any other at the same frequency once its own motion has died down.
     """
-    runs = bench.design.runs
+    runs = context.design.runs
     first = min(float(r.run.times[0]) for r in runs)
     spans: dict[str, list[float]] = {}
     for r in runs:
@@ -49,7 +49,7 @@ def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float,
     span = max(max(s) - min(s) for s in spans.values())
     number = int(np.clip(np.ceil((high - low) * span * OVERSAMPLING), 2, MOST))
     frequencies = np.linspace(low, high, number)
-    gain = np.concatenate([_gains(bench, trial, frequencies[k : k + BATCH], first) for k in range(0, number, BATCH)])
+    gain = np.concatenate([_gains(context, trial, frequencies[k : k + BATCH], first) for k in range(0, number, BATCH)])
     chosen: list[float] = []
     for k in np.argsort(-gain, kind="stable"):
         if all(abs(frequencies[k] - f) >= 1.0 / span for f in chosen):
@@ -59,13 +59,13 @@ def rhythms(bench: FitContext, trial: FittedHypothesis, low: float, high: float,
     return tuple(chosen)
 
 
-def _gains(bench: FitContext, trial: FittedHypothesis, frequencies: Array, first: float) -> Array:
+def _gains(context: FitContext, trial: FittedHypothesis, frequencies: Array, first: float) -> Array:
     """Predict the fall (K,) of chi2 for an oscillation of each frequency (K,)."""
     k = len(frequencies)
     gain = np.zeros(k)
     for axis in range(3):
         gradient, information = np.zeros((k, 2)), np.zeros((k, 2, 2))
-        for r in bench.design.runs:
+        for r in context.design.runs:
             wave = np.zeros((k, 2, r.length))
             for s in r.series:
                 if s.kind == "position" and s.axis == axis:
@@ -73,7 +73,7 @@ def _gains(bench: FitContext, trial: FittedHypothesis, frequencies: Array, first
                     wave[:, 0, s.where], wave[:, 1, s.where] = np.sin(angle), np.cos(angle)
             if not wave.any():
                 continue
-            slopes = trial.ground.off(r.index, bench.noise.whiten(r.index, wave))
+            slopes = trial.ground.off(r.index, context.noise.whiten(r.index, wave))
             rest = trial.ground.off(r.index, trial.fit.linear.r[r.index])
             gradient += slopes @ rest
             information += slopes @ np.swapaxes(slopes, 1, 2)

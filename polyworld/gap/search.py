@@ -17,7 +17,6 @@ from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
-    IN_DOUBT,
     fit_near,
     refit_by_multistart,
     refit_every_run,
@@ -25,6 +24,7 @@ from polyworld.estimation.refitting import (
     restarted,
 )
 from polyworld.estimation.score_test import leads
+from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
 from polyworld.estimation.variable_projection import profiled, sensitive
 from polyworld.gap.contest import Contest, Tell, identity
@@ -36,11 +36,7 @@ from polyworld.gap.stability import far_fetched
 
 Array = NDArray[np.float64]
 
-SHORT, LONG = 4, 2  # segments of a run
-SENSITIVE = 1.06  # chi2 per measurement, in place of `far`, where bodies collide: behind impacts slopes predict little
-NEAR = 1.5  # chi2 per measurement below which a fit is near the data
-ONE_RUN = 0.75  # share of what is missing that what happens in one run has to explain to be tried first
-THIRD = 0.5  # share of what is missing that an effect beyond the second has to explain
+SHORT, LONG = 4, 2  # segments of a run: halves, and halves of these
 
 
 @dataclass
@@ -69,7 +65,7 @@ class Search:
         substep: float,
     ) -> Search:
         """Begin a search from a fitted base."""
-        return cls(ground, candidates, settings, tell, substep, Contest(ground.bench, None, settings, tell))
+        return cls(ground, candidates, settings, tell, substep, Contest(ground.context, None, settings, tell))
 
     @property
     def context(self) -> FitContext:
@@ -85,7 +81,7 @@ class Search:
             if short is None:
                 return None
             ground = self._on(short, self.ground)
-            if ground.chi2 > NEAR * short.observations:
+            if ground.chi2 > self.settings.near * short.observations:
                 return short
         return self.long_segments
 
@@ -96,7 +92,7 @@ class Search:
 
     def _segments(self, pieces: int) -> Contest | None:
         cut = segment_context(self.context, pieces)
-        return None if cut is None else Contest(cut.bench, cut, self.settings, self.tell)
+        return None if cut is None else Contest(cut.context, cut, self.settings, self.tell)
 
     # -- ranking -------------------------------------------------------------------------------------------------
 
@@ -132,10 +128,10 @@ class Search:
 
     def add(self, parents: Sequence[FittedHypothesis]) -> None:
         """Fit the hypotheses that one more effect makes of the parents."""
-        parents = distinct(parents)
+        parents = distinct(parents, self.settings.alike)
         effects = len(parents[0].hypothesis.parts) + 1
         level = min(p.chi2 for p in parents)
-        limit = SENSITIVE if profile.collide(self.context.design) else self.settings.far
+        limit = self.settings.far_colliding if profile.collide(self.context.design) else self.settings.far
         far = level > limit * self.context.observations
         if far and effects == 1 and self._in_one_run():
             return
@@ -208,9 +204,9 @@ class Search:
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.few + 2]:
             if colliding:
-                self.whole.take(profiled(refit_by_multistart(trial, doubt=IN_DOUBT)))
+                self.whole.take(profiled(refit_by_multistart(trial, doubt=REFIT.in_doubt)))
             elif _edged(trial.hypothesis):
-                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=IN_DOUBT))
+                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=REFIT.in_doubt))
         if colliding and len(near) > 1:
             for trial in self.ranked(effects)[: self.settings.few]:
                 if trial.ebic <= best.ebic + self.settings.close:
@@ -245,7 +241,7 @@ class Search:
                 self.whole.fitted[identity(trial.hypothesis)] = fine
                 self.tell("finer steps", fine.figures())
 
-    def promising(self, gain: float) -> list[FittedHypothesis]:
+    def with_predicted_gain(self, gain: float) -> list[FittedHypothesis]:
         """Fit single effects for which the score test predicts that the extended BIC falls by more than `gain`."""
         choice = 2.0 * float(np.log(max(self.context.candidates, 1)))
         price = float(np.log(self.context.observations))
@@ -267,7 +263,7 @@ class Search:
         than a right one beside which another lacks.
         """
         ranked = self.ranked(effects)
-        chosen = ranked[: self.settings.parents]
+        chosen = ranked[: self.settings.few]
         ordinary = next((t for t in ranked if not far_fetched(t)), None)
         if ordinary is not None and all(ordinary is not t for t in chosen):
             chosen[-1] = ordinary  # two ordinary laws together are what one richer effect mimics
@@ -286,7 +282,7 @@ class Search:
             return False
         best = min(predictions, key=lambda p: p.starts[0].chi2)
         missing = best.parent.chi2 - self.context.observations
-        return best.parent.chi2 - best.starts[0].chi2 >= THIRD * missing
+        return best.parent.chi2 - best.starts[0].chi2 >= self.settings.half * missing
 
     def sensitive_runs(self, effects: int) -> tuple[str, ...]:
         """Return runs that the best, or the base, does not follow as a whole although it explains their segments."""
@@ -315,7 +311,7 @@ class Search:
 
     def _in_one_run(self) -> bool:
         """Whether most runs are explained, and the others by what happens in one run alone."""
-        if np.median(self.ground.misfits) > NEAR:
+        if np.median(self.ground.misfits) > self.settings.near:
             return False
         local = [h for h in self._more(self.ground) if h.parts[-1].candidate.leads is not None]
         if not local:
@@ -324,7 +320,7 @@ class Search:
         predictions = [
             p
             for p in self.whole.predict([self.ground], lambda _: local)
-            if self.ground.chi2 - p.starts[0].chi2 > ONE_RUN * missing
+            if self.ground.chi2 - p.starts[0].chi2 > self.settings.one_run * missing
         ]
         if predictions:
             self.whole.fit(predictions, 1, self.ground.chi2)
@@ -333,7 +329,7 @@ class Search:
     def _explains(self, trial: FittedHypothesis, level: float) -> bool:
         """Whether a fit explains what fits with chi2 `level` do not; an effect with an edge has to pass the gate, since
         it may be at a wrong place, which comes near the data and not there."""
-        near = NEAR * self.context.observations
+        near = self.settings.near * self.context.observations
         return trial.passes if level < near or _edged(trial.hypothesis) else trial.chi2 < near
 
     def _transfer(self, contest: Contest, found: Sequence[FittedHypothesis]) -> None:
@@ -344,7 +340,7 @@ class Search:
         chosen: list[FittedHypothesis] = []
         for trial in found[: self.settings.few if hopeless else self.settings.contenders]:
             behind = trial.ebic > found[0].ebic + self.settings.close
-            if behind and any(t.chi2 < NEAR * self.context.observations for t in chosen):
+            if behind and any(t.chi2 < self.settings.near * self.context.observations for t in chosen):
                 break
             chosen.append(self._whole(contest, trial))
         if not hopeless:
@@ -364,7 +360,7 @@ class Search:
             return self.whole.take(refit_by_multistart(whole))
         best = self.best(len(trial.hypothesis.parts))
         like = None
-        if best is not None and best.chi2 < NEAR * context.observations:
+        if best is not None and best.chi2 < self.settings.near * context.observations:
             like = context.fit(trial.hypothesis, start.values, best.fit.states)
             if best.passes and refused_by_most(like, best):
                 return self.whole.take(like)

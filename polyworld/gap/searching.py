@@ -1,6 +1,6 @@
 """Run the search over effects on one recording: base fit, one to three effects, the candidates' contest of fits.
 
-Steps: fit the base; where it fails, add the effect that the score test promises most, then a second and a third one
+Steps: fit the base; where it fails, add the effect of largest predicted gain, then a second and a third one
 while none explains the data; fit what comes near with all care.
 """
 
@@ -16,34 +16,22 @@ from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.hypothesis import extended
-from polyworld.estimation.noise import Noise, refined_noise
+from polyworld.estimation.noise import refined_noise
 from polyworld.estimation.run_parts import halved
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.contest import identity
 from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
-from polyworld.gap.examine import LEFT, fitted_base, refitted
+from polyworld.gap.examine import BASE, differs, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
-from polyworld.gap.settings import PLAIN, SearchSettings
-from polyworld.gap.single_coordinate import BESIDE, follows_one_course, rivals
+from polyworld.gap.settings import SearchSettings
+from polyworld.gap.single_coordinate import competitors, follows_one_course
 from polyworld.gap.stability import far_fetched
 from polyworld.gap.symbolic import Near
 
-LEVEL_CHANGED = 0.1  # relative change of a noise level that calls for further fits
-CORRELATION_CHANGED = 0.05  # the same of the correlation from sample to sample
-KEPT_CHANGED = 0.002  # the same of the share of outliers
-STEPS_BLAMED = 1.5  # chi2 per measurement, up to which long steps may be why a base fails
-PLAINLY = 2  # effects beyond which a further one is sought only where one comes near to the data (`Search.foreseen`)
-AGAIN = 3  # effects that better a base that passes, from whose initial states it is fitted again
-# Laws that act everywhere alike: under the right one of them, runs that behave unlike the rest stand out.
-EARLY = (*PLAIN, "coriolis", "magnus_lift")
-MOST_UNKNOWNS = 8  # of such a law; not one number for each run
-CARE = 24  # iterations of their fits
-ASIDE = 4.0  # times the least chi2 beyond which a plain law is not fitted to the end
-PAIRED = 4  # plain laws that are fitted in pairs
-BESIDES = 8  # hypotheses of each number of effects that are refitted to be compared
+PLAINLY = 2  # effects that are added without asking what they are predicted to explain (`Search.worth_a_third`)
 
 
 class Story:
@@ -63,9 +51,9 @@ class Story:
 
 @dataclass(frozen=True)
 class Searched:
-    """What a search came to.
+    """Result of a search.
 
-    verdict: on hypotheses that leave only noise. bench: fits and noise that it rests on. ground: the base, fitted.
+    verdict: on hypotheses that leave only noise. context: fits and noise that it rests on. ground: the base, fitted.
     near_misses: effects that would lower the misfit of a base that explains the data. pool: hypotheses fitted under
     one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before;
     rivals_fitted: whether every single effect that came into question had been fitted by then. outlying: runs to be
@@ -73,7 +61,7 @@ class Searched:
     """
 
     verdict: Verdict
-    bench: FitContext
+    context: FitContext
     ground: FittedHypothesis
     near_misses: tuple[dict[str, Any], ...] = ()
     near: Near | None = None
@@ -104,16 +92,16 @@ def search_effects(
     outliers: asked, where plain laws and then single effects were fitted and none explains the data, which runs behave
     unlike the rest under the best of them; where there are any, the search ends there, and is to be repeated without.
     """
-    ground = _finer(fitted_base(plan, base, len(candidates), clock), substep)
+    ground = _finer(fitted_base(plan, base, len(candidates), clock), substep, settings.near)
     story.tell(
         0.1,
         "base fit",
-        {"chi2": ground.chi2, "measurements": ground.bench.observations, "passes": ground.passes}
-        | {"goodness": ground.goodness.to_json(), "noise": ground.bench.noise.to_json()},
+        {"chi2": ground.chi2, "measurements": ground.context.observations, "passes": ground.passes}
+        | {"goodness": ground.goodness.to_json(), "noise": ground.context.noise.to_json()},
     )
 
     def tell(step: str, figures: dict[str, Any]) -> None:
-        story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.bench.rollouts})
+        story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.context.rollouts})
 
     search = Search.begin(ground, candidates, settings, tell, substep)
     near_misses: tuple[dict[str, Any], ...] = ()
@@ -123,19 +111,19 @@ def search_effects(
         if ground.passes:
             ground, explained, near_misses = _explained(search, ground, alarm)
             if explained:
-                return Searched(Verdict("nothing_missing", None), ground.bench, ground, near_misses)
+                return Searched(Verdict("nothing_missing", None), ground.context, ground, near_misses)
         if not profile.collide(plan):  # with several bodies each law takes seconds, and comes later
             _laws_everywhere(search, ground)
             if found := _outlying(search, ground, outliers):
                 return found
-        effects, parents, lost = _add_effects(search, ground, most=1)
+        effects, parents, sensitive = _add_effects(search, ground, most=1)
         rivals_fitted = True
-        if not lost and (found := _outlying(search, ground, outliers)):
+        if not sensitive and (found := _outlying(search, ground, outliers)):
             return found
-        if lost:
-            parts = halved(plan.recording, lost)
+        if sensitive:
+            parts = halved(plan.recording, sensitive)
             if any(run.part_of is not None for run in parts.runs):  # they could be cut, and are only once
-                story.tell(story.share, "runs in parts", {"runs": list(lost)})
+                story.tell(story.share, "runs in parts", {"runs": list(sensitive)})
                 cut = design(plan.world, parts)
                 return search_effects(cut, substep, base, candidates, settings, alarm, story, clock, outliers)
         effects, parents, _ = _add_effects(search, ground, effects, whole=True)
@@ -150,32 +138,33 @@ def search_effects(
             effects = max((len(t.hypothesis.parts) for t in search.whole.fitted.values()), default=1)
     verdict = _decided(search, effects, parents)
     if not limited and verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
-        beside = [*search.ranked(effects), *rivals(search, ground, verdict.best)]
-        verdict = leave_noise(beside, max(settings.credible, BESIDE))
-    bench = verdict.best.bench if verdict.best is not None else search.context
-    if bench is not ground.bench:
-        ground = refitted(ground, bench)
+        beside = [*search.ranked(effects), *competitors(search, ground, verdict.best)]
+        verdict = leave_noise(beside, max(settings.credible, settings.one_course))
+    context = verdict.best.context if verdict.best is not None else search.context
+    if context is not ground.context:
+        ground = refitted(ground, context)
     if verdict.best is not None:
         if ground.passes:
             stepped = ground.hypothesis.stepped(verdict.best.hypothesis.world.time.substep)
-            ground = bench.fit(stepped, ground.values, ground.fit.states)
+            ground = context.fit(stepped, ground.values, ground.fit.states)
         again = _from_states_of(verdict.best, ground)
         if again.chi2 < ground.chi2:
             ground = again
         if ground.passes and ground.ebic - verdict.best.ebic <= alarm:
-            return Searched(Verdict("nothing_missing", None), bench, ground, near_misses, limited=limited)
-    plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, bench)
+            return Searched(Verdict("nothing_missing", None), context, ground, near_misses, limited=limited)
+    plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, context)
     doubtful = verdict.kind == "identified" and verdict.best is not None and far_fetched(verdict.best) > 0
-    pairs = _plain_pairs(plain, bench) if not limited and (doubtful or verdict.kind == "unexplained") else ()
-    pool = _pool(search, bench, (*plain, *pairs), limited)
+    paired = not limited and (doubtful or verdict.kind == "unexplained")
+    pairs = _plain_pairs(plain, context, settings) if paired else ()
+    pool = _pool(search, context, (*plain, *pairs), limited)
     return Searched(
-        verdict, bench, ground, near_misses, _near(search), pool, plain, limited, rivals_fitted or not limited
+        verdict, context, ground, near_misses, _near(search), pool, plain, limited, rivals_fitted or not limited
     )
 
 
 def _outlying(search: Search, ground: FittedHypothesis, outliers: FindOutliers) -> Searched | None:
     """The end of a search in which runs behave unlike the rest; None where none does, or the data are explained."""
-    fitted = [t for t in search.whole.fitted.values() if t.bench is search.context]
+    fitted = [t for t in search.whole.fitted.values() if t.context is search.context]
     if search.passes(1) or not fitted:
         return None
     found = outliers([*fitted, search.context.refit(ground, iterations=2)])
@@ -196,8 +185,8 @@ def _add_effects(
         effects += 1
         search.add(parents)
         _care(search, effects)
-        if effects == 1 and not whole and (lost := search.sensitive_runs(effects)):
-            return effects, parents, lost
+        if effects == 1 and not whole and (sensitive := search.sensitive_runs(effects)):
+            return effects, parents, sensitive
         if not search.passes(effects) and not search.hopeless(effects):
             search.restart(effects)
             _care(search, effects)
@@ -234,71 +223,75 @@ def _laws_everywhere(search: Search, ground: FittedHypothesis) -> None:
     """Fit roughly the laws that act everywhere alike: under the right one, runs that behave unlike the rest show."""
     context = search.context
     horizons, states = profile.horizons_for(context.design), profile.start_states(context.design)
-    for candidate in (c for c in search.candidates if c.name in EARLY):
+    for candidate in (c for c in search.candidates if c.plain or c.uniform):
         for hypothesis in extended(ground.hypothesis, candidate, context.design.recording):
-            if hypothesis.extra <= MOST_UNKNOWNS:
+            if hypothesis.extra <= search.settings.unknowns:
                 start = hypothesis.starts(ground.values)[0]
-                fit = context.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
+                fit = context.fit(hypothesis, start, states, horizons=horizons, iterations=search.settings.care // 3)
                 search.whole.take(fit)
 
 
-def _plain_laws(search: Search, ground: FittedHypothesis, bench: FitContext) -> tuple[FittedHypothesis, ...]:
+def _plain_laws(search: Search, ground: FittedHypothesis, context: FitContext) -> tuple[FittedHypothesis, ...]:
     """Fit the plain laws, each by itself: they are reported beside any richer answer. Those that come near the best are
     fitted to the end."""
     found = []
-    plan = bench.design
+    plan, settings = context.design, search.settings
     horizons, states = profile.horizons_for(plan), profile.start_states(plan)
     least = min((t.chi2 for t in search.whole.fitted.values()), default=np.inf)
-    for candidate in (c for c in search.candidates if c.name in PLAIN):
+    for candidate in (c for c in search.candidates if c.plain):
         ways = []
         for hypothesis in extended(ground.hypothesis, candidate, plan.recording):
-            if hypothesis.extra > MOST_UNKNOWNS:
+            if hypothesis.extra > settings.unknowns:
                 continue
             known = search.whole.fitted.get(identity(hypothesis))
             if known is None:
                 start = hypothesis.starts(ground.values)[0]
-                known = bench.fit(hypothesis, start, states, horizons=horizons, iterations=CARE // 3)
-            ways.append(bench.refit(known, iterations=CARE if known.chi2 < ASIDE * least else LEFT))
+                known = context.fit(hypothesis, start, states, horizons=horizons, iterations=settings.care // 3)
+            near = known.chi2 < settings.aside * least
+            ways.append(context.refit(known, iterations=settings.care if near else BASE.barely))
         ways = [w for w in ways if np.isfinite(w.chi2)]
         if ways:
             found.append(min(ways, key=lambda t: t.ebic))
     return tuple(sorted(found, key=lambda t: t.ebic))
 
 
-def _plain_pairs(plain: Sequence[FittedHypothesis], bench: FitContext) -> tuple[FittedHypothesis, ...]:
+def _plain_pairs(
+    plain: Sequence[FittedHypothesis], context: FitContext, settings: SearchSettings
+) -> tuple[FittedHypothesis, ...]:
     """Fit pairs of the plain laws that come nearest: real losses are often two of them together."""
     found = []
-    first = plain[:PAIRED]
+    first = plain[: settings.paired]
     for i, one in enumerate(first):
         for other in first[i + 1 :]:
             part = other.hypothesis.parts[0]
-            for both in extended(one.hypothesis, part.candidate, bench.design.recording):
+            for both in extended(one.hypothesis, part.candidate, context.design.recording):
                 if both.parts[-1].variant.label != part.variant.label:
                     continue
                 starts = (
                     both.starts(one.values)[0],
                     np.concatenate([one.values, other.values[len(other.hypothesis.base) :]]),
                 )
-                ways = [bench.fit(both, start, one.fit.states, iterations=CARE) for start in starts]
+                ways = [context.fit(both, start, one.fit.states, iterations=settings.care) for start in starts]
                 found.append(min(ways, key=lambda t: t.chi2))
     return tuple(t for t in found if np.isfinite(t.chi2))
 
 
 def _is_plain(trial: FittedHypothesis) -> bool:
-    return trial.hypothesis.names[0] in PLAIN
+    return trial.hypothesis.parts[0].candidate.plain
 
 
 def _pool(
-    search: Search, bench: FitContext, plain: Sequence[FittedHypothesis], limited: bool
+    search: Search, context: FitContext, plain: Sequence[FittedHypothesis], limited: bool
 ) -> tuple[FittedHypothesis, ...]:
     """The hypotheses that came nearest, with each number of effects, and the plain laws, all fitted under one noise."""
     found: dict[tuple[str, ...], FittedHypothesis] = {identity(t.hypothesis): t for t in plain}
+    iterations = 4 if limited else search.settings.care // 2
     for effects in range(1, search.settings.max_effects + 1):
-        for trial in search.ranked(effects)[:BESIDES]:
+        for trial in search.ranked(effects)[: search.settings.compared]:
             key = identity(trial.hypothesis)
             if key not in found or trial.chi2 < found[key].chi2:
-                same = trial.bench is bench and (trial.fit.converged or limited)
-                found[key] = trial if same else bench.refit(trial, iterations=4 if limited else CARE // 2)
+                same = trial.context is context and (trial.fit.converged or limited)
+                found[key] = trial if same else context.refit(trial, iterations=iterations)
     return tuple(t for t in found.values() if np.isfinite(t.chi2))
 
 
@@ -308,12 +301,12 @@ def _decided(search: Search, effects: int, parents: Sequence[FittedHypothesis]) 
     if found.best is None or found.kind == "unexplained":
         return found
     fewer = [p for p in parents if 0 < len(p.hypothesis.parts) < len(found.best.hypothesis.parts)]
-    return beside_fewer(found, [found.best.bench.refit(p) for p in fewer], search.settings.credible)
+    return beside_fewer(found, [found.best.context.refit(p) for p in fewer], search.settings.credible)
 
 
-def _finer(ground: FittedHypothesis, substep: float) -> FittedHypothesis:
+def _finer(ground: FittedHypothesis, substep: float, near: float) -> FittedHypothesis:
     """A base that is near the data, fitted with shorter steps, where that is why it fails."""
-    if ground.passes or ground.chi2 > STEPS_BLAMED * ground.bench.observations:
+    if ground.passes or ground.chi2 > near * ground.context.observations:
         return ground
     fine = refined(ground, substep, substep / FINEST)
     return fine if fine.passes else ground
@@ -325,16 +318,16 @@ def _near(search: Search) -> Near | None:
     if used is None or used.segments is None:
         return None
     trial = used.fitted.get(())
-    return None if trial is None else Near(used.segments, trial.bench.noise, trial.fit)
+    return None if trial is None else Near(used.segments, trial.context.noise, trial.fit)
 
 
 def _explained(
     search: Search, ground: FittedHypothesis, alarm: float
 ) -> tuple[FittedHypothesis, bool, tuple[dict[str, Any], ...]]:
     """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
-    promising = search.promising(0.5 * alarm)
-    near = [t for t in promising if t.ebic < ground.ebic]
-    for trial in near[:AGAIN]:
+    likely = search.with_predicted_gain(0.5 * alarm)
+    near = [t for t in likely if t.ebic < ground.ebic]
+    for trial in near[: search.settings.few]:
         again = _from_states_of(trial, ground)
         if again.chi2 < ground.chi2 and again.passes:
             ground = again
@@ -346,8 +339,8 @@ def _explained(
 def _from_states_of(trial: FittedHypothesis, ground: FittedHypothesis) -> FittedHypothesis:
     """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
     values = trial.values[: len(ground.values)]
-    begun = trial.bench.fit(ground.hypothesis, values, trial.fit.states, iterations=LEFT)
-    return refitted(begun, trial.bench)
+    begun = trial.context.fit(ground.hypothesis, values, trial.fit.states, iterations=BASE.barely)
+    return refitted(begun, trial.context)
 
 
 def _renoise(search: Search, effects: int) -> None:
@@ -356,13 +349,5 @@ def _renoise(search: Search, effects: int) -> None:
     if best is None:
         return
     noise = refined_noise(search.context.design, search.context.noise, search.context.raw_residuals(best))
-    if _differs(noise, search.context.noise):
+    if differs(noise, search.context.noise):
         search.under(search.context.with_noise(noise), effects)
-
-
-def _differs(one: Noise, other: Noise) -> bool:
-    """Whether two estimates of the noise are so far apart that fits would weigh the data otherwise."""
-    levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(one.sigma, other.sigma, strict=True))
-    linked = max(float(np.max(np.abs(a - b))) for a, b in zip(one.rho, other.rho, strict=True))
-    kept = sum(int(np.sum(a != b)) for a, b in zip(one.kept, other.kept, strict=True))
-    return levels > LEVEL_CHANGED or linked > CORRELATION_CHANGED or kept > KEPT_CHANGED * one.count

@@ -23,27 +23,27 @@ GROUND_ITERATIONS = 8
 class SegmentContext:
     """The segments of a design, and the context in which hypotheses are fitted to them."""
 
-    bench: FitContext
+    context: FitContext
     segments: Segments
 
     def holds(self, hypothesis: Hypothesis) -> bool:
         """Whether a hypothesis can be fitted to segments: a body that was added and is not seen starts where a run
         does, and so does a clock that slips within one."""
-        return {o.name for o in hypothesis.world.objects} == {o.name for o in self.bench.design.world.objects} and (
+        return {o.name for o in hypothesis.world.objects} == {o.name for o in self.context.design.world.objects} and (
             hypothesis.world.observer is None or hypothesis.world.observer.shift_run is None
         )
 
     def ground(self, hypothesis: Hypothesis, values: Array) -> FittedHypothesis:
         """Fit a hypothesis to the segments from the data's own starts; refit those that fit ill, which would hide what
         others show."""
-        found = self.bench.fit(
+        found = self.context.fit(
             hypothesis,
             values,
-            profile.start_states(self.bench.design),
-            horizons=profile.horizons_for(self.bench.design),
+            profile.start_states(self.context.design),
+            horizons=profile.horizons_for(self.context.design),
             iterations=GROUND_ITERATIONS,
         )
-        return refit_by_multistart(found) if profile.collide(self.bench.design) else found
+        return refit_by_multistart(found) if profile.collide(self.context.design) else found
 
     def run_costs(self, trial: FittedHypothesis) -> Array:
         """Return chi2 (R,) of all segments of each whole run."""
@@ -59,9 +59,9 @@ class SegmentContext:
         return Start(fit.values, self.segments.states_of_runs(fit.states))
 
 
-def segment_context(bench: FitContext, pieces: int) -> SegmentContext | None:
+def segment_context(context: FitContext, pieces: int) -> SegmentContext | None:
     """Cut every run into at most so many segments; None where that cannot be."""
-    cut = segments(bench.design, pieces)
+    cut = segments(context.design, pieces)
     if cut is None:
         return None
-    return SegmentContext(FitContext(cut.parts, measured_noise(cut.parts), bench.candidates, bench.cancelled), cut)
+    return SegmentContext(FitContext(cut.parts, measured_noise(cut.parts), context.candidates, context.cancelled), cut)

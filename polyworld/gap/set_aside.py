@@ -29,13 +29,10 @@ from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording
 from polyworld.world import World
 
-# What happens at one place or in one run and may be an effect of the catalogue rather than an outlying run.
-LOCAL = ("hidden_wall", "hidden_body", "dropped_frames")
-
 
 @dataclass(frozen=True)
 class Work:
-    """What all searches of one recording share. alarm: as in `GapSettings`."""
+    """Hold what all searches of one recording share. alarm: as in `GapSettings`."""
 
     world: World
     base: tuple[Unknown, ...]
@@ -98,7 +95,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
                 aside = tuple(o for o in aside if o.run not in explained)
                 found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates)
         if aside and found.verdict.kind == "nothing_missing" and not found.limited:
-            local = tuple(c for c in work.candidates if c.name in LOCAL)
+            local = tuple(c for c in work.candidates if c.local)
             whole = work.search(recording, local, most=1) if local else None
             if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
                 return (), whole
@@ -106,7 +103,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
         work.clock.lift()
         if found is None:
             return (), _only_base(work, recording)
-        kept_names = {r.run.part_of or r.run.name for r in found.bench.design.runs}
+        kept_names = {r.run.part_of or r.run.name for r in found.context.design.runs}
         return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
     return aside, found
 
@@ -123,7 +120,8 @@ def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:
     if found.limited or found.verdict.kind not in ("identified", "ambiguous") or named is None:
         return ()
     for fewer in (found.ground, *_one_effect_less(named, found.pool)):
-        if not (set(named.hypothesis.names) - set(fewer.hypothesis.names)) & set(LOCAL):
+        further = [p for p in named.hypothesis.parts if p.candidate.name not in fewer.hypothesis.names]
+        if not any(p.candidate.local for p in further):
             alone = supporting_run(fewer, named, work.outliers, work.decision.decisive)
             if alone is not None:
                 return (alone,)
@@ -136,7 +134,7 @@ def _one_effect_less(named: FittedHypothesis, pool: Sequence[FittedHypothesis]) 
     found = []
     for left_out in effects if len(effects) > 1 else ():
         rest = sorted(n for n in effects if n != left_out)
-        own = [t for t in pool if sorted(t.hypothesis.names) == rest and t.bench is named.bench]
+        own = [t for t in pool if sorted(t.hypothesis.names) == rest and t.context is named.context]
         if own:
             found.append(min(own, key=lambda t: t.chi2))
     return found

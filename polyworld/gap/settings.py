@@ -2,57 +2,97 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-# Laws that are fitted and reported beside any richer answer, and preferred to it where a small remainder explains why.
-PLAIN = (
-    "gravity_error",
-    "tilt",
-    "restitution_error",
-    "friction_error",
-    "rolling_resistance",
-    "linear_drag",
-    "quadratic_drag",
-    "viscous_friction",
-    "joint_damping",
-    "joint_friction",
-)
+from polyworld.settings_checks import require_positive
+
+
+@dataclass(frozen=True)
+class BaseSettings:
+    """How the base is fitted, and when the noise is estimated again from what a fit leaves.
+
+    iterations: of the fit that all others start from. rough: of the same at each horizon, before it is known how far
+    from the data it is. far_off: chi2 per measurement beyond which where exactly a fit ends means nothing; such a fit
+    goes on only while rough iterations leave less than `halved` of its chi2. refit, barely: iterations of a refit, and
+    of one that is far off. refinements: of the noise after a fit, until chi2 changes by less than the share `changed`.
+    level, correlation, outliers: relative change of a noise level, change of the correlation from sample to sample, and
+    of the share of outlying samples, beyond which hypotheses are fitted again; less weighs no data otherwise.
+    """
+
+    iterations: int = 40
+    rough: int = 5
+    far_off: float = 1000.0
+    halved: float = 0.5
+    refit: int = 12
+    barely: int = 2
+    refinements: int = 2
+    changed: float = 0.02
+    level: float = 0.1
+    correlation: float = 0.05
+    outliers: float = 0.002
+
+    def __post_init__(self) -> None:
+        require_positive(self)
 
 
 @dataclass(frozen=True)
 class SearchSettings:
     """How widely hypotheses are searched for.
 
-    max_effects: added at most; sums of more mimic nearly anything. contenders: hypotheses fitted at each step; the
-    right one was among the ten of largest predicted gain in all development cases. starts: of each that are tried.
-    parents: hypotheses that a further effect is added to. few: contenders followed to the end where none explains the
-    data. half: share of the best gain below which a contender is left after its first iterations. credible: difference
-    of the extended BIC within which hypotheses stand side by side (10 is "very strong", Kass & Raftery 1995). close:
-    the same before all is fitted with care. far, farther: chi2 per measurement of the parents, beyond which effects
-    compete on segments, and on short ones; slopes of whole runs predict little there. nearly: the same below which
-    short steps may be what is missing. rough: first iterations of a contender. rounds: of iterations to the end.
-    onward: relative fall of chi2 for which a fit goes on.
+    How many
+        max_effects: added at most; sums of more mimic nearly anything. contenders: hypotheses fitted at each step; the
+        right one was among the ten of largest predicted gain in all development cases. few: contenders followed to the
+        end where none explains the data, starts of each that are tried, hypotheses that a further effect is added to,
+        and simpler laws that are tried in the place of each effect. impacts: starts of an effect at contacts at which
+        chi2 itself is evaluated, since slopes predict nothing there. unknowns: of a law that acts everywhere alike;
+        more would be one number for each run. paired: plain laws that are fitted in pairs. firsts: the same on a
+        single coordinate. compared: hypotheses of each number of effects that are refitted to be compared.
+    Differences of the extended BIC
+        credible: within which hypotheses stand side by side (10 is "very strong", Kass & Raftery 1995). close: the
+        same before all is fitted with care. one_course: the same where one coordinate of one run was measured.
+    chi2 per measurement
+        near: below which a fit is near the data, and long steps may be why it fails. nearly: below which it is fitted
+        to convergence. far, farther: of the parents, beyond which effects compete on segments, and on short ones;
+        slopes of whole runs predict little there. far_colliding: in place of `far` where bodies collide.
+    Shares
+        half: of the best gain, below which a contender is left after its first iterations; of what is missing, that an
+        effect beyond the second has to explain. one_run: of what is missing, that an effect in one run has to explain
+        to be tried first. alike: of chi2, by which the residuals of two parents differ that are names for one motion.
+        aside: times the least chi2 beyond which a plain law is not fitted to the end.
+    Iterations
+        rough: first ones of a contender. rounds: of iterations to the end. onward: relative fall of chi2 for which a
+        fit goes on. care: of fits of plain laws.
     """
 
     max_effects: int = 3
     contenders: int = 10
-    starts: int = 3
-    parents: int = 3
     few: int = 3
-    half: float = 0.5
+    impacts: int = 12
+    unknowns: int = 8
+    paired: int = 4
+    firsts: int = 6
+    compared: int = 8
     credible: float = 10.0
     close: float = 50.0
+    one_course: float = 40.0
+    near: float = 1.5
+    nearly: float = 5.0
     far: float = 3.0
     farther: float = 10.0
-    nearly: float = 5.0
+    far_colliding: float = 1.06
+    half: float = 0.5
+    one_run: float = 0.75
+    alike: float = 0.05
+    aside: float = 4.0
     rough: int = 3
     rounds: int = 5
     onward: float = 0.01
+    care: int = 24
 
     def __post_init__(self) -> None:
-        _positive(self)
+        require_positive(self)
 
 
 @dataclass(frozen=True)
@@ -88,7 +128,7 @@ class DecisionSettings:
     rounds: int = 4
 
     def __post_init__(self) -> None:
-        _positive(self)
+        require_positive(self)
         if not self.stable <= 1.0:
             raise ValueError(f"stable is a share of subsets, at most 1; got {self.stable}")
 
@@ -99,17 +139,17 @@ class OutlierSettings:
 
     most: largest share of the runs that may be; with more, what they show is no exception. misfit: chi2 per measurement
     of a segment fitted by itself, beyond which it holds an event; a smooth force leaves less than 4 over a segment of a
-    dozen samples in the development cases. apart: how many times the upper quartile of all segments that has to be, so
-    that what happens in many runs is never an exception. excess: the same factor for whole runs under the best law;
-    explained: chi2 per measurement of most runs up to which that law is one to judge a run by: under a wrong law, runs
-    differ by their speeds alone. leaders: laws that are refitted without the runs that they explain worst; light: times
-    the noise at which such a run keeps an initial state of its own and has no say in what is shared. iterations: of the
-    fits of single segments.
+    dozen samples in the development cases. exceptional: how many times the upper quartile of all segments that has to
+    be, so that what happens in many runs is never an exception. excess: the same factor for whole runs under the best
+    law; explained: chi2 per measurement of most runs up to which that law is one to judge a run by: under a wrong law,
+    runs differ by their speeds alone. leaders: laws that are refitted without the runs that they explain worst; light:
+    times the noise at which such a run keeps an initial state of its own and has no say in what is shared. iterations:
+    of the fits of single segments.
     """
 
     most: float = 0.25
     misfit: float = 6.0
-    apart: float = 6.0
+    exceptional: float = 6.0
     excess: float = 4.0
     explained: float = 3.0
     leaders: int = 3
@@ -117,7 +157,7 @@ class OutlierSettings:
     iterations: int = 5
 
     def __post_init__(self) -> None:
-        _positive(self)
+        require_positive(self)
         if not self.most < 0.5:
             raise ValueError(f"most is a share of the runs below one half, so that the others decide; got {self.most}")
 
@@ -153,9 +193,9 @@ class MapSettings:
     it is counted how much of it lies inside. sure: standard deviations by which a window, or a disc, is significant.
     rough: relative error of a strength by its slope: friction ends the slide that it acts on. filled: share of a window
     that has to lie inside for the effect to show in full. bands: bounds of the radius in typical changes: small and
-    large discs are sought separately. kept: discs of each band. apart: share of the information that two of these must
-    not have in common. damped: share of the strength estimated at which a fit begins: beyond its bound, as with less
-    friction than none, there is no gradient. population, generations: of the search for discs.
+    large discs are sought separately. kept: discs of each band. overlap: share of the information that two of these
+    must not have in common. damped: share of the strength estimated at which a fit begins: beyond its bound, as with
+    less friction than none, there is no gradient. population, generations: of the search for discs.
     """
 
     windows: int = 512
@@ -166,7 +206,7 @@ class MapSettings:
     filled: float = 0.4
     bands: tuple[float, ...] = (0.0, 1.2, 2.5, 5.0, np.inf)
     kept: int = 2
-    apart: float = 0.1
+    overlap: float = 0.1
     damped: float = 0.7
     population: int = 40
     generations: int = 60
@@ -177,15 +217,15 @@ class ZoomSettings:
     """How the start of an effect with a place or a rhythm is refined.
 
     levels: of refinement. kept: places that are refined at each. around: new ones around each. width: standard
-    deviation of their distances in typical changes, halved at each level. apart: typical changes by which places that
-    are kept differ.
+    deviation of their distances in typical changes, halved at each level. separation: typical changes by which places
+    that are kept differ.
     """
 
     levels: int = 3
     kept: int = 4
     around: int = 24
     width: float = 1.0
-    apart: float = 0.1
+    separation: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -202,7 +242,7 @@ class HoldOutSettings:
     fewest_instants: int = 12
 
     def __post_init__(self) -> None:
-        _positive(self)
+        require_positive(self)
 
 
 @dataclass(frozen=True)
@@ -225,7 +265,7 @@ class ExperimentSettings:
 
 @dataclass(frozen=True)
 class PowerSettings:
-    """What it means that an effect could have been seen.
+    """Define that an effect could have been seen.
 
     power: probability with which an effect of the strength reported is seen. alarm: by how much an effect must lower
     the extended BIC to be looked into, as in the search. starts: of an effect with a place or a rhythm, spread over all
@@ -238,7 +278,7 @@ class PowerSettings:
     corrections: int = 2
 
     def __post_init__(self) -> None:
-        _positive(self)
+        require_positive(self)
         if not self.power < 1.0:
             raise ValueError(f"power is a probability below 1; got {self.power}")
 
@@ -268,11 +308,4 @@ class SymbolicSettings:
     rollout: float = 1e3
 
     def __post_init__(self) -> None:
-        _positive(self)
-
-
-def _positive(settings: object) -> None:
-    for field in fields(settings):  # type: ignore[arg-type]
-        value = getattr(settings, field.name)
-        if not value > 0:
-            raise ValueError(f"{field.name} must be positive, got {value}")
+        require_positive(self)

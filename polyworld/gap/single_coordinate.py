@@ -13,10 +13,7 @@ from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.search import Search
 
-BESIDE = 40.0  # difference of EBIC within which laws of one course stand side by side
-PLAIN = 1  # unknowns of an effect that is tried as one of two
-FIRSTS = 6  # plain effects that a second one is added to
-ITERATIONS = 8
+SINGLE = 1  # unknowns of an effect that is tried as one of two
 
 
 def follows_one_course(plan: Design) -> bool:
@@ -24,23 +21,23 @@ def follows_one_course(plan: Design) -> bool:
     return len({(plan.runs[s.run].run.part_of or s.run, s.name, s.kind, s.axis) for s in plan.series}) == 1
 
 
-def rivals(search: Search, ground: FittedHypothesis, best: FittedHypothesis) -> list[FittedHypothesis]:
+def competitors(search: Search, ground: FittedHypothesis, best: FittedHypothesis) -> list[FittedHypothesis]:
     """Pairs of plain effects with no more unknowns than a single effect has, fitted under its noise."""
-    recording = best.bench.design.recording
-    if len(best.hypothesis.parts) != 1 or best.hypothesis.extra < 2 * PLAIN:
+    recording = best.context.design.recording
+    if len(best.hypothesis.parts) != 1 or best.hypothesis.extra < 2 * SINGLE:
         return []
-    horizons = profile.horizons_for(best.bench.design)
-    states = profile.start_states(best.bench.design)
+    horizons = profile.horizons_for(best.context.design)
+    states, iterations = profile.start_states(best.context.design), search.settings.care // 3
 
     def plain(onto: FittedHypothesis) -> list[FittedHypothesis]:
         return [
-            best.bench.fit(way, way.starts(onto.values)[0], states, horizons=horizons, iterations=ITERATIONS)
+            best.context.fit(way, way.starts(onto.values)[0], states, horizons=horizons, iterations=iterations)
             for candidate in search.candidates
             for way in extended(onto.hypothesis, candidate, recording)
-            if way.extra == onto.hypothesis.extra + PLAIN
+            if way.extra == onto.hypothesis.extra + SINGLE
         ]
 
-    firsts = sorted(plain(ground), key=lambda t: (t.ebic, t.hypothesis.title))[:FIRSTS]
+    firsts = sorted(plain(ground), key=lambda t: (t.ebic, t.hypothesis.title))[: search.settings.firsts]
     for pair in (p for first in firsts for p in plain(first)):
-        search.whole.take(best.bench.refit(pair))
+        search.whole.take(best.context.refit(pair))
     return [t for t in search.ranked(2) if t.hypothesis.extra <= best.hypothesis.extra]

@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.model_error import ModelError, RunEvidence, model_error_of, run_evidence
-from polyworld.gap.settings import PLAIN, DecisionSettings
+from polyworld.gap.settings import DecisionSettings
 
 Array = NDArray[np.float64]
 Names = tuple[str, ...]
@@ -73,14 +73,14 @@ def names_of(trial: FittedHypothesis) -> Names:
 
 def far_fetched(trial: FittedHypothesis) -> int:
     """Return the number of effects of a hypothesis that are neither plain laws nor faults of the observer."""
-    return sum(p.candidate.name not in PLAIN and p.candidate.group != "observer" for p in trial.hypothesis.parts)
+    return sum(not p.candidate.plain and p.candidate.group != "observer" for p in trial.hypothesis.parts)
 
 
 def closed(base: FittedHypothesis, trial: FittedHypothesis) -> float:
     """Return the share of the base's root mean square residual beyond the noise that a hypothesis takes away, of the
     kind of measurement of which it takes most: a torque turns bodies and pushes none."""
     shares = [0.0]
-    for kind in {s.kind for s in base.bench.design.series}:
+    for kind in {s.kind for s in base.context.design.series}:
         before, after = (_beyond_noise(t, kind) for t in (base, trial))
         if before > 0.0:
             shares.append(1.0 - after / before)
@@ -89,11 +89,11 @@ def closed(base: FittedHypothesis, trial: FittedHypothesis) -> float:
 
 def _beyond_noise(trial: FittedHypothesis, kind: str) -> float:
     """Return the root mean square of the whitened residuals of one kind beyond that of noise."""
-    own = [trial.fit.linear.r[s.run][s.where] for s in trial.bench.design.series if s.kind == kind]
+    own = [trial.fit.linear.r[s.run][s.where] for s in trial.context.design.series if s.kind == kind]
     return float(np.sqrt(max(float(np.mean(np.concatenate(own) ** 2)) - 1.0, 0.0)))
 
 
-def apart(one: FittedHypothesis, other: FittedHypothesis) -> float:
+def separation(one: FittedHypothesis, other: FittedHypothesis) -> float:
     """Return the squared difference of two fitted motions in units of the noise."""
     return sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.fit.linear.r, other.fit.linear.r, strict=True))
 
@@ -110,7 +110,7 @@ def equivalents(trials: Sequence[FittedHypothesis], chance: float) -> Same:
     single = [t for t in trials if len(t.hypothesis.parts) == 1]
     for i, one in enumerate(single):
         for other in single[:i]:
-            if apart(one, other) < float(chdtri(1, chance)):
+            if separation(one, other) < float(chdtri(1, chance)):
                 found[one.hypothesis.names[0]].update(other.hypothesis.names)
                 found[other.hypothesis.names[0]].update(one.hypothesis.names)
     return {name: frozenset(same) for name, same in found.items()}

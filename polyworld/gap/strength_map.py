@@ -57,7 +57,7 @@ class StrengthMap:
         part = self.held(rows[:, :-1], rows[:, -1])
         for k in range(len(rows)):
             common = ((part[kept] - part[k]) ** 2) @ self.weight
-            if not len(kept) or float(common.min()) > self.settings.apart * float(part[k] ** 2 @ self.weight):
+            if not len(kept) or float(common.min()) > self.settings.overlap * float(part[k] ** 2 @ self.weight):
                 kept.append(k)
             if len(kept) == self.settings.kept:
                 break
@@ -79,13 +79,13 @@ class StrengthMap:
 
 def strength_map(ground: FittedHypothesis, hypothesis: Hypothesis, settings: MapSettings) -> StrengthMap:
     """Map the last effect of a hypothesis, made to act everywhere, over windows that a fit without it explains."""
-    design = ground.bench.design
+    design = ground.context.design
     variant = hypothesis.parts[-1].variant
     start = {u.name: u.start for u in variant.unknowns} | dict(variant.everywhere or {})
     values = np.concatenate([ground.values, [start[u.name] for u in variant.unknowns]])
     column = len(ground.values) + [u.name for u in variant.unknowns].index(str(variant.strength))
-    forward = ground.bench.forward(hypothesis)
-    linear = profile.linearise(forward, ground.bench.noise, values, ground.fit.states, ground.fit)
+    forward = ground.context.forward(hypothesis)
+    linear = profile.linearise(forward, ground.context.noise, values, ground.fit.states, ground.fit)
     axes = ["xyz".index(u.name) for u in variant.unknowns if u.name in ("x", "y", "z")]
     slope, information = np.zeros(len(design.runs)), np.zeros(len(design.runs))
     places = []
@@ -123,16 +123,16 @@ def _can_be_mapped(hypothesis: Hypothesis) -> bool:
     return not world.planar or float(np.max(np.abs(normal))) > 1.0 - 1e-3
 
 
-def _shortest(bench: FitContext, most: int) -> SegmentContext | None:
+def _shortest(context: FitContext, most: int) -> SegmentContext | None:
     """Cut a design into the shortest windows possible, at most so many."""
-    runs = bench.design.runs
+    runs = context.design.runs
     pieces = min(max(len(r.times) for r in runs) // FEWEST, most // len(runs))
     while pieces > 1:
-        cut = segment_context(bench, pieces)
+        cut = segment_context(context, pieces)
         if cut is not None:
             return cut
         pieces //= 2
-    return segment_context(bench, 1)
+    return segment_context(context, 1)
 
 
 def mapped(
@@ -146,11 +146,11 @@ def mapped(
     settings = settings or MapSettings()
     if not _can_be_mapped(hypothesis):
         return []
-    cut = _shortest(parent.bench, settings.windows)
+    cut = _shortest(parent.context, settings.windows)
     if cut is None:
         return []
-    states = profile.start_states(cut.bench.design)
-    ground = cut.bench.fit(parent.hypothesis, parent.values, states, iterations=settings.iterations)
+    states = profile.start_states(cut.context.design)
+    ground = cut.context.fit(parent.hypothesis, parent.values, states, iterations=settings.iterations)
     found = strength_map(ground, hypothesis, settings)
     own = hypothesis.parts[-1].variant.unknowns
     at = {u.name: i for i, u in enumerate(own)}

@@ -2,7 +2,7 @@
 
 Score   every term of a library on top of the law so far, by the motion it would change (Rao's score test): residual
         accelerations are weighed in simulated positions, never by differentiating noisy ones.
-Fit     the most promising in the simulator, with base unknowns and initial states.
+Fit     those of largest predicted gain in the simulator, with base unknowns and initial states.
 Choose  the law with the least extended BIC: forward selection, with a step back after each addition.
 Refine  the noise by what that law leaves.
 Stop    when only noise is left, no term lowers the criterion, or the limits of terms or integration steps are reached.
@@ -109,7 +109,7 @@ class ResidualForce:
             "depends_on": sorted({factor for t in self.law.terms for factor in t.factors}),
             "chi2_before": self.chi2_before,
             "chi2_after": self.trial.chi2,
-            "data": self.trial.bench.noise.count,
+            "data": self.trial.context.noise.count,
             "complete": self.complete,
             "beside": list(self.beside),
             "alternatives": [{"expression": e, "ebic_behind": b} for e, b in self.alternatives],
@@ -126,8 +126,8 @@ class Near:
 
     def refitted(self, trial: FittedHypothesis) -> Near:
         """Fit another hypothesis to the windows."""
-        bench = self.windows.bench.with_noise(self.noise)
-        return replace(self, fit=bench.fit(trial.hypothesis, trial.values, self.fit.states).fit)
+        context = self.windows.context.with_noise(self.noise)
+        return replace(self, fit=context.fit(trial.hypothesis, trial.values, self.fit.states).fit)
 
 
 def describe_unexplained(
@@ -141,7 +141,7 @@ def describe_unexplained(
     ground: the base, fitted. best: the hypothesis that came nearest, under the same noise. Its effects that are no
     force, a torque, a bounce or a fault of the observer, cannot be written as an acceleration; where the law on the
     base alone does not explain the data, it is sought beside them too. near: windows where laws are sought first, for a
-    base that is far from the data. Raises `InterruptedError` where `ground.bench.cancelled` says so.
+    base that is far from the data. Raises `InterruptedError` where `ground.context.cancelled` says so.
     """
     settings = settings or SymbolicSettings()
     alone = _law_on(ground, near, settings)
@@ -155,15 +155,15 @@ def describe_unexplained(
 
 def law_ebic(force: ResidualForce, trial: FittedHypothesis) -> float:
     """Extended BIC of a law on top of a trial, under the trial's noise; that of the trial where there is no law."""
-    bench, own = trial.bench, force.trial if force.law.terms else trial
+    context, own = trial.context, force.trial if force.law.terms else trial
     whole = len(own.fit.states) == len(trial.fit.states)  # or the law was found on windows, and on no whole runs
-    fitted = bench.fit(own.hypothesis, own.values, own.fit.states if whole else trial.fit.states)
-    return extended_bic(fitted.chi2, own.hypothesis.extra, bench.observations, 0, 1)
+    fitted = context.fit(own.hypothesis, own.values, own.fit.states if whole else trial.fit.states)
+    return extended_bic(fitted.chi2, own.hypothesis.extra, context.observations, 0, 1)
 
 
 def _without_forces(ground: FittedHypothesis, best: FittedHypothesis) -> FittedHypothesis | None:
     """Refit the best hypothesis less its forces; None where nothing is left of it."""
-    hypothesis, values, plan = best.hypothesis, best.values, best.bench.design
+    hypothesis, values, plan = best.hypothesis, best.values, best.context.design
     while forces := [
         i for i, p in enumerate(hypothesis.parts) if p.candidate.group == "force" and not p.candidate.torque
     ]:
@@ -172,18 +172,18 @@ def _without_forces(ground: FittedHypothesis, best: FittedHypothesis) -> FittedH
         if less is None:
             return None
         hypothesis, values = less
-    fits = [best.bench.fit(hypothesis, values, states) for states in (best.fit.states, ground.fit.states)]
+    fits = [best.context.fit(hypothesis, values, states) for states in (best.fit.states, ground.fit.states)]
     return min(fits, key=lambda t: t.chi2) if hypothesis.parts else None
 
 
 def _law_on(ground: FittedHypothesis, near: Near | None, settings: SymbolicSettings) -> ResidualForce:
     """Search for a law on top of one hypothesis: on its runs, or on windows, then refitted to whole runs."""
-    ground = replace(ground, hypothesis=ground.hypothesis.stepped(ground.bench.design.world.time.substep))
+    ground = replace(ground, hypothesis=ground.hypothesis.stepped(ground.context.design.world.time.substep))
     whole = _Search(ground, settings)
     if near is None:
         return whole.report(whole.run())
-    bench = near.windows.bench.with_noise(near.noise)
-    search = _Search(replace(ground, fit=near.fit, bench=bench), settings)
+    context = near.windows.context.with_noise(near.noise)
+    search = _Search(replace(ground, fit=near.fit, context=context), settings)
     best = search.run()
     if not best.law.terms:
         return search.report(best)
@@ -215,11 +215,11 @@ class _Search:
     def __init__(self, ground: FittedHypothesis, settings: SymbolicSettings) -> None:
         self.settings = settings
         self.terms = library(scales_of(ground))
-        self.bench = replace(ground.bench, candidates=len(self.terms))
+        self.context = replace(ground.context, candidates=len(self.terms))
         self.base = ground.hypothesis
-        self.tried = {frozenset[Term](): _Fitted(Law(), replace(ground, bench=self.bench), settings.penalty)}
+        self.tried = {frozenset[Term](): _Fitted(Law(), replace(ground, context=self.context), settings.penalty)}
         self.complete = True
-        self._rollouts_before = self.bench.rollouts
+        self._rollouts_before = self.context.rollouts
 
     def run(self) -> _Fitted:
         """Select a law."""
@@ -238,26 +238,26 @@ class _Search:
     def explains(self, fitted: _Fitted) -> bool:
         """Tell whether what is left is noise in its course, and no louder than short differences of the data say."""
         trial = fitted.trial
-        return trial.chi2 < self.settings.loudest * trial.bench.noise.count and trial.passes
+        return trial.chi2 < self.settings.loudest * trial.context.noise.count and trial.passes
 
     def at_its_limit(self) -> bool:
         """Tell whether no further law may be tried; that one would have been is noted."""
-        duration = np.mean([r.times[-1] - r.times[0] for r in self.bench.design.runs])
+        duration = np.mean([r.times[-1] - r.times[0] for r in self.context.design.runs])
         steps = max(float(duration) / self.base.world.time.substep, self.settings.rollout)
-        if (self.bench.rollouts - self._rollouts_before) * steps >= self.settings.steps:
+        if (self.context.rollouts - self._rollouts_before) * steps >= self.settings.steps:
             self.complete = False
         return not self.complete
 
     def scores(self, known: _Fitted) -> list[tuple[Law, ScoreTestStart]]:
         """Score all terms that can be added to a law: the laws, and where their fits begin, best first."""
         laws = [Law((*known.law.terms, t)) for t in self.terms if t not in known.law.terms]
-        begins = ((law, leads(self.bench, known.trial, [law.hypothesis(self.base)], 1)) for law in laws if law.fits)
+        begins = ((law, leads(self.context, known.trial, [law.hypothesis(self.base)], 1)) for law in laws if law.fits)
         found = [(law, start) for law, starts in begins for start in starts]
-        price = float(np.log(self.bench.observations))
+        price = float(np.log(self.context.observations))
         return sorted(found, key=lambda f: f[1].chi2 + price * len(f[1].values))
 
     def with_one_more(self, known: _Fitted) -> _Fitted | None:
-        """Fit the most promising terms beside those of a law; the best of them."""
+        """Fit the terms of largest predicted gain beside those of a law; the best of them."""
         fitted: list[_Fitted] = []
         for law, start in self.scores(known)[: self.settings.contenders]:
             if fitted and self.at_its_limit():
@@ -268,7 +268,7 @@ class _Search:
 
     def fit(self, law: Law, hypothesis: Hypothesis, values: Array, states: Sequence[Array]) -> _Fitted:
         """Fit a law; the better of this fit and of what is known of the same terms."""
-        trial = self.bench.fit(hypothesis, values, states, iterations=ITERATIONS)
+        trial = self.context.fit(hypothesis, values, states, iterations=ITERATIONS)
         found = _Fitted(law, trial, self.settings.penalty)
         key = frozenset(law.terms)
         self.tried[key] = min(found, self.tried.get(key, found), key=lambda f: f.criterion)
@@ -291,7 +291,7 @@ class _Search:
         return known
 
     def with_one_replaced(self, known: _Fitted) -> _Fitted:
-        """Replace each term in turn by the most promising; the best law then."""
+        """Replace each term in turn by that of largest predicted gain; the best law then."""
         best = known
         for term in () if self.at_its_limit() else known.law.terms:
             found = self.with_one_more(self.without_term(known, term))
@@ -303,8 +303,8 @@ class _Search:
         refined = with_refined_noise(best.trial)
         if abs(refined.chi2 - best.trial.chi2) < self.settings.same_noise * best.trial.chi2:
             return best
-        self.bench = refined.bench
-        self.tried = {key: replace(f, trial=self.bench.refit(f.trial)) for key, f in self.tried.items()}
+        self.context = refined.context
+        self.tried = {key: replace(f, trial=self.context.refit(f.trial)) for key, f in self.tried.items()}
         return min(self.tried.values(), key=lambda f: f.criterion)
 
     def alternatives(self, best: _Fitted) -> list[_Fitted]:
@@ -316,7 +316,7 @@ class _Search:
     def report(self, best: _Fitted) -> ResidualForce:
         """Return the best law with what is known of it."""
         trial, base = best.trial, len(self.base.unknowns)
-        intervals = intervals95(trial.bench, trial)[base:].tolist() if best.law.terms else []
+        intervals = intervals95(trial.context, trial)[base:].tolist() if best.law.terms else []
         numbers = zip(best.law.numbers.items(), trial.values[base:].tolist(), intervals, strict=True)
         return ResidualForce(
             explains=bool(best.law.terms) and self.explains(best),

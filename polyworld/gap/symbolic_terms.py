@@ -69,7 +69,7 @@ class Term:
 
 def scales_of(trial: FittedHypothesis) -> Scales:
     """Measure the scales of the motion of all runs; the spin is that of the conditions and of fitted initial states."""
-    plan = trial.bench.design
+    plan = trial.context.design
     found = conditions(plan.world, plan.recording)
     extent = found.upper - found.lower
     length = max(float(extent.max()) / 2.0, 1e-6)

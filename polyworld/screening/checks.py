@@ -20,7 +20,7 @@ from polyworld.world import World
 
 @dataclass(frozen=True)
 class Screening:
-    """What the screening of a recording found.
+    """Findings of the screening of a recording.
 
     findings: refusals before cautions. course_of: number of each run's course, in the order of the recording's runs;
     runs of one course repeat each other.

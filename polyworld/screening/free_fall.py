@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.expressions.effect import law_of
 from polyworld.screening.clearance import touching
 from polyworld.screening.settings import ScreenSettings
 from polyworld.screening.tracks import Track
@@ -17,11 +18,6 @@ Array = NDArray[np.float64]
 
 WINDOWS = (7, 15, 31, 63, 127, 255)  # samples that a parabola is fitted to; noise asks for long ones, bounces for short
 EVEN = 1e-6  # of half a window: differences of time stamps that are rounding
-RESISTING = frozenset(
-    {"air_drag", "linear_drag", "quadratic_drag", "linear_damping", "quadratic_damping", "magnus_lift", "wind"}
-    | {"spin_damping", "spin_drag", "restitution_speed", "bounce_friction", "spin_coupling", "friction_patch"}
-    | {"coriolis", "unseen_spin_lift", "viscous_friction"}
-)  # effects of a world with which its bodies still fall with about gravity
 
 
 @dataclass(frozen=True)
@@ -87,7 +83,7 @@ def _flies_freely(world: World, name: str) -> bool:
         return False
     held = {n for j in world.joints for n in (j.object, j.other)}
     driven = any(
-        e.enabled and e.kind not in RESISTING and (e.objects is None or name in e.objects) for e in world.effects
+        e.enabled and not law_of(e).falling and (e.objects is None or name in e.objects) for e in world.effects
     )
     return name not in held and not world.attachments and not driven
 

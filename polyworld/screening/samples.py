@@ -25,7 +25,7 @@ def sample_findings(
 ) -> list[Finding]:
     """Return findings on the number of runs and samples, and on sampling too coarse for the motion.
 
-    scaled: whether lengths and times are those of the world, so that gravity tells how long a bounce lasts.
+    scaled: whether lengths and times are those of the world, so that gravity shows how long a bounce lasts.
     """
     found = []
     names = tuple(r.name for r in recording.runs)

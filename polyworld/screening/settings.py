@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+
+from polyworld.settings_checks import require_positive, require_shares
 
 SHARES = (
     *("negligible", "agreeing", "refusing", "oblique", "hop_share", "overlap", "on_grid", "irregular_share"),
@@ -98,13 +100,8 @@ class ScreenSettings:
     deep_least: int = 5
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if not value > 0:
-                raise ValueError(f"{entry.name} must be positive, got {value!r}")
-        for name in SHARES:
-            if getattr(self, name) > 1.0:
-                raise ValueError(f"{name} is a share and at most 1, got {getattr(self, name)!r}")
+        require_positive(self)
+        require_shares(self, SHARES)
         if self.refusing < self.agreeing:
             raise ValueError(f"refusing ({self.refusing}) must not be below agreeing ({self.agreeing})")
         for name in ("unlike", "no_effect", "pixel_steps"):

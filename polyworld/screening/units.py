@@ -52,7 +52,7 @@ def fall_findings(world: World, tracks: Sequence[Track], fall: Fall, settings: S
 
 
 def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSettings) -> list[Finding]:
-    """What the ratio of the acceleration to gravity says about units, or about times that count frames."""
+    """Return what the ratio of the acceleration to gravity says about units, or about times that count frames."""
     if 1.0 / settings.unlike < ratio < settings.unlike:
         return []
     figures = {"ratio": ratio, "relative_error": fall.error, "agreeing": fall.share}
@@ -98,7 +98,7 @@ def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSe
 
 
 def _axes(fall: Fall, gravity: Array, along: int, close: bool, settings: ScreenSettings) -> list[Finding]:
-    """What the data's vertical axis seems to be, where it is not the world's."""
+    """Return what the data's vertical axis seems to be, where it is not the world's."""
     upward = -1 if fall.acceleration[along] > 0.0 else 1
     down = np.zeros(3)
     down[along] = -upward * np.linalg.norm(gravity)

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.clevrer_data import available_scenes, default_folder, default_world, read_scene
-from tests.benchmarks.clevrer_events import EventScore
 from tests.benchmarks.clevrer_fit import Budget, Row, rows
 from tests.benchmarks.clevrer_tools import ToolRun, through_tools
 from tests.benchmarks.clevrer_video import TrackScore, observe_scene
+from tests.scenes.clevrer_data import available_scenes, default_folder, default_world, read_scene
+from tests.scenes.clevrer_events import EventScore
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -24,8 +24,8 @@ from polyworld.estimation.world_fit import (
 from polyworld.rollout import simulator
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
-from tests.benchmarks.clevrer_data import MODEL_TOLERANCE, Collision
-from tests.benchmarks.clevrer_events import EventScore, score_collisions, simulated_collisions
+from tests.scenes.clevrer_data import MODEL_TOLERANCE, Collision
+from tests.scenes.clevrer_events import EventScore, score_collisions, simulated_collisions
 
 
 @dataclass(frozen=True)

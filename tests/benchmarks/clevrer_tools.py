@@ -14,9 +14,9 @@ import numpy as np
 from mcp import Client
 
 from atw_mcp.server import build_server
-from tests.benchmarks.clevrer_data import SECONDS_PER_FRAME, Collision, Scene
-from tests.benchmarks.clevrer_events import APART, EventScore, score_collisions
 from tests.benchmarks.clevrer_programs import Happening, NotInScene, Thing, answer_choice
+from tests.scenes.clevrer_data import SECONDS_PER_FRAME, Collision, Scene
+from tests.scenes.clevrer_events import APART, EventScore, score_collisions
 
 Say = Callable[[str], None]
 SHARED = ["linear_damping", "angular_damping", "torsional_radius"]

@@ -15,7 +15,7 @@ from atw_mcp.building import from_trusted_start
 from atw_mcp.perception import observe, world_tracks
 from atw_mcp.perception.import_images import import_camera
 from polyworld.tracks import ObservedTracks
-from tests.benchmarks.clevrer_data import SECONDS_PER_FRAME, SHAPES, Collision, Scene
+from tests.scenes.clevrer_data import SECONDS_PER_FRAME, SHAPES, Collision, Scene
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from polyworld.representations.rigid import RigidObject
 from polyworld.rollout import simulator
 from polyworld.shapes import Box, Plane, Sphere
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
-from tests.benchmarks.six_body_scene import DURATION, SUBSTEP, initial_velocities, six_body_mjcf, six_body_world
+from tests.scenes.six_bodies import DURATION, SUBSTEP, initial_velocities, six_body_mjcf, six_body_world
 
 GRAVITY = 9.81  # [m/s^2]
 STEPS = round(DURATION / SUBSTEP)
@@ -97,7 +97,7 @@ def first_rollout(planar: bool) -> dict[str, float]:
     """Wall and CPU seconds of a new process with an empty kernel cache, from its start to its first rollout's end."""
     code = (
         "import numpy as np;from polyworld.rollout import simulator;"
-        "from tests.benchmarks.six_body_scene import six_body_world;"
+        "from tests.scenes.six_bodies import six_body_world;"
         f"simulator(six_body_world(planar={planar}), np.arange(0, {DURATION} + 1e-9, 0.04), threads=1).run()"
     )
     with tempfile.TemporaryDirectory() as cache:

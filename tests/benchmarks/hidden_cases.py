@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.hidden_ball import UnusableCase
 from tests.benchmarks.hidden_design import DESIGNS, RESTITUTION, BallDesign
 from tests.benchmarks.hidden_laws import EFFECTS, Draw, Scenery
 from tests.benchmarks.hidden_observer import NoiseKind
 from tests.benchmarks.hidden_outside import OUTSIDE
 from tests.benchmarks.hidden_strength import LARGEST, SMALLEST, Strong, make_strong
+from tests.scenes.ball import UnusableCase
 
 NOISES = (0.001, 0.01, 0.03)
 ATTEMPTS = 40

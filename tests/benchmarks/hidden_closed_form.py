@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from tests.benchmarks.hidden_ball import RESTING, UP, Launch
+from tests.scenes.ball import RESTING, UP, Launch
 
 Array = NDArray[np.float64]
 

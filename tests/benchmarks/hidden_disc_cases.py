@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.hidden_ball import Patch, UnusableCase
 from tests.benchmarks.hidden_cases import Case
-from tests.benchmarks.hidden_discs import Discs, Started, slide
 from tests.benchmarks.hidden_laws import unit
 from tests.benchmarks.hidden_observer import Fault, noisy
+from tests.scenes.ball import Patch, UnusableCase
+from tests.scenes.discs import Discs, Started, slide
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float]

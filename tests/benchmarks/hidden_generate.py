@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.hidden_ball import Launch, UnusableCase
-from tests.benchmarks.hidden_ball import Path as Motion
 from tests.benchmarks.hidden_cases import ON_PLANE, Case, Hidden, draw_hidden
 from tests.benchmarks.hidden_design import GRAVITY, RESTITUTION
 from tests.benchmarks.hidden_disc_cases import draw_discs
@@ -25,6 +23,8 @@ from tests.benchmarks.hidden_files import read_json, write_json, write_runs
 from tests.benchmarks.hidden_observer import Fault, noisy
 from tests.benchmarks.hidden_outside import OUTSIDE
 from tests.benchmarks.hidden_strength import flights, hidden_world
+from tests.scenes.ball import Launch, UnusableCase
+from tests.scenes.ball import Path as Motion
 
 
 def world_json(hidden: Hidden) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.hidden_ball import Ball, Patch, Plane, UnusableCase
 from tests.benchmarks.hidden_observer import Fault
+from tests.scenes.ball import Ball, Patch, Plane, UnusableCase
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float]

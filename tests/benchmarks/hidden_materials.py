@@ -29,8 +29,8 @@ import numpy as np
 
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
-from tests.benchmarks.material_fluids import filling_case, sinking_case, swaying_case
-from tests.benchmarks.material_scenes import Case, falling_case, rope_case, soft_case, strip_case, swinging_case
+from tests.scenes.fluids import filling_case, sinking_case, swaying_case
+from tests.scenes.materials import Case, falling_case, rope_case, soft_case, strip_case, swinging_case
 
 CASES: tuple[tuple[Callable[[np.random.Generator, str | None], Case], str | None], ...] = (
     (rope_case, None),

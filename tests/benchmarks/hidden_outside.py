@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tests.benchmarks.hidden_ball import Ball
 from tests.benchmarks.hidden_laws import Draw, Drawn, Scenery, unit, with_force
+from tests.scenes.ball import Ball
 
 Array = NDArray[np.float64]
 

@@ -45,7 +45,7 @@ def judge(folder: Path, *data: str) -> dict[str, Any]:
     report = find_gap(world, recording, settings=GapSettings(null_control=False))
     told = report.to_dict()
     told["seconds"], told["cpu_seconds"] = time.perf_counter() - begin, time.process_time() - worked
-    told["rollouts"] = report.bench.rollouts
+    told["rollouts"] = report.context.rollouts
     if (folder / "sealed.csv").exists() and report.world is not None:
         before = report.base.hypothesis.fitted_world(report.base.values)
         told["sealed"] = held_out_gap(before, report.world, recording_of(folder / "sealed.csv")).to_dict()

@@ -20,7 +20,7 @@ from polyworld.estimation.world_fit import (
     fit,
     refine,
 )
-from tests.benchmarks.recovery_scenes import Scene, scenes
+from tests.scenes.material_parameters import Scene, scenes
 
 WIDTHS = (20, 36, 11, 11, 8, 9, 9, 8)
 HEADER = ("scene", "parameter", "hidden", "recovered", "error", "claimed", "rollouts", "seconds")

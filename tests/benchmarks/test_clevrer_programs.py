@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.clevrer_data import Collision, default_folder
-from tests.benchmarks.clevrer_events import score_collisions
 from tests.benchmarks.clevrer_programs import Happening, NotInScene, Thing, answer_choice, causes
+from tests.scenes.clevrer_data import Collision, default_folder
+from tests.scenes.clevrer_events import score_collisions
 
 QUESTIONS = default_folder() / "questions_matched_scenes_00000_01000.json"
 needs_questions = pytest.mark.skipif(not QUESTIONS.exists(), reason=f"no {QUESTIONS.name} beside the repository")

@@ -9,8 +9,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.benchmarks.hidden_ball import Patch
-from tests.benchmarks.hidden_discs import Discs, Started, slide
+from tests.scenes.ball import Patch
+from tests.scenes.discs import Discs, Started, slide
 
 TIMES = np.arange(91) / 60.0
 

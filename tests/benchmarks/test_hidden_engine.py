@@ -12,13 +12,13 @@ import pytest
 
 from polyworld.rollout import simulator
 from polyworld.world import World
-from tests.benchmarks.hidden_ball import UnusableCase
 from tests.benchmarks.hidden_cases import Case, Hidden, draw_hidden
 from tests.benchmarks.hidden_disc_cases import draw_discs
-from tests.benchmarks.hidden_discs import slide
 from tests.benchmarks.hidden_generate import world_json
 from tests.benchmarks.hidden_laws import EFFECTS
 from tests.benchmarks.hidden_strength import flights, hidden_world
+from tests.scenes.ball import UnusableCase
+from tests.scenes.discs import slide
 
 # Effects whose law the engine keeps under another name, or in the base world's own numbers.
 KINDS = {"tilt": "uniform_acceleration"}

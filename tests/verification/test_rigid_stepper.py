@@ -18,7 +18,7 @@ from polyworld.solver.arrays import rigid_arrays
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
-from tests.benchmarks.six_body_scene import six_body_world
+from tests.scenes.six_bodies import six_body_world
 from tests.verification.joint_scenes import body, linked, turned
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from polyworld.world import World
 if TYPE_CHECKING:
     from polyworld.estimation.trial import FitContext, FittedHypothesis
 
-MOST_GROUPS = 4  # different values among bodies that are fitted apart; more would be a refit, not an effect
+MOST_GROUPS = 4  # different values among bodies that are fitted independently; more would be a refit, not an effect
 OTHERS = (0.4, 2.5)  # times a friction that fits begin at, too
 ORDINARY_RESTITUTION = 0.5  # by which it may be off: lead from ivory
 ORDINARY_FRICTION = 1.0  # likewise: rubber from ice
@@ -96,6 +96,7 @@ CANDIDATES = (
         signature="residual that begins at an impact and grows linearly; the same share of every rebound",
         reference="Newton, Principia, axioms, scholium to corollary 6",
         variants=_restitution,
+        plain=True,
         confused_with={
             "restitution_speed": "drops from different heights",
             "linear_drag": "the residual between impacts",
@@ -108,6 +109,7 @@ CANDIDATES = (
         signature="deceleration while sliding that does not depend on the speed, or a kick along an oblique impact",
         reference="Coulomb (1785), Theorie des machines simples",
         variants=_friction,
+        plain=True,
         further=_other_frictions,
         confused_with={
             "rolling_resistance": "the spin: a rolling body keeps its speed but for rolling resistance",
@@ -123,6 +125,7 @@ CANDIDATES = (
         signature="a rolling body that slows down evenly although it does not slip",
         reference="Coulomb (1785); Johnson, Contact Mechanics, 9.1",
         variants=_rolling,
+        plain=True,
         confused_with={
             "friction_error": "the spin, or the motion before and after rolling sets in",
             "viscous_friction": "rolling at several speeds",

@@ -42,6 +42,7 @@ CANDIDATES = (
         signature="residual along gravity that grows as the square of the time in free motion, alike at all speeds",
         reference="Galilei (1638), Discorsi, third day",
         variants=_gravity,
+        plain=True,
         confused_with={
             "buoyancy": "only bodies of different density fall differently",
             "observer_scale": "lengths that are known: a body's radius where it rests, distances of walls",

@@ -143,6 +143,7 @@ CANDIDATES = (
         signature="a sudden change of one body's velocity where nothing is seen",
         reference="Newton's law of impact between two bodies",
         variants=_body,
+        local=True,
         confused_with={"hidden_wall": "hits at several places", "fan": "the sharpness of the change"},
     ),
 )

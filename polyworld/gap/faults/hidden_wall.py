@@ -25,7 +25,7 @@ MOST_STARTS = 6
 MOST_HITS = 6  # the sharpest
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
 SKEW = 0.15  # error of a wall's direction that noise may make [rad]
-NEARBY = 0.5  # of a body's radius, within which two hits are too near to tell how a wall runs
+NEARBY = 0.5  # of a body's radius, within which two hits are too near to show how a wall runs
 SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
 
 
@@ -135,8 +135,8 @@ def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tupl
                 continue  # places are those of centres
             normal, extent = _through(group, inside)
             cone = np.arctan(world.object(group[0].name).friction) + SKEW
-            apart = extent > NEARBY * reach(world, world.object(group[0].name))
-            if normal is not None and apart and all(k.direction @ normal > np.cos(cone) for k in group):
+            separated = extent > NEARBY * reach(world, world.object(group[0].name))
+            if normal is not None and separated and all(k.direction @ normal > np.cos(cone) for k in group):
                 found.append((extent + (1e3 if count > 2 else 0.0), normal, group[0]))
     faces: list[tuple[Array, Kink]] = []
     for _, normal, kink in sorted(found, key=lambda f: -f[0]):
@@ -187,6 +187,7 @@ CANDIDATES = (
         signature="paths that turn back at one plane where nothing is seen",
         reference="Newton's law of impact at a fixed plane",
         variants=_wall,
+        local=True,
         confused_with={
             "hidden_body": "hits at several places: a wall turns all back along one line",
             "tether": "the sharpness of the turn, and its shape: a tether's is a circle",

@@ -1,4 +1,4 @@
-"""What a world's joints lack: friction, damping, a motor; and the delay of a motor that is known."""
+"""Faults of a world's joints: friction, damping, a motor; and the delay of a motor that is known."""
 
 from __future__ import annotations
 
@@ -99,6 +99,7 @@ CANDIDATES = (
         signature="swings that shrink by the same angle each time, and stop",
         reference="Coulomb (1785); Lorenz (1924), on the damping of pendulums by dry friction",
         variants=_friction,
+        plain=True,
         confused_with={
             "joint_damping": "large and small swings: damping takes the same share, friction the same amount"
         },
@@ -110,10 +111,11 @@ CANDIDATES = (
         signature="swings that shrink by the same share each time",
         reference="Landau & Lifshitz, Mechanics, 25",
         variants=_damping,
+        plain=True,
         confused_with={
             "joint_friction": "large and small swings",
             "linear_drag": "one body on joints of two lengths",
-            "quadratic_drag": "large and small swings: the share lost to it falls with the swing",
+            "quadratic_drag": "large and small swings: the share it takes falls with the swing",
         },
     ),
     Candidate(
@@ -128,7 +130,7 @@ CANDIDATES = (
     Candidate(
         name="actuator_delay",
         group="joint",
-        law="a motor acts at t - d as told for t",
+        law="a motor acts at t - d as commanded for t",
         signature="the motion of driven bodies comes late by the same time, others' does not",
         reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, 5.6: pure time delay",
         variants=_delay,

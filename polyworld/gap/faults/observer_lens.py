@@ -62,14 +62,14 @@ def _keystone(world: World, recording: Recording) -> tuple[Variant, ...]:
     axes = measured_axes(recording)
     view = _sight(world, axes)
     if view is None and len(axes) == 3:
-        return ()  # what tells depth too has not one plane of motion
+        return ()  # what measures depth too has not one plane of motion
     across = [a for a in axes if view is None or abs(view[a]) < 1.0 - 1e-9]
     places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])[:, across]
     lower, upper = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     reach = 0.5 * float(np.max(upper - lower, initial=0.0))
     if not reach > 0.0:
         return ()
-    # Whoever tells the scale from lengths in the picture has it right about the middle.
+    # Whoever takes the scale from lengths in the picture has it right about the middle.
     centre = np.zeros(3)
     centre[across] = 0.5 * (lower + upper)
     if world.observer is not None:

@@ -87,7 +87,7 @@ def _limits(interval: float) -> dict[str, float]:
 
 
 def _time_offset(world: World, recording: Recording) -> tuple[Variant, ...]:
-    # Free initial states take up any offset, unless something tells when the world began.
+    # Free initial states take up any offset, unless something shows when the world began.
     begins = (
         any(run.lead > 0.0 for run in recording.runs)
         or bool(world.deformables)
@@ -171,6 +171,7 @@ CANDIDATES = (
         signature="from one instant on all bodies are ahead (frames dropped) or behind (repeated) by one time",
         reference="any video text; a change of the origin of time at an instant",
         variants=_dropped,
+        local=True,
         confused_with={
             "hidden_wall": "bodies elsewhere jump at the same instant, and speeds stay as they were",
             "fan": "the jump is a displacement along the velocity, with no change of velocity",

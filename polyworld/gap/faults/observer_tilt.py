@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from polyworld import geometry
 from polyworld.estimation.candidate import Candidate, Variant
+from polyworld.expressions.effect import law_of
 from polyworld.gap.adding import one_start
 from polyworld.gap.faults.observer_scale_and_time import is_bare, measured_axes, observed, of_observer
 from polyworld.recording import Recording
@@ -17,11 +18,6 @@ Array = NDArray[np.float64]
 
 MOST = 0.5  # [rad]
 ORDINARY = 0.2  # of a camera held by hand [rad]
-# Effects that know no direction and no place: they look the same in axes turned about gravity.
-_ISOTROPIC = frozenset(
-    {"linear_drag", "quadratic_drag", "quadratic_damping", "magnus_lift", "buoyancy", "spin_damping", "spin_drag"}
-    | {"viscous_friction", "restitution_speed", "bounce_friction", "spin_coupling"}
-)
 
 
 def _tilt(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -51,7 +47,7 @@ def _tilt_shows(world: World, recording: Recording, axis: int) -> bool:
         return True
     level = all(_level(s, about) for s in world.statics)
     free = not (world.joints or world.deformables)
-    return not (level and free and all(e.kind in _ISOTROPIC for e in world.effects if e.enabled))
+    return not (level and free and all(law_of(e).isotropic for e in world.effects if e.enabled))
 
 
 def _level(static: StaticObject, up: Array) -> bool:

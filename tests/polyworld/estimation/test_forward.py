@@ -83,9 +83,9 @@ def test_planar_residuals_are_places_turns_and_spins_from_what_was_measured(norm
             elif s.kind == "position":
                 expected = batch.positions[:, s.rows, column, s.axis] - places[s.rows, column, s.axis]
             else:
-                told = Rotation.from_quat(batch.orientations[:, s.rows, column].reshape(-1, 4), scalar_first=True)
+                turned = Rotation.from_quat(batch.orientations[:, s.rows, column].reshape(-1, 4), scalar_first=True)
                 was = Rotation.from_quat(np.tile(orientations[s.rows, column], (2, 1)), scalar_first=True)
-                angle = ((told * was.inv()).as_rotvec() @ n).reshape(2, -1)
+                angle = ((turned * was.inv()).as_rotvec() @ n).reshape(2, -1)
                 period = 2.0 * np.pi / run.symmetry[column]
                 expected = angle - period * np.round(angle / period)
             np.testing.assert_allclose(found[:, s.where][:, keep], expected[:, keep], atol=1e-12)

@@ -55,7 +55,7 @@ def test_a_push_in_correlated_noise_fails_when_it_is_strong() -> None:
     assert not judged(0, correlated, 0.01, push=np.array([0.5, 0.0, 0.0])).passes
 
 
-def test_the_axis_that_is_wrong_is_told() -> None:
+def test_the_axis_that_is_wrong_is_reported() -> None:
     verdict = judged(1, white, 0.01, push=np.array([0.0, 0.1, 0.0]))
     assert verdict.worst is not None
     assert verdict.worst.axis == 1

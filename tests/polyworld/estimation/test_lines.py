@@ -54,7 +54,7 @@ def with_outliers(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarra
 
 def line_of(recording: Recording) -> Line:
     trial = fitted_base(design(TABLE, recording), ())
-    return strongest_line(trial.bench.design, trial.bench.noise, projected(trial.fit)[0], MODES)
+    return strongest_line(trial.context.design, trial.context.noise, projected(trial.fit)[0], MODES)
 
 
 @pytest.mark.parametrize("noise", [None, correlated, with_outliers])
@@ -79,9 +79,9 @@ def found(frequency: float, seconds: float) -> GapReport:
 @pytest.mark.parametrize(("frequency", "seconds"), [(1.7, 15.0), (0.09, 25.0), (1.7, 25.0)])
 def test_a_table_that_shakes_is_found_in_long_runs_too(frequency: float, seconds: float) -> None:
     """25 cycles; and in two parts 2, about one in each, and 42."""
-    told = found(frequency, seconds).to_dict()
-    assert told["verdict"] == "identified"
-    (effect,) = told["effects"]
+    summary = found(frequency, seconds).to_dict()
+    assert summary["verdict"] == "identified"
+    (effect,) = summary["effects"]
     assert effect["name"] == "periodic_forcing"
     true = {"frequency": frequency, "amplitude_x": AMPLITUDE[0], "amplitude_y": AMPLITUDE[1], "phase": PHASE}
     for name, value in true.items():
@@ -89,7 +89,7 @@ def test_a_table_that_shakes_is_found_in_long_runs_too(frequency: float, seconds
         assert low < value < high
 
 
-def test_the_rhythm_is_told() -> None:
+def test_the_rhythm_is_reported() -> None:
     base = found(1.7, 15.0).base
     assert "a rhythm of 1.7 Hz in puck position" in base.goodness.summary()
     rhythm = base.goodness.to_json()["rhythm"]

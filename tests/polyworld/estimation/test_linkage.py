@@ -67,10 +67,10 @@ def hung(long: float, angle: Array) -> Array:
 
 def run(places: dict[str, Array], seed: int = 0, name: str = "r") -> Run:
     """A run of noisy places (T, 3) by name, y not measured."""
-    told = np.stack(list(places.values()), axis=1)
-    told = told + np.random.default_rng(seed).normal(0.0, SIGMA, told.shape)
-    told[:, :, 1] = np.nan
-    return Run(name, tuple(places), TIMES, told, np.full((len(TIMES), len(places), 4), np.nan))
+    measured = np.stack(list(places.values()), axis=1)
+    measured = measured + np.random.default_rng(seed).normal(0.0, SIGMA, measured.shape)
+    measured[:, :, 1] = np.nan
+    return Run(name, tuple(places), TIMES, measured, np.full((len(TIMES), len(places), 4), np.nan))
 
 
 def swung(start: tuple[float, float, float, float], damping: float = 0.0) -> dict[str, Array]:
@@ -105,8 +105,8 @@ def test_places_and_velocities_follow_from_the_joints_coordinates() -> None:
     values = np.array([[0.4, 1.1, -0.7, 2.0]])
     found = tree.overrides(values, {})
     for name, place in (("a", hung(UPPER, angle)), ("b", hung(UPPER, angle) + hung(LOWER, angle + turn))):
-        told = [found[f"objects.{name}.position.{axis}"][0] for axis in "xyz"]
-        assert told == pytest.approx(place[0], abs=1e-12)
+        placed = [found[f"objects.{name}.position.{axis}"][0] for axis in "xyz"]
+        assert placed == pytest.approx(place[0], abs=1e-12)
     step = 1e-6
     after = tree.overrides(values + step * np.array([[1.1, 0.0, 2.0, 0.0]]), {})
     for name in "ab":
@@ -128,7 +128,7 @@ def test_lengths_are_those_that_are_being_fitted() -> None:
 
 
 def test_stops_stay_where_they_are_whatever_angle_a_run_begins_at() -> None:
-    """h2 is told of a against b, so that b turned by -0.7 is a turned by 0.7."""
+    """h2 is described as a against b, so that b turned by -0.7 is a turned by 0.7."""
     (tree,) = linkages(double(lower=-1.0, upper=2.0))
     found = tree.overrides(np.array([[0.4, 0.0, -0.7, 0.0]]), {})
     assert found["joints.h2.lower"] == pytest.approx(-1.7)
@@ -159,7 +159,7 @@ def test_runs_of_a_double_pendulum_that_start_each_its_own_way_are_fitted_to_the
     assert fit.states[0] == pytest.approx([1.2, 0.0, -0.8, 0.0], abs=0.02)
     cut = segment_context(FitContext(plan, noise, 1), 2)
     assert cut is not None
-    assert len(cut.bench.design.runs) == 4
+    assert len(cut.context.design.runs) == 4
 
 
 def test_damping_in_one_hinge_of_two_is_named_with_the_hinge() -> None:
@@ -183,13 +183,13 @@ def test_damping_in_one_hinge_of_two_is_named_with_the_hinge() -> None:
         {"kind": "ball", "name": "h1", "object": "a", "anchor": (0, 0, 0)},
     ],
 )
-def test_what_is_held_otherwise_starts_as_the_world_says_and_that_is_told(joint: dict[str, Any]) -> None:
+def test_what_is_held_otherwise_starts_as_the_world_says_and_that_is_reported(joint: dict[str, Any]) -> None:
     world = World.model_validate(double().model_dump() | {"joints": [double().joints[0].model_dump(), joint]})
     assert linkages(world) == ()
     measured = run(swung((0.0, 0.0, 0.0, 0.1)))
     assert state_coordinates(world, measured) == ()
-    told = cautions(design(world, Recording((measured,))))
-    assert any("a and b are held by joints" in text for text in told)
+    texts = cautions(design(world, Recording((measured,))))
+    assert any("a and b are held by joints" in text for text in texts)
 
 
 def test_a_sample_that_was_dropped_of_one_body_costs_no_other_its_start() -> None:
@@ -208,10 +208,10 @@ def test_a_body_that_was_not_seen_starts_as_the_world_says_on_what_was() -> None
     measured, made = run({"a": place}), World.model_validate(world)
     (found,) = state_coordinates(made, measured)
     assert found.labels == ("displacement", "rate")
-    told = found.overrides(np.array([[0.1, 0.4]]), {})
-    assert told["objects.b.position.x"] == pytest.approx(0.1)
-    assert told["objects.b.angular_velocity.y"] == pytest.approx(2.0)
-    assert told["objects.b.velocity.x"] == pytest.approx(0.4 - 2.0 * LOWER)
+    overrides = found.overrides(np.array([[0.1, 0.4]]), {})
+    assert overrides["objects.b.position.x"] == pytest.approx(0.1)
+    assert overrides["objects.b.angular_velocity.y"] == pytest.approx(2.0)
+    assert overrides["objects.b.velocity.x"] == pytest.approx(0.4 - 2.0 * LOWER)
     assert any(text.startswith("b hang together") for text in cautions(design(made, Recording((measured,)))))
 
 

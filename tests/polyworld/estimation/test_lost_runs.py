@@ -1,4 +1,4 @@
-"""Runs that a fit has lost, and places that a coarse grid misses."""
+"""Runs stuck in a wrong minimum, and places that a coarse grid misses."""
 
 from dataclasses import replace
 
@@ -35,13 +35,13 @@ def bouncing() -> tuple[FitContext, Hypothesis]:
 
 
 def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
-    bench, base = bouncing()
-    right = bench.fit(base, np.zeros(0), profile.start_states(bench.design))
+    context, base = bouncing()
+    right = context.fit(base, np.zeros(0), profile.start_states(context.design))
     bent = list(right.fit.states)
-    bent[2] = bent[2] + np.where([".velocity." in label for label in bench.design.runs[2].labels], 3.0, 0.4)
-    lost = bench.fit(base, np.zeros(0), bent, iterations=0)
-    assert lost.chi2 > 100.0 * right.chi2
-    again = refit_ill_runs(lost)
+    bent[2] = bent[2] + np.where([".velocity." in label for label in context.design.runs[2].labels], 3.0, 0.4)
+    stuck = context.fit(base, np.zeros(0), bent, iterations=0)
+    assert stuck.chi2 > 100.0 * right.chi2
+    again = refit_ill_runs(stuck)
     assert again.chi2 == pytest.approx(right.chi2, abs=1.0)
     for k in (0, 1, 3, 4, 5):
         assert again.fit.states[k] == pytest.approx(right.fit.states[k], abs=1e-3)
@@ -49,14 +49,14 @@ def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
 
 
 def test_a_run_that_is_a_little_off_is_fitted_anew_where_all_others_are_explained() -> None:
-    bench, base = bouncing()
-    right = bench.fit(base, np.zeros(0), profile.start_states(bench.design))
-    vertical = np.array([label.endswith("velocity.z") for label in bench.design.runs[2].labels])
+    context, base = bouncing()
+    right = context.fit(base, np.zeros(0), profile.start_states(context.design))
+    vertical = np.array([label.endswith("velocity.z") for label in context.design.runs[2].labels])
     bent = list(right.fit.states)
     bent[2] = bent[2] + np.where(vertical, 0.01, 0.0)
-    lost = bench.fit(base, np.zeros(0), bent, iterations=0)
-    assert 1.5 < lost.misfits[2] < 2.5  # others 1: odd, but not thrice as ill
-    assert refit_ill_runs(lost).misfits[2] == pytest.approx(right.misfits[2], abs=0.01)
+    stuck = context.fit(base, np.zeros(0), bent, iterations=0)
+    assert 1.5 < stuck.misfits[2] < 2.5  # others 1: odd, but not thrice as ill
+    assert refit_ill_runs(stuck).misfits[2] == pytest.approx(right.misfits[2], abs=0.01)
 
 
 def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:
@@ -66,9 +66,9 @@ def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:
     rng = np.random.default_rng(5)
     data = puck_recording(deceleration, rng, SIGMA, runs=12, duration=0.8)
     plan = design(puck_world(SMOOTH), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     base = Hypothesis(plan.world, ())
-    ground = bench.fit(base, np.zeros(0), profile.start_states(plan))
+    ground = context.fit(base, np.zeros(0), profile.start_states(plan))
     (patch,) = extended(base, catalogue()["friction_patch"], data)
     part = patch.parts[-1]
     coarse = (
@@ -76,11 +76,11 @@ def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:
         {"friction": 0.0, "radius": 0.5, "x": 0.6, "y": 0.0},
     )
     few = replace(patch, parts=(replace(part, variant=replace(part.variant, starts=coarse)),))
-    found = leads(bench, ground, [few], 2)
-    best = closer(bench, ground, few, found)[0]
+    found = leads(context, ground, [few], 2)
+    best = closer(context, ground, few, found)[0]
     assert best.chi2 < min(lead.chi2 for lead in found)
-    fit = bench.fit(few, best.values, ground.fit.states)
-    told = few.of_part(0, fit.values)
-    assert np.hypot(told["x"] - CENTRE[0], told["y"] - CENTRE[1]) < 0.06
-    assert told["radius"] == pytest.approx(RADIUS, abs=0.06)
-    assert told["friction"] == pytest.approx(ROUGH - SMOOTH, abs=0.06)
+    fit = context.fit(few, best.values, ground.fit.states)
+    values = few.of_part(0, fit.values)
+    assert np.hypot(values["x"] - CENTRE[0], values["y"] - CENTRE[1]) < 0.06
+    assert values["radius"] == pytest.approx(RADIUS, abs=0.06)
+    assert values["friction"] == pytest.approx(ROUGH - SMOOTH, abs=0.06)

@@ -24,9 +24,9 @@ def fitted(ball: Bouncing, *effects: dict[str, object]) -> FittedHypothesis:
     data = ball_recording(ball, launches(rng, 3), rng, NOISE, duration=1.0, rate=60.0)
     world = World.model_validate(ball_world().model_dump(mode="json") | {"effects": effects})
     plan = design(world.with_substep(COARSE), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     nothing = Hypothesis(plan.world, ())
-    return bench.fit(nothing, np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
+    return context.fit(nothing, np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
 
 
 def test_steps_whose_errors_show_are_shortened_until_they_do_not() -> None:

@@ -81,16 +81,16 @@ def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> Non
         candidates=named(["linear_drag", "quadratic_drag", "tilt"]),
         settings=GapSettings(null_control=False),
     )
-    told = report.to_dict()
-    assert told["verdict"] == "identified"
-    (effect,) = told["effects"]
+    summary = report.to_dict()
+    assert summary["verdict"] == "identified"
+    (effect,) = summary["effects"]
     assert effect["name"] == "linear_drag"
     true = TABLE.objects[0].mass * DRAG
     low, high = effect["unknowns"]["coefficient"]["interval95"]
     assert low < true < high
     assert high - low < 0.1 * true
-    assert told["sealed"]["closed"] > 0.95
-    (said,) = [c for c in told["cautions"] if "parts" in c]
+    assert summary["sealed"]["closed"] > 0.95
+    (said,) = [c for c in summary["cautions"] if "parts" in c]
     assert said.startswith("run slide is long: it was fitted in 3 parts of")
 
 

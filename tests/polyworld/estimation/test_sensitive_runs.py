@@ -1,4 +1,4 @@
-"""Runs that are lost as a whole though their windows are explained, and runs that no state is told of."""
+"""Runs that no fit follows as a whole though their segments are explained, and states that the data do not show."""
 
 import numpy as np
 import pytest
@@ -19,25 +19,24 @@ from polyworld.gap.sensitive_runs import sensitive_runs
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.hidden_discs import Started, slide
-from tests.polyworld.estimation.test_collisions import bent_run, laid_out, plain
-from tests.polyworld.estimation.test_several_bodies import scene, world
+from tests.polyworld.estimation.colliding_discs import bent_run, laid_out, plain, scene, world
+from tests.scenes.discs import Started, slide
 
 Array = NDArray[np.float64]
 
 
-def test_a_run_that_is_lost_whole_is_told_by_its_windows_and_more_are_not() -> None:
-    bench, right = plain(4, 2)
-    cut = segment_context(bench, 2)
+def test_a_run_that_is_stuck_whole_shows_by_its_segments_and_more_are_not() -> None:
+    context, right = plain(4, 2)
+    cut = segment_context(context, 2)
     assert cut is not None
     on_windows = cut.ground(right.hypothesis, right.values)
     assert sensitive_runs(right, cut, on_windows) == ()
-    lost = bent_run(right, 1, "disc3.velocity.y", 0.2)
-    assert lost.chi2 > right.chi2 + 100.0
-    assert sensitive_runs(lost, cut, on_windows) == ("run1",)
+    stuck = bent_run(right, 1, "disc3.velocity.y", 0.2)
+    assert stuck.chi2 > right.chi2 + 100.0
+    assert sensitive_runs(stuck, cut, on_windows) == ("run1",)
     other = bent_run(right, 0, "disc3.velocity.y", -0.4)
-    both = [other.fit.states[0], *lost.fit.states[1:]]
-    most = bench.fit(right.hypothesis, right.values, both, iterations=0)
+    both = [other.fit.states[0], *stuck.fit.states[1:]]
+    most = context.fit(right.hypothesis, right.values, both, iterations=0)
     assert np.all((most.costs - right.costs)[:2] > 100.0)
     assert sensitive_runs(most, cut, on_windows) == ()  # a law that lacks something shows in most runs
 
@@ -74,29 +73,29 @@ def test_a_disc_at_rest_does_not_hold_up_what_the_others_show() -> None:
         runs.append(Run(f"run{k}", names, times, seen, np.full((25, 3, 4), np.nan)))
     data = Recording(tuple(runs))
     plan = design(coarsened(world(discs, start), data), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     law = extended(Hypothesis(plan.world, ()), catalogue()["observer_scale"], data)[0]
 
-    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan), horizons=FINE_HORIZONS)
-    found = bench.fit(law, np.array([1.0]), base.fit.states)
-    assert found.chi2 < 1.1 * bench.observations
+    base = context.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan), horizons=FINE_HORIZONS)
+    found = context.fit(law, np.array([1.0]), base.fit.states)
+    assert found.chi2 < 1.1 * context.observations
     assert found.values[0] == pytest.approx(1.08, abs=0.02)
 
 
 def test_what_the_score_test_makes_of_a_spin_that_shows_nowhere_stays_within_reach() -> None:
     discs, starts = scene(2, 1)
-    apart = Started(starts[0].positions * np.array([[1.0], [40.0]]), starts[0].velocities, starts[0].spins)
+    distant = Started(starts[0].positions * np.array([[1.0], [40.0]]), starts[0].velocities, starts[0].spins)
     times = np.arange(40) / 60.0
     seen = np.zeros((40, 2, 3))
-    seen[..., :2] = slide(discs, apart, times)[..., :2] + np.random.default_rng(1).normal(0.0, 1e-4, (40, 2, 2))
+    seen[..., :2] = slide(discs, distant, times)[..., :2] + np.random.default_rng(1).normal(0.0, 1e-4, (40, 2, 2))
     data = Recording((Run("run0", ("disc0", "disc1"), times, seen, np.full((40, 2, 4), np.nan)),))
-    told = world(discs, apart).model_dump()
-    for item in told["objects"]:
+    described = world(discs, distant).model_dump()
+    for item in described["objects"]:
         item["torsional_radius"] = 1e-4  # next to nothing
-    plan = design(coarsened(World.model_validate(told), data), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
-    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan))
-    found = leads(bench, base, extended(base.hypothesis, catalogue()["quadratic_drag"], data), 1)
+    plan = design(coarsened(World.model_validate(described), data), data)
+    context = FitContext(plan, measured_noise(plan), 1)
+    base = context.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan))
+    found = leads(context, base, extended(base.hypothesis, catalogue()["quadratic_drag"], data), 1)
     assert found
     for lead in found:
         assert lead.states is not None

@@ -1,6 +1,6 @@
 """Two to six discs that slide on a plane and collide, as a video shows them: 30 Hz, 2 mm, no spin measured.
 
-The data come from an integrator of its own, from event to event (SciPy), in `tests.benchmarks.hidden_discs`.
+The data come from an independent integrator, from event to event (SciPy), in `tests.scenes.discs`.
 """
 
 import numpy as np
@@ -13,72 +13,12 @@ from polyworld.gap.catalogue import catalogue
 from polyworld.gap.examine import fitted_base
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
-from polyworld.world import World
-from tests.benchmarks.hidden_discs import Discs, Started, slide
+from tests.polyworld.estimation.colliding_discs import FRICTION, RESTITUTION, SIGMA, recordings, scene, world
+from tests.scenes.discs import Discs, Started, slide
 
 Array = NDArray[np.float64]
 
-FRICTION, RESTITUTION, SIGMA, RATE, DURATION = 0.06, 0.85, 0.002, 30.0, 3.0
 OFFERED = ("quadratic_drag", "linear_drag", "tilt", "restitution_error", "friction_error", "mass_error", "magnus_lift")
-
-
-def scene(count: int, seed: int) -> tuple[Discs, list[Started]]:
-    """Discs of 6 to 12 cm thrown across one another's ways at 0.6 to 2.2 m/s; three runs, the last to be sealed."""
-    rng = np.random.default_rng([seed, count])
-    discs = Discs(
-        np.round(rng.uniform(0.3, 1.2, count), 2),
-        np.round(rng.uniform(0.06, 0.12, count), 3),
-        np.full(count, FRICTION),
-        RESTITUTION,
-    )
-    return discs, [started(rng, count) for _ in range(3)]
-
-
-def started(rng: np.random.Generator, count: int) -> Started:
-    """On a ring, towards its middle."""
-    angles = 2.0 * np.pi * (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / count
-    places = rng.uniform(0.7, 1.2, (count, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
-    ways = rng.normal(0.0, 0.08, (count, 2)) - places
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    return Started(places, rng.uniform(0.6, 2.2, (count, 1)) * ways, rng.uniform(-8.0, 8.0, count))
-
-
-def recordings(hidden: Discs, starts: list[Started], seed: int) -> tuple[Recording, Recording]:
-    """What is to be explained, and what stays sealed."""
-    rng = np.random.default_rng(seed)
-    times = np.arange(round(DURATION * RATE) + 1) / RATE
-    runs = []
-    for k, begin in enumerate(starts):
-        flat = slide(hidden, begin, times)[..., :2]
-        places = np.zeros((*flat.shape[:2], 3))
-        places[..., :2] = flat + rng.normal(0.0, SIGMA, flat.shape)
-        names = tuple(f"disc{i}" for i in range(flat.shape[1]))
-        runs.append(Run(f"run{k}", names, times, places, np.full((*flat.shape[:2], 4), np.nan)))
-    return Recording(tuple(runs[:-1])), Recording(tuple(runs[-1:]))
-
-
-def world(discs: Discs, first: Started) -> World:
-    """What is told: the discs, without what is hidden; nothing of how they start that the data do not show."""
-    bodies = [
-        {
-            "name": f"disc{i}",
-            "representation": "rigid_planar",
-            "shape": {"kind": "cylinder", "radius": float(discs.radii[i]), "half_height": 0.025},
-            "mass": float(discs.masses[i]),
-            "friction": FRICTION,
-            "restitution": RESTITUTION,
-            "torsional_radius": float(discs.share * discs.radii[i]),
-            "position": [*(float(v) for v in np.round(first.positions[i], 2)), 0.0],
-        }
-        for i in range(len(discs.masses))
-    ]
-    return World.model_validate(
-        {
-            "objects": bodies,
-            "environment": {"gravity": [0, 0, -9.81], "motion_plane": {"supports": True}},
-            "time": {"seconds_per_frame": 1.0 / RATE, "substep": 0.002},
-        }
-    )
 
 
 def found(hidden: Discs, discs: Discs, starts: list[Started], seed: int) -> GapReport:
@@ -93,8 +33,8 @@ def test_base_fit_finds_spins_that_nobody_measured(count: int) -> None:
     """The spins show in how far each disc slides, and their signs only in how it leaves a collision."""
     discs, starts = scene(count, 1)
     data, _ = recordings(discs, starts, 1)
-    told = world(discs, starts[0])
-    plan = design(coarsened(told, data), data)
+    described = world(discs, starts[0])
+    plan = design(coarsened(described, data), data)
     base = fitted_base(plan, ())
     assert base.chi2 < 1.1 * plan.length
     assert base.passes
@@ -122,8 +62,8 @@ def test_an_impact_two_samples_after_the_start_is_found() -> None:
         places[..., :2] = flat[..., :2] + rng.normal(0.0, SIGMA, (len(times), 2, 2))
         half = 0.5 * (flat[..., 2] + rng.normal(0.0, 0.01, (len(times), 2)))
         turns = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
-        told = world(discs, begin)
-        plan = design(told, Recording((Run("r", ("disc0", "disc1"), times, places, turns),)))
+        described = world(discs, begin)
+        plan = design(described, Recording((Run("r", ("disc0", "disc1"), times, places, turns),)))
         base = fitted_base(plan, ())
         explained += base.chi2 < 1.15 * plan.length
     assert explained >= 7

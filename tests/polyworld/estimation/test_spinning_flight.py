@@ -69,9 +69,9 @@ def test_drag_lift_and_the_spins_decay_are_told_together() -> None:
         candidates=named(["quadratic_drag", "linear_drag", "magnus_lift", "spin_damping"]),
         settings=replace(QUICK, residual_force=False),
     )
-    told = report.to_dict()
-    assert told["verdict"] == "identified"
-    found = {e["name"]: e for e in told["effects"]}
+    summary = report.to_dict()
+    assert summary["verdict"] == "identified"
+    found = {e["name"]: e for e in summary["effects"]}
     assert set(found) == {"quadratic_drag", "magnus_lift", "spin_damping"}
     assert found["spin_damping"]["label"] == "as the square of the spin"
     for name, true in (("quadratic_drag", DRAG), ("magnus_lift", LIFT), ("spin_damping", SPIN_DRAG)):
@@ -91,16 +91,16 @@ def test_a_force_outside_the_catalogue_is_described_beside_the_torque_that_is_in
         candidates=named(["spin_damping", "linear_drag", "quadratic_drag"]),
         settings=QUICK,
     )
-    told = report.to_dict()
-    assert told["verdict"] == "identified_with_remainder"
-    assert [effect["name"] for effect in told["effects"]] == ["spin_damping"]
-    assert told["remainder"]["beyond_noise"] > 10.0 * told["remainder"]["noise"]
-    force = told["residual_force"]
+    summary = report.to_dict()
+    assert summary["verdict"] == "identified_with_remainder"
+    assert [effect["name"] for effect in summary["effects"]] == ["spin_damping"]
+    assert summary["remainder"]["beyond_noise"] > 10.0 * summary["remainder"]["noise"]
+    force = summary["residual_force"]
     assert force["explains"]
     assert force["beside"] == ["spin_damping"]
     assert "x.z" in force["expression"]
     assert "beside spin_damping explains the data" in force["summary"]
-    assert told["world"] is not None
-    assert {e["kind"] for e in told["world"]["effects"]} == {"spin_damping", "expression"}
-    (decay,) = [e for e in told["world"]["effects"] if e["kind"] == "spin_damping"]
+    assert summary["world"] is not None
+    assert {e["kind"] for e in summary["world"]["effects"]} == {"spin_damping", "expression"}
+    (decay,) = [e for e in summary["world"]["effects"] if e["kind"] == "spin_damping"]
     assert decay["parameters"]["coefficient"] == pytest.approx(0.6 * INERTIA, rel=0.05)

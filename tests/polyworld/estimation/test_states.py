@@ -1,4 +1,4 @@
-"""First guesses of initial states, held against bodies that fall, and bodies that are borne."""
+"""First guesses of initial states, held against bodies that fall, and bodies that are supported."""
 
 import numpy as np
 import pytest
@@ -66,8 +66,8 @@ def test_a_ball_that_hops_is_not_at_rest():
 
 
 def test_a_ball_that_hops_under_much_noise_is_mostly_not_at_rest():
-    """Nearly 10 cm up and down, seen from the middle of a hop, with noise of 4 cm: its mean height tells. A ball that
-    lies there is at rest under the same noise."""
+    """Nearly 10 cm up and down, seen from the middle of a hop, with noise of 4 cm: its mean height shows it. A ball
+    that lies there is at rest under the same noise."""
     phase = (TIMES + 0.25) % 0.28
     hops = 0.1 + 0.5 * 9.81 * phase * (0.28 - phase)
     found = {"hops": 0, "lies": 0}
@@ -97,7 +97,7 @@ def test_a_ball_that_bounces_right_after_the_start_is_not_at_rest():
     down = 0.1 + 1.5 * hit + 0.5 * 9.81 * hit**2 - 1.5 * TIMES - 0.5 * 9.81 * TIMES**2
     up = 0.1 + 0.75 * speed * (TIMES - hit) - 0.5 * 9.81 * (TIMES - hit) ** 2
     assert "velocity.z" in guessed(np.where(hit > TIMES, down, up), 0.03)
-    # Levelled by hand, the course is that of rest; that no floor is near is what tells.
+    # Levelled by hand, the course is that of rest; that no floor is near decides.
     assert "velocity.z" in guessed(np.full_like(TIMES, 0.25), 0.005)
 
 

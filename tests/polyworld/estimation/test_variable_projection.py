@@ -1,4 +1,4 @@
-"""Shared values moved with every run's states found anew, where one touchy run holds up a fit of all together."""
+"""Steps of shared values that every run's states follow, where one sensitive run holds up a fit of all together."""
 
 from dataclasses import replace
 from functools import cache
@@ -19,8 +19,8 @@ from polyworld.estimation.variable_projection import asked_for, profiled
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
-from tests.benchmarks.hidden_discs import slide
-from tests.polyworld.estimation.test_several_bodies import scene, started, world
+from tests.polyworld.estimation.colliding_discs import scene, started, world
+from tests.scenes.discs import slide
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,8 @@ TRUE = 0.1  # kg/m
 
 @cache
 def colliding(count: int, seed: int) -> tuple[FitContext, Hypothesis]:
-    """Discs with air drag that is not told, in four runs of 3 s at 30 Hz: 4 mm and 0.02 rad of noise; and the law."""
+    """Discs with air drag that the world lacks, in four runs of 3 s at 30 Hz: 4 mm and 0.02 rad of noise; and the
+    law."""
     discs, _ = scene(count, seed)
     rng = np.random.default_rng([seed, count, 7])
 
@@ -49,32 +50,34 @@ def colliding(count: int, seed: int) -> tuple[FitContext, Hypothesis]:
         runs.append(Run(f"run{k}", tuple(f"disc{i}" for i in range(count)), times, places, turns))
     data = Recording(tuple(runs))
     plan = design(coarsened(world(discs, starts[0]), data), data)
-    bench = FitContext(plan, measured_noise(plan), 1)
-    return bench, extended(Hypothesis(plan.world, ()), catalogue()["quadratic_drag"], data)[0]
+    context = FitContext(plan, measured_noise(plan), 1)
+    return context, extended(Hypothesis(plan.world, ()), catalogue()["quadratic_drag"], data)[0]
 
 
-def states_at(bench: FitContext, hypothesis: Hypothesis, values: Array, states: tuple[Array, ...]) -> tuple[Array, ...]:
+def states_at(
+    context: FitContext, hypothesis: Hypothesis, values: Array, states: tuple[Array, ...]
+) -> tuple[Array, ...]:
     at = Point(values, states)
-    return profile.fit_per_run(bench.forward(hypothesis), bench.noise, at, horizons=(1.0,), iterations=12)[0].states
+    return profile.fit_per_run(context.forward(hypothesis), context.noise, at, horizons=(1.0,), iterations=12)[0].states
 
 
 @cache
 def fitted(count: int, seed: int) -> FittedHypothesis:
     """From the true value, with states that follow collision by collision."""
-    bench, law = colliding(count, seed)
-    at = Point(np.array([TRUE]), profile.start_states(bench.design))
+    context, law = colliding(count, seed)
+    at = Point(np.array([TRUE]), profile.start_states(context.design))
     horizons = profile.FINE_HORIZONS
-    at, _ = profile.fit_per_run(bench.forward(law), bench.noise, at, horizons=horizons, iterations=6)
-    return bench.fit(law, np.array([TRUE]), at.states, iterations=40)
+    at, _ = profile.fit_per_run(context.forward(law), context.noise, at, horizons=horizons, iterations=6)
+    return context.fit(law, np.array([TRUE]), at.states, iterations=40)
 
 
-def test_a_touchy_run_does_not_hold_up_the_others() -> None:
-    bench, law = colliding(3, 3)
+def test_a_sensitive_run_does_not_hold_up_the_others() -> None:
+    context, law = colliding(3, 3)
     right = fitted(3, 3)
     assert right.passes
     assert right.values[0] == pytest.approx(TRUE, rel=0.01)
     away = np.array([0.4 * TRUE])
-    held_up = bench.fit(law, away, states_at(bench, law, away, right.fit.states), iterations=40)
+    held_up = context.fit(law, away, states_at(context, law, away, right.fit.states), iterations=40)
     assert held_up.chi2 > 10.0 * right.chi2
     found = profiled(held_up)
     assert found.chi2 < right.chi2 + 1.0
@@ -87,42 +90,42 @@ def test_what_is_at_rest_stays() -> None:
 
 
 def test_a_fit_begins_from_a_value_half_of_the_true_one() -> None:
-    bench, law = colliding(5, 3)
+    context, law = colliding(5, 3)
     far = np.array([0.5 * TRUE])
-    starts = profile.start_states(bench.design)
-    together = bench.fit(law, far, starts, horizons=profile.FINE_HORIZONS, iterations=6)
+    starts = profile.start_states(context.design)
+    together = context.fit(law, far, starts, horizons=profile.FINE_HORIZONS, iterations=6)
     assert together.chi2 > 9000.0  # a run is behind another collision, and holds the others
-    found = fit_near(bench, law, far, [starts])
+    found = fit_near(context, law, far, [starts])
     assert found.passes
     assert found.values[0] == pytest.approx(TRUE, rel=0.04)
 
 
-def test_runs_fitted_apart_keep_what_they_share() -> None:
-    bench, law = colliding(3, 3)
+def test_runs_fitted_independently_keep_what_they_share() -> None:
+    context, law = colliding(3, 3)
     values = np.array([1.2 * TRUE])
-    begin = Point(values, profile.start_states(bench.design))
+    begin = Point(values, profile.start_states(context.design))
     horizons = profile.FINE_HORIZONS
-    at, costs = profile.fit_per_run(bench.forward(law), bench.noise, begin, horizons=horizons, iterations=6)
+    at, costs = profile.fit_per_run(context.forward(law), context.noise, begin, horizons=horizons, iterations=6)
     np.testing.assert_array_equal(at.values, values)
     alone = replace(law, world=law.fitted_world(values), parts=())
-    same = bench.fit(alone, np.zeros(0), at.states, iterations=0)
+    same = context.fit(alone, np.zeros(0), at.states, iterations=0)
     np.testing.assert_allclose([float(r @ r) for r in same.fit.linear.r], costs, rtol=1e-9)
 
 
 def test_a_world_of_one_run_has_the_values_of_that_run() -> None:
-    bench, law = colliding(3, 3)
+    context, law = colliding(3, 3)
     part, (unknown,) = law.parts[0], law.parts[0].variant.unknowns
-    each = tuple(replace(unknown, run=r.name) for r in bench.design.recording.runs)
+    each = tuple(replace(unknown, run=r.name) for r in context.design.recording.runs)
     own = replace(law, parts=(replace(part, variant=replace(part.variant, unknowns=each)),))
     values = np.array([0.1, 0.2, 0.3, 0.4])
-    for run, value in zip(bench.design.recording.runs, values, strict=True):
+    for run, value in zip(context.design.recording.runs, values, strict=True):
         (effect,) = own.fitted_world(values, run).effects
         assert effect.parameters["coefficient"] == value
 
 
 def test_a_step_that_a_bound_stops_leaves_the_others_what_is_best_then() -> None:
     """Two unknowns go together; the step that both ask for leaves the bound of one."""
-    bench, law = colliding(3, 3)
+    context, law = colliding(3, 3)
     trial = fitted(3, 3)
     (unknown,) = law.parts[0].variant.unknowns
     two = (replace(unknown, upper=float(trial.values[0])), replace(unknown, name="other", upper=1e9))
@@ -135,7 +138,7 @@ def test_a_step_that_a_bound_stops_leaves_the_others_what_is_best_then() -> None
     covariance = np.linalg.inv(a.T @ a)
     values = np.array([trial.values[0], 0.5])
     made = replace(trial.fit, values=values, linear=linear, covariance=covariance, states=(np.zeros(0),))
-    (asked,) = asked_for(FittedHypothesis(replace(law, parts=(part,)), made, bench))
+    (asked,) = asked_for(FittedHypothesis(replace(law, parts=(part,)), made, context))
     assert asked[0] == values[0]
     alone = -(beside @ r) / (beside @ beside)
     assert asked[1] == pytest.approx(values[1] + alone, rel=1e-3)

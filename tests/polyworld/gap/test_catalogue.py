@@ -268,13 +268,13 @@ HIDDEN = {
 
 
 def best_fit(world, recording, name):
-    """The best of the fits of one candidate from its most promising starts: hypothesis, fit."""
+    """The best of the fits of one candidate from its starts of largest predicted gain: hypothesis, fit."""
     plan = design(world, recording)
-    bench = FitContext(plan, measured_noise(plan), 30)
-    base = bench.fit(Hypothesis(world, ()), np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
+    context = FitContext(plan, measured_noise(plan), 30)
+    base = context.fit(Hypothesis(world, ()), np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
     hypotheses = extended(base.hypothesis, catalogue()[name], recording)
-    found = leads(bench, base, hypotheses, 3)[:3]
-    fits = [bench.fit(lead.hypothesis, lead.values, base.fit.states, iterations=20) for lead in found]
+    found = leads(context, base, hypotheses, 3)[:3]
+    fits = [context.fit(lead.hypothesis, lead.values, base.fit.states, iterations=20) for lead in found]
     return min(fits, key=lambda t: (round(t.chi2), t.hypothesis.extra))
 
 
@@ -292,7 +292,7 @@ def test_a_fit_from_the_starts_finds_what_moved_the_ball(name):
     turning = name == "magnus_lift"
     recording = scenes.ball_recording(hidden, scenes.launches(rng, 5), rng, rate=60.0, orientations=turning)
     trial = best_fit(scenes.ball_world(), recording, name)
-    assert trial.chi2 < 1.15 * trial.bench.design.length
+    assert trial.chi2 < 1.15 * trial.context.design.length
     assert_recovered(trial, truth)
 
 
@@ -303,7 +303,7 @@ def test_a_wall_that_nobody_sees_is_found_from_the_kinks_of_paths():
     offset = min(float(b.place @ normal) for b in begins) - 1.5 * scenes.RADIUS
     hidden = Bouncing(planes=((np.array([0.0, 0.0, 1.0]), 0.0), (normal, offset)))
     trial = best_fit(scenes.ball_world(), scenes.ball_recording(hidden, begins, rng), "hidden_wall")
-    assert trial.chi2 < 1.15 * trial.bench.design.length
+    assert trial.chi2 < 1.15 * trial.context.design.length
     assert_recovered(trial, {"turn_z": 2.6 - np.pi, "offset": offset / normal[0], "restitution": 0.8})
 
 

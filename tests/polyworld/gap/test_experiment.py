@@ -12,7 +12,7 @@ from polyworld.gap.experiment import Contender, propose_experiment
 from polyworld.gap.settings import ExperimentSettings
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.polyworld.estimation.test_profile import ball_world, thrown
+from tests.polyworld.estimation.thrown_ball import ball_world, thrown
 
 SIGMA = 0.01
 ENOUGH = ExperimentSettings().enough
@@ -36,12 +36,12 @@ def contender(plan, noise, kind, coefficient):
     return Contender((f"{kind}",), world, (unknown,), found.values, found.covariance), found
 
 
-def test_linear_and_quadratic_drag_are_told_apart_by_a_faster_launch():
+def test_linear_and_quadratic_drag_are_distinguished_by_a_faster_launch():
     plan = design(ball_world(), one_launch(0))
     noise = measured_noise(plan)
     quadratic, one = contender(plan, noise, "quadratic_drag", 0.03)
     linear, other = contender(plan, noise, "linear_drag", 0.1)
-    assert abs(one.chi2 - other.chi2) < 60  # this design tells them apart poorly
+    assert abs(one.chi2 - other.chi2) < 60  # this design distinguishes them poorly
     proposed = propose_experiment(plan, noise, (quadratic, linear))
     assert proposed is not None
     measured = np.linalg.norm(plan.runs[0].start[[1, 3, 5]])
@@ -52,7 +52,7 @@ def test_linear_and_quadratic_drag_are_told_apart_by_a_faster_launch():
     assert abs(proposed.forecasts["quadratic_drag"] - proposed.forecasts["linear_drag"]) > ENOUGH * SIGMA
 
 
-def test_what_is_to_be_watched_is_where_the_forecasts_are_apart():
+def test_what_is_to_be_watched_is_where_the_predictions_differ():
     """Drag and viscous friction slow a block on a ramp alike and part when it is thrown.
 
     Not at the first instant, where each of them would have it start a little otherwise.

@@ -1,4 +1,4 @@
-"""Verdicts on fits made up for the purpose, and criteria against least squares done anew."""
+"""Verdicts on fits made up for the purpose, and criteria against least squares done again."""
 
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -47,21 +47,21 @@ class _Trial:
     chi2: float
     passes: bool
     fit: _Fit
-    bench: _Bench = field(default_factory=_Bench)
+    context: _Bench = field(default_factory=_Bench)
     implausibility: float = 0.0
     held_out: np.ndarray = field(default_factory=lambda: np.array([1.0, 2.0]))
 
     @property
     def ebic(self) -> float:
         return self.implausibility + extended_bic(
-            self.chi2, self.hypothesis.extra, self.bench.observations, len(self.hypothesis.names), 20
+            self.chi2, self.hypothesis.extra, self.context.observations, len(self.hypothesis.names), 20
         )
 
 
-def trial(name: str, chi2: float, *, passes: bool = True, extra: int = 1, apart: float = 100.0) -> _Trial:
-    """A made-up trial; `apart`: how far its residuals are from those of the others, in a direction of its own."""
+def trial(name: str, chi2: float, *, passes: bool = True, extra: int = 1, separation: float = 100.0) -> _Trial:
+    """A made-up trial; `separation`: how far its residuals are from those of the others, in a direction of its own."""
     direction = np.zeros(32)
-    direction[sum(map(ord, name)) % 32] = apart
+    direction[sum(map(ord, name)) % 32] = separation
     return _Trial(_Hypothesis((name,), extra), chi2, passes, _Fit(_Linear((direction,))))
 
 
@@ -103,7 +103,7 @@ def test_none_passing_the_gate_is_unexplained() -> None:
 
 
 def test_a_richer_law_that_foretells_the_same_is_not_a_rival() -> None:
-    simple, rich = trial("drag", 1000.0, apart=0.0), trial("wind", 998.0, extra=2, apart=1.0)
+    simple, rich = trial("drag", 1000.0, separation=0.0), trial("wind", 998.0, extra=2, separation=1.0)
     assert names(verdict(simple, rich)) == [("drag",)]
 
 
@@ -140,12 +140,12 @@ def test_held_out_chi2_is_that_of_fits_without_the_run() -> None:
         best[:2], tuple(np.zeros(3) for _ in a), 0.0, np.eye(2), Linearised(residuals, tuple(a), tuple(b)), True, 1, 1
     )
     unknowns = tuple(Unknown(n, (n,), "1", 0.0, -9.0, 9.0, 1e3) for n in "pq")
-    told = held_out(cast(Any, type("D", (), {"runs": [0, 1, 2, 3]})), unknowns, fit)
+    predicted = held_out(cast(Any, type("D", (), {"runs": [0, 1, 2, 3]})), unknowns, fit)
     for k in range(4):
         shared = solved([i for i in range(4) if i != k])[:2]
         rest = y[k] - a[k] @ shared
         rest = rest - b[k] @ np.linalg.lstsq(b[k], rest, rcond=None)[0]
-        assert told[k] == pytest.approx(float(rest @ rest), rel=1e-4)
+        assert predicted[k] == pytest.approx(float(rest @ rest), rel=1e-4)
 
 
 def test_the_gain_has_the_standard_error_of_a_mean() -> None:

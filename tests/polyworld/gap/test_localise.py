@@ -29,7 +29,7 @@ def test_noise_alone_is_alike_everywhere() -> None:
     assert all(level.ratio < 1.0 + 4.5 * level.error for levels in found.factors.values() for level in levels)
 
 
-def test_the_axis_of_a_push_is_told() -> None:
+def test_the_axis_of_a_push_is_reported() -> None:
     found = located(flight_design(np.random.default_rng(1), white, 0.001, push=np.array([0.0, 0.5, 0.0])))
     axis = found.factors["axis"][0]
     assert axis.level == "position y"
@@ -38,7 +38,7 @@ def test_the_axis_of_a_push_is_told() -> None:
     assert found.factors["axis"][-1].ratio < 2.0
 
 
-def test_the_run_that_differs_is_told() -> None:
+def test_the_run_that_differs_is_reported() -> None:
     rng = np.random.default_rng(2)
     plan = flight_design(rng, white, 0.001)
     run = plan.recording.runs[3]
@@ -116,5 +116,5 @@ def test_what_bounces_lose_shows_by_axis_and_as_plain_data() -> None:
     assert found.factors["axis"][0].level == "position x"
     impact = np.sqrt(1.8 / scenes.G)
     assert found.onsets[0].time == pytest.approx(impact, abs=0.06)
-    told = json.loads(json.dumps(found.to_json()))
-    assert set(told["factors"]) == {"run", "object", "time", "phase", "region", "speed", "axis"}
+    summary = json.loads(json.dumps(found.to_json()))
+    assert set(summary["factors"]) == {"run", "object", "time", "phase", "region", "speed", "axis"}

@@ -11,14 +11,14 @@ from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
 from polyworld.recording import Recording, Run
-from tests.benchmarks.material_fluids import filling, filling_case, sinking_case, swaying_case
-from tests.benchmarks.material_scenes import Case, falling_case, rope_case, strip_case, swinging_case
+from tests.scenes.fluids import filling, filling_case, sinking_case, swaying_case
+from tests.scenes.materials import Case, falling_case, rope_case, strip_case, swinging_case
 
 Draw = Callable[[np.random.Generator, str | None], Case]
 
 
 def residuals(case: Case) -> np.ndarray:
-    """Simulated less told (m,) [m], without noise."""
+    """Simulated less recorded (m,) [m], without noise."""
     turns = np.full((*case.paths.shape[:2], 4), np.nan)
     plan = design(case.world, Recording((Run("run", case.markers, case.times, case.paths, turns),)))
     states = profile.start_states(plan)[0]
@@ -45,8 +45,8 @@ def test_wrong_number_of_a_rope_shows_beyond_the_noise(truth: str) -> None:
     [(falling_case, 1.0), (swinging_case, 0.5), (sinking_case, 0.3), (swaying_case, 0.5), (filling_case, 0.6)],
 )
 def test_errors_of_a_scene_without_a_hidden_effect_stay_below_its_noise(case: Draw, share: float) -> None:
-    told = case(np.random.default_rng(0), None)
-    assert float(np.sqrt(np.mean(residuals(told) ** 2))) < share * told.sigma
+    described = case(np.random.default_rng(0), None)
+    assert float(np.sqrt(np.mean(residuals(described) ** 2))) < share * described.sigma
 
 
 def test_slope_by_the_rate_of_a_tap_shows_through_the_splashes() -> None:
@@ -60,5 +60,5 @@ def test_slope_by_the_rate_of_a_tap_shows_through_the_splashes() -> None:
     slope = profile.linearise(forward, noise, np.array([case.value]), profile.start_states(plan)).a[0][:, 0]
     box = {"width": 0.3, "depth": 0.09, "height": 0.25}
     low, high = (filling(case.times, rate=q, speed=q / 0.06, **box) for q in (0.019, 0.021))
-    told = noise.whiten(0, ((high - low) / 0.002)[None])[0]
-    assert float(slope @ told / (told @ told)) == pytest.approx(1.0, abs=0.3)
+    described = noise.whiten(0, ((high - low) / 0.002)[None])[0]
+    assert float(slope @ described / (described @ described)) == pytest.approx(1.0, abs=0.3)

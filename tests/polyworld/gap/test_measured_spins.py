@@ -71,13 +71,13 @@ def test_lift_is_identified_from_measured_spins_and_held_out_throws_agree() -> N
         candidates=named(["magnus_lift", "quadratic_drag", "coriolis"]),
         settings=GapSettings(null_control=False),
     )
-    told = report.to_dict()
-    assert told["verdict"] == "identified"
-    (effect,) = told["effects"]
+    summary = report.to_dict()
+    assert summary["verdict"] == "identified"
+    (effect,) = summary["effects"]
     assert effect["name"] == "magnus_lift"
     assert effect["unknowns"]["coefficient"]["value"] == pytest.approx(LIFT, rel=0.03)
-    assert told["sealed"]["closed"] > 0.95
-    assert not any("never measured" in caution for caution in told["cautions"])
+    assert summary["sealed"]["closed"] > 0.95
+    assert not any("never measured" in caution for caution in summary["cautions"])
 
 
 def test_a_spin_that_was_measured_calls_for_no_caution() -> None:

@@ -37,9 +37,9 @@ def flown(name: str, instants: np.ndarray, speed: tuple[float, float, float], si
     return Run(name, ("ball",), stamps, place[:, None], np.full((len(stamps), 1, 4), np.nan))
 
 
-def recording(lost: int = 0, after: int = 30, sigma: float = 0.002) -> Recording:
+def recording(dropped: int = 0, after: int = 30, sigma: float = 0.002) -> Recording:
     frames = np.arange(50.0)
-    wrong = np.where(frames >= after, np.maximum(frames + lost, after - 1), frames)
+    wrong = np.where(frames >= after, np.maximum(frames + dropped, after - 1), frames)
     speeds = ((2.0, 0.5, 3.0), (-1.0, 2.0, 2.0), (3.0, 0.0, 1.0))
     runs = [flown(f"r{k}", (wrong if k == 1 else frames) / RATE, v, sigma, k) for k, v in enumerate(speeds)]
     return Recording(tuple(runs))
@@ -83,7 +83,7 @@ def test_tilt_is_offered_about_the_axes_that_show_it() -> None:
     assert names(thrown(floor, wall), data) == [["tilt_x", "tilt_y", "tilt_z"]]
     assert names(thrown(floor), side) == [["tilt_y"]]
     assert names(thrown(floor), heights) == []
-    assert tilt(thrown(), data)[0].same_as == ("tilt",)  # nothing but gravity tells the axes
+    assert tilt(thrown(), data)[0].same_as == ("tilt",)  # nothing but gravity shows the axes
     assert tilt(thrown(floor), data)[0].same_as == ()
 
 
@@ -91,28 +91,28 @@ def test_a_time_offset_is_offered_only_where_something_tells_the_beginning() -> 
     offset = BY_NAME["observer_time_offset"].variants
     data = recording()
     assert offset(thrown(), data) == ()
-    told = Recording(tuple(Run(r.name, r.names, r.times, r.positions, r.orientations, lead=0.5) for r in data.runs))
-    assert len(offset(thrown(), told)) == 1
+    later = Recording(tuple(Run(r.name, r.names, r.times, r.positions, r.orientations, lead=0.5) for r in data.runs))
+    assert len(offset(thrown(), later)) == 1
 
 
-@pytest.mark.parametrize(("lost", "sigma"), [(3, 0.002), (-2, 0.002), (4, 0.02)])
-def test_dropped_and_repeated_frames_are_found_to_the_frame(lost: int, sigma: float) -> None:
-    world, data = thrown(), recording(lost, 30, sigma)
+@pytest.mark.parametrize(("dropped", "sigma"), [(3, 0.002), (-2, 0.002), (4, 0.02)])
+def test_dropped_and_repeated_frames_are_found_to_the_frame(dropped: int, sigma: float) -> None:
+    world, data = thrown(), recording(dropped, 30, sigma)
     candidate = BY_NAME["dropped_frames"]
     plan = design(world, data)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     base = Hypothesis(world, ())
-    ground = bench.fit(base, np.zeros(0), start_states(plan))
+    ground = context.fit(base, np.zeros(0), start_states(plan))
     ways = extended(base, candidate, data)
     assert [h.parts[-1].variant.label for h in ways] == ["in run r0", "in run r1", "in run r2"]
     assert candidate.leads is not None
-    found = candidate.leads(bench, ground, ways, 2)
+    found = candidate.leads(context, ground, ways, 2)
     assert found[0].hypothesis is ways[1]
     assert abs(found[0].values[1] - 29.5 / RATE) <= 1.5 / RATE
-    trial = bench.fit(ways[1], found[0].values, ground.fit.states)
+    trial = context.fit(ways[1], found[0].values, ground.fit.states)
     assert trial.chi2 < 0.5 * ground.chi2
     sd = np.sqrt(np.diag(trial.fit.covariance))
-    assert abs(trial.values[0] - lost / RATE) < max(4.0 * sd[0], 1e-4)
+    assert abs(trial.values[0] - dropped / RATE) < max(4.0 * sd[0], 1e-4)
     assert abs(trial.values[1] - 29.5 / RATE) < 1.0 / RATE
 
 
@@ -122,9 +122,9 @@ def test_scale_and_clock_are_recovered_from_free_flight() -> None:
     large = Recording(tuple(Run(r.name, r.names, r.times, 1.05 * r.positions, r.orientations) for r in data.runs))
     for name, seen in (("observer_clock", slow), ("observer_scale", large)):
         plan = design(thrown(), seen)
-        bench = FitContext(plan, measured_noise(plan), 1)
+        context = FitContext(plan, measured_noise(plan), 1)
         (way,) = extended(Hypothesis(thrown(), ()), BY_NAME[name], seen)
-        trial = bench.fit(way, np.array([1.0]), start_states(plan))
+        trial = context.fit(way, np.array([1.0]), start_states(plan))
         assert trial.values[0] == pytest.approx(1.05, abs=4.0 * float(np.sqrt(trial.fit.covariance[0, 0])))
         assert way.parts[0].variant.same_as  # in free flight either is as good as the other, and as wrong gravity
 
@@ -145,16 +145,16 @@ def test_a_slanted_camera_is_told_from_wrong_gravity_and_needs_a_plane_of_motion
         runs.append(Run(run.name, run.names, run.times, places, run.orientations))
     seen = Recording(tuple(runs))
     plan = design(world, seen)
-    bench = FitContext(plan, measured_noise(plan), 1)
+    context = FitContext(plan, measured_noise(plan), 1)
     (way,) = extended(Hypothesis(world, ()), candidate, seen)
-    trial = bench.fit(way, np.zeros(2), start_states(plan))
+    trial = context.fit(way, np.zeros(2), start_states(plan))
     assert [u.name for u in way.unknowns] == ["keystone_x", "keystone_z"]
     sd = np.sqrt(np.diag(trial.fit.covariance))
     # The middle of what was seen is not quite that of what was there, and the scale right at another height.
     assert trial.values[1] == pytest.approx(slant, abs=4.0 * sd[1] + 0.05 * slant)
     assert abs(trial.values[0]) < 4.0 * sd[0] + 0.05 * slant
     (scaled,) = extended(Hypothesis(world, ()), BY_NAME["observer_scale"], seen)
-    assert trial.chi2 < 0.2 * bench.fit(scaled, np.ones(1), start_states(plan)).chi2
+    assert trial.chi2 < 0.2 * context.fit(scaled, np.ones(1), start_states(plan)).chi2
 
 
 def _least(places: list[np.ndarray]) -> np.ndarray:

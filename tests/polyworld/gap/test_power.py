@@ -29,14 +29,14 @@ def test_least_tilt_is_that_of_the_closed_form() -> None:
     trial = fitted(0)
     rows = [p for p in power_check(trial, [catalogue()["tilt"]]) if p.unknown in ("x", "y")]
     assert len(rows) == 2
-    sigma = trial.bench.noise.sigma[0][0]
+    sigma = trial.context.noise.sigma[0][0]
     for row in rows:
         length = COUNT * (COUNT**2 - 1) * (COUNT**2 - 4) / 720.0 / RATE**4 * RUNS  # of even samples, exactly
         assert row.strength == pytest.approx(sigma * np.sqrt(row.needed / length), rel=0.05)
         assert row.seen
 
 
-def test_noncentrality_needed_gives_the_power_told() -> None:
+def test_noncentrality_needed_gives_the_power_stated() -> None:
     needed = noncentrality_needed(2, 1000.0, 20)
     price = 2.0 * np.log(1000.0) + 2.0 * np.log(20.0) + 10.0
     drawn = stats.ncx2.rvs(2, needed, size=20000, random_state=0)
@@ -50,10 +50,10 @@ def test_planted_pushes_are_seen_from_the_strength_told_on(times: float, seen: b
     alarms = 0
     for seed in range(3):
         trial = fitted(10 + seed, np.array([times * least, 0.0, 0.0]))
-        ways = extended(trial.hypothesis, tilt, trial.bench.design.recording)
+        ways = extended(trial.hypothesis, tilt, trial.context.design.recording)
         alarms += any(
-            extended_bic(lead.chi2, 2, trial.bench.observations, 1, 30) < trial.ebic - PowerSettings().alarm
-            for lead in leads(trial.bench, trial, ways, 1)
+            extended_bic(lead.chi2, 2, trial.context.observations, 1, 30) < trial.ebic - PowerSettings().alarm
+            for lead in leads(trial.context, trial, ways, 1)
         )
     assert alarms == (3 if seen else 0)
 
@@ -62,9 +62,9 @@ def test_spin_damping_cannot_be_seen_where_no_rotation_is_measured() -> None:
     rows = power_check(fitted(2), [catalogue()["spin_damping"]])
     assert not any(p.seen for p in rows)
     for p in rows:
-        told = json.loads(json.dumps(p.to_json()))
-        assert told["detectable"] is None
-        assert "cannot be seen" in told["summary"]
+        summary = json.loads(json.dumps(p.to_json()))
+        assert summary["detectable"] is None
+        assert "cannot be seen" in summary["summary"]
 
 
 def test_rows_come_weakest_first() -> None:

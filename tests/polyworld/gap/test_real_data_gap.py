@@ -16,7 +16,6 @@ from polyworld.gap.examine import fitted_base
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording
 from polyworld.world import World
-from tests.benchmarks.real_gap import drops
 from tests.real_data import ball_drop, clevrer_slides, cube_flight, needs, pendulum_swings
 
 
@@ -27,11 +26,11 @@ def ground(world: World, recording: Recording, base: tuple[Unknown, ...] = ()) -
 
 def with_effect(trial: FittedHypothesis, name: str, label: str = "") -> FittedHypothesis:
     """One more effect fitted on top of a fitted hypothesis, from the data's own states."""
-    plan = trial.bench.design
+    plan = trial.context.design
     ways = extended(trial.hypothesis, catalogue()[name], plan.recording)
     way: Hypothesis = next(h for h in ways if h.parts[-1].variant.label == label)
     states = profile.start_states(plan)
-    return trial.bench.fit(way, way.starts(trial.values)[0], states, horizons=profile.HORIZONS, iterations=20)
+    return trial.context.fit(way, way.starts(trial.values)[0], states, horizons=profile.HORIZONS, iterations=20)
 
 
 @needs("ball_drop")
@@ -44,18 +43,18 @@ def test_dropped_balls_meet_the_air_with_less_drag_the_denser_they_are_for_their
     assert 0.3 < one.values[0] < 0.7
     each = with_effect(base, "quadratic_drag", "each body by itself")
     assert each.chi2 < 0.25 * one.chi2
-    told = each.hypothesis.of_part(0, each.values)
+    coefficients = each.hypothesis.of_part(0, each.values)
     # As a fit of the same law with SciPy has it: 0.50 of the whiffle ball, 0.2 of the volleyball.
-    assert told["drag_coefficient_whiffle_ball_1"] == pytest.approx(0.505, abs=0.02)
-    assert told["drag_coefficient_volleyball"] == pytest.approx(0.18, abs=0.03)
+    assert coefficients["drag_coefficient_whiffle_ball_1"] == pytest.approx(0.505, abs=0.02)
+    assert coefficients["drag_coefficient_volleyball"] == pytest.approx(0.18, abs=0.03)
 
 
 @needs("ball_drop")
 def test_one_drop_of_one_ball_gets_no_single_name() -> None:
     """Its height alone over time: drag, a tilted camera and a slow force all write that."""
-    drop = drops(("baseball",))
+    world, recording = ball_drop(("baseball",))
     settings = GapSettings(null_control=False, experiment=False, residual_force=False)
-    report = find_gap(drop.world, drop.recording, base=drop.base, settings=settings)
+    report = find_gap(world, recording.select(("baseball-1",)), settings=settings)
     assert report.verdict.kind == "ambiguous"
     named = {name for trial in report.verdict.credible for name in trial.hypothesis.names}
     assert len(named) > 3
@@ -71,8 +70,8 @@ def test_a_camera_that_looks_askew_at_all_drops_leaves_every_ball_a_drag_as_of_s
     for other in ("observer_scale", "observer_distortion"):
         label = "about the origin" if other == "observer_distortion" else ""
         assert askew.chi2 < with_effect(each, other, label).chi2
-    told = askew.hypothesis.of_part(0, askew.values)
-    assert all(0.25 < coefficient < 0.7 for coefficient in told.values())  # about 0.5: Achenbach 1972
+    coefficients = askew.hypothesis.of_part(0, askew.values)
+    assert all(0.25 < coefficient < 0.7 for coefficient in coefficients.values())  # about 0.5: Achenbach 1972
 
 
 @needs("pendulum")
@@ -101,7 +100,7 @@ def test_annotated_objects_slow_down_in_proportion_to_speed_and_to_its_square_be
     assert both.values[0] == pytest.approx(0.0297, abs=0.0005)
     assert both.values[1] == pytest.approx(0.040, abs=0.002)
     assert both.values[2] == pytest.approx(0.040, abs=0.004)
-    residuals = np.concatenate(both.bench.raw_residuals(both))
+    residuals = np.concatenate(both.context.raw_residuals(both))
     assert np.sqrt(np.mean(residuals**2)) < 1e-4  # the rounding of the annotations
 
 

@@ -75,19 +75,23 @@ def test_a_base_unknown_is_fitted_and_not_offered_as_an_effect() -> None:
     assert report.to_dict()["base"]["unknowns"]["restitution"]["value"] == pytest.approx(0.7, abs=0.01)
 
 
-def test_equal_questions_give_equal_reports_and_steps_are_told() -> None:
+def test_equal_questions_give_equal_reports_and_steps_are_reported() -> None:
     recording = hidden(Bouncing(acceleration=drag(0.02)), runs=3)
-    told: list[str] = []
+    steps: list[str] = []
     offered = [catalogue()[n] for n in ("linear_drag", "quadratic_drag")]
     reports = [
         find_gap(
-            ball_world(), recording, candidates=offered, settings=QUICK, progress=lambda _share, step: told.append(step)
+            ball_world(),
+            recording,
+            candidates=offered,
+            settings=QUICK,
+            progress=lambda _share, step: steps.append(step),
         ).to_dict()
         for _ in range(2)
     ]
     assert json.dumps(reports[0]) == json.dumps(reports[1])
-    assert told[0] == "base fit"
-    assert told[-1] == "done"
+    assert steps[0] == "base fit"
+    assert steps[-1] == "done"
 
 
 def test_a_cancelled_search_stops() -> None:

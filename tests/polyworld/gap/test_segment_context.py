@@ -20,9 +20,8 @@ from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.hidden_cases import Case, draw_hidden
-from tests.benchmarks.hidden_generate import observed_runs, world_json
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
+from tests.scenes.ball import Ball, Launch, fly
 
 AIR = np.array([4.0, -3.0, 0.0])
 COEFFICIENT = 0.05
@@ -44,7 +43,7 @@ def test_segments_cover_each_run_and_do_not_begin_at_an_impact(sigma: float) -> 
     plan = design(ball_world(), recording)
     cut = segment_context(FitContext(plan, measured_noise(plan), 1), 4)
     assert cut is not None
-    pieces = cut.bench.design.recording.runs
+    pieces = cut.context.design.recording.runs
     assert len(pieces) == 80
     assert [sum(len(p.times) for p in pieces[4 * r : 4 * r + 4]) for r in range(20)] == [
         len(r.times) for r in recording.runs
@@ -59,38 +58,38 @@ def test_segments_cover_each_run_and_do_not_begin_at_an_impact(sigma: float) -> 
 
 def test_wind_that_whole_runs_hide_is_found_on_windows_and_leads_to_the_whole_fit() -> None:
     plan = design(ball_world(), seen(Bouncing(acceleration=in_wind)))
-    bench = fitted_base(plan, ()).bench
+    context = fitted_base(plan, ()).context
     nothing = Hypothesis(plan.world, ())
-    whole = bench.fit(nothing, np.zeros(0), profile.start_states(plan))
-    cut = segment_context(bench, 4)
+    whole = context.fit(nothing, np.zeros(0), profile.start_states(plan))
+    cut = segment_context(context, 4)
     assert cut is not None
     ground = cut.ground(nothing, np.zeros(0))
-    assert ground.chi2 / cut.bench.observations < 0.1 * whole.chi2 / bench.observations
+    assert ground.chi2 / cut.context.observations < 0.1 * whole.chi2 / context.observations
     (wind,) = (
         h for h in extended(nothing, catalogue()["wind"], plan.recording) if "along" in h.parts[-1].variant.label
     )
     start = np.array([0.02, 2.0, -2.0])
-    there = cut.bench.fit(wind, start, ground.fit.states)
+    there = cut.context.fit(wind, start, ground.fit.states)
     assert there.values == pytest.approx([COEFFICIENT, *AIR[:2]], rel=0.1)
     begin = cut.start(there.fit)
-    fitted = bench.fit(wind, begin.values, begin.states)
+    fitted = context.fit(wind, begin.values, begin.states)
     assert fitted.values == pytest.approx([COEFFICIENT, *AIR[:2]], rel=0.01)
-    assert fitted.chi2 < 1.2 * bench.observations
+    assert fitted.chi2 < 1.2 * context.observations
 
 
 def test_forcing_keeps_its_phase_from_window_to_window() -> None:
     turn = 2.0 * np.pi * 1.7
     ball = Bouncing(acceleration=lambda t, _x, _v, _w: np.array([2.0 * np.sin(turn * t + 0.6), 0.0, 0.0]))
     plan = design(ball_world(), seen(ball))
-    cut = segment_context(fitted_base(plan, ()).bench, 4)
+    cut = segment_context(fitted_base(plan, ()).context, 4)
     assert cut is not None
     nothing = Hypothesis(plan.world, ())
     (forcing,) = extended(nothing, catalogue()["periodic_forcing"], plan.recording)
     names = [u.name for u in forcing.unknowns]
     true = {"amplitude_x": 2.0, "frequency": 1.7, "phase": 0.6}
     start = np.array([true.get(n, 0.0) for n in names])
-    there = cut.bench.fit(forcing, start, cut.ground(nothing, np.zeros(0)).fit.states)
-    assert there.chi2 < 1.2 * cut.bench.observations
+    there = cut.context.fit(forcing, start, cut.ground(nothing, np.zeros(0)).fit.states)
+    assert there.chi2 < 1.2 * cut.context.observations
 
 
 @pytest.mark.parametrize("lacking", ["a stretch that was not seen", "turns where there is friction"])
@@ -106,39 +105,46 @@ def test_what_a_window_could_not_know_keeps_runs_whole(lacking: str) -> None:
         world = World.model_validate(
             {**world.model_dump(), "objects": [{**world.objects[0].model_dump(), "friction": 0.3}]}
         )
-    assert segment_context(fitted_base(design(world, recording), ()).bench, 4) is None
+    assert segment_context(fitted_base(design(world, recording), ()).context, 4) is None
 
 
 def test_a_base_unknown_stays_shared_by_all_windows() -> None:
     free = Unknown("restitution", ("objects.ball.restitution",), "1", 0.8, 0.0, 1.0, 0.1)
     recording = seen(Bouncing(after=lambda speed, along: (0.7 * speed, along)))
     plan = design(ball_world(), recording)
-    cut = segment_context(fitted_base(plan, (free,)).bench, 4)
+    cut = segment_context(fitted_base(plan, (free,)).context, 4)
     assert cut is not None
     assert cut.ground(Hypothesis(plan.world, (free,)), np.array([0.8])).values == pytest.approx([0.7], abs=0.005)
 
 
 def test_friction_far_less_than_what_grips_is_found_from_other_strengths() -> None:
-    """In the world most impacts grip, so that no slope by its friction tells what half of it does."""
-    hidden = draw_hidden(Case("one_effect", 560, 6, ("friction_error",), 0.03), 1894081600)
-    (true,) = hidden.effects
-    told = World.model_validate(world_json(hidden))
-    shown = observed_runs(hidden, np.random.default_rng(1), range(hidden.design.fitted))
-    data = Recording(tuple(Run(name, ("ball",), *rest) for name, *rest in shown))
-    plan = design(coarsened(told, data), data)
-    bench = FitContext(plan, measured_noise(plan), 2)
-    base = bench.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
-    cut = segment_context(bench, 2)
+    """In the world most impacts grip, so that no slope by its friction shows what half of it does."""
+    true, rng, times = 0.05, np.random.default_rng(1), np.arange(193) / 120.0
+    runs = []
+    for k, begin in enumerate(launches(rng)):
+        path = fly(Ball(friction=true), Launch(*(tuple(x) for x in (begin.place, begin.velocity, begin.spin))), times)
+        places = path.positions + rng.normal(0.0, 0.03, path.positions.shape)
+        turns = path.orientations + rng.normal(0.0, 0.015, path.orientations.shape)
+        turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+        runs.append(Run(f"run{k}", ("ball",), times, places[:, None], turns[:, None]))
+    data, base_world = Recording(tuple(runs)), ball_world()
+    rough = World.model_validate(
+        {**base_world.model_dump(), "objects": [{**base_world.objects[0].model_dump(), "friction": 0.3}]}
+    )
+    plan = design(coarsened(rough, data), data)
+    context = FitContext(plan, measured_noise(plan), 2)
+    base = context.fit(Hypothesis(plan.world, ()), np.zeros(0), profile.start_states(plan), iterations=0)
+    cut = segment_context(context, 2)
     assert cut is not None
     friction = catalogue()["friction_error"]
 
     def best(friction: Candidate) -> FittedHypothesis:
-        contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
+        contest = Contest(cut.context, cut, SearchSettings(), lambda _step, _figures: None)
         parent = cut.ground(base.hypothesis, base.values)
         predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, friction, data)))
         return contest.fit(predictions, 1, parent.chi2)[0]
 
     right = best(friction)
-    assert right.chi2 < 1.05 * cut.bench.observations
-    assert right.values[0] == pytest.approx(true.numbers["friction"], rel=0.01)
-    assert best(replace(friction, further=None)).chi2 > 2.0 * cut.bench.observations
+    assert right.chi2 < 1.05 * cut.context.observations
+    assert right.values[0] == pytest.approx(true, rel=0.01)
+    assert best(replace(friction, further=None)).chi2 > 2.0 * cut.context.observations

@@ -45,7 +45,7 @@ def test_wind_that_is_still_gives_way_to_drag_beside_a_tilt() -> None:
     tilted = extended(ground.hypothesis, offered[2], recording)[0]
     windy = extended(tilted, offered[1], recording)[0]
     values = np.array([*TILT, DRAG] + [0.0] * (len(windy.unknowns) - 3))
-    search.whole.take(ground.bench.fit(windy, values, ground.fit.states))
+    search.whole.take(ground.context.fit(windy, values, ground.fit.states))
     rich = search.best(2)
     assert rich is not None
     assert rich.passes

@@ -29,7 +29,7 @@ def test_one_drop_that_is_seen_askew_is_not_given_one_name() -> None:
     ball = RigidObject(name="ball", shape=Sphere(radius=0.05), position=(0.0, 0.0, 50.0))
     world = World(objects=(ball,), time=TimeBase(seconds_per_frame=1.0 / 16.0, substep=0.01))
     report = find_gap(world, heights(0.05, 0.007), settings=GapSettings(null_control=False, experiment=False))
-    told = report.to_dict()
-    assert told["verdict"] == "ambiguous"
-    assert len(told["credible_set"]) > 1
-    assert any("one coordinate of one run" in caution for caution in told["cautions"])
+    summary = report.to_dict()
+    assert summary["verdict"] == "ambiguous"
+    assert len(summary["credible_set"]) > 1
+    assert any("one coordinate of one run" in caution for caution in summary["cautions"])

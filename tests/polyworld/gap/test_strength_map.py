@@ -1,4 +1,4 @@
-"""Where a patch of the floor lies, told by how much more friction short windows of the paths ask for."""
+"""Where a patch of the floor lies, shown by how much more friction short windows of the paths ask for."""
 
 from dataclasses import replace
 
@@ -41,25 +41,25 @@ def on_windows(
 
 
 def with_patch(ground: FittedHypothesis) -> Hypothesis:
-    (patch,) = extended(ground.hypothesis, catalogue()["friction_patch"], ground.bench.design.recording)
+    (patch,) = extended(ground.hypothesis, catalogue()["friction_patch"], ground.context.design.recording)
     return patch
 
 
-def told(lead: ScoreTestStart) -> dict[str, float]:
+def values_of(lead: ScoreTestStart) -> dict[str, float]:
     return dict(zip([u.name for u in lead.hypothesis.unknowns], lead.values.tolist(), strict=True))
 
 
 def is_there(lead: ScoreTestStart) -> bool:
-    found = told(lead)
+    found = values_of(lead)
     return (found["x"], found["y"], found["radius"]) == pytest.approx((*CENTRE, RADIUS), abs=0.3 * RADIUS)
 
 
 def leads_there(ground: FittedHypothesis, found: list[ScoreTestStart]) -> bool:
-    bench = ground.bench
-    fits = [bench.fit(lead.hypothesis, lead.values, ground.fit.states, iterations=6) for lead in found]
+    context = ground.context
+    fits = [context.fit(lead.hypothesis, lead.values, ground.fit.states, iterations=6) for lead in found]
     best = min(fits, key=lambda f: f.chi2)
     right = is_there(replace(found[0], values=best.values))
-    return right and best.chi2 < 1.1 * bench.observations
+    return right and best.chi2 < 1.1 * context.observations
 
 
 @pytest.mark.parametrize("inside", [0.02, 0.3])
@@ -68,7 +68,7 @@ def test_a_patch_smoother_or_rougher_is_where_windows_ask_for_it(inside: float) 
     patch = with_patch(ground)
     found = mapped(ground, patch)
     assert is_there(found[0])
-    assert told(found[0])["friction"] == pytest.approx(DAMPED * (inside - SMOOTH), rel=0.4)
+    assert values_of(found[0])["friction"] == pytest.approx(DAMPED * (inside - SMOOTH), rel=0.4)
     assert leads_there(ground, found)
 
 
@@ -79,8 +79,8 @@ def test_a_patch_is_found_on_a_floor_whose_own_friction_is_not_known() -> None:
     (best, *_) = mapped(ground, with_patch(ground))
     assert is_there(best)
     # Elsewhere asks for less, as the floor's friction fits both a little; the difference is what the patch adds.
-    assert told(best)["mu"] > 0.2
-    assert told(best)["friction"] == pytest.approx(DAMPED * (0.3 - 0.13), rel=0.1)
+    assert values_of(best)["mu"] > 0.2
+    assert values_of(best)["friction"] == pytest.approx(DAMPED * (0.3 - 0.13), rel=0.1)
 
 
 def test_long_windows_are_cut_into_short_ones() -> None:
@@ -100,13 +100,13 @@ def test_runs_of_unequal_length_and_with_gaps_are_mapped_too() -> None:
     runs = (replace(long.runs[0], positions=holed), *long.runs[1:6])
     mixed = Recording((*runs, *(replace(r, name=f"short {r.name}") for r in short.runs[6:])))
     _, ground = on_windows(mixed)
-    assert len({len(r.times) for r in ground.bench.design.runs}) > 1
+    assert len({len(r.times) for r in ground.context.design.runs}) > 1
     assert leads_there(ground, mapped(ground, with_patch(ground)))
 
 
 def test_an_effect_without_a_place_has_no_map() -> None:
     _, ground = on_windows(data(0.3))
-    drag = extended(ground.hypothesis, catalogue()["linear_drag"], ground.bench.design.recording)[0]
+    drag = extended(ground.hypothesis, catalogue()["linear_drag"], ground.context.design.recording)[0]
     assert mapped(ground, drag) == []
 
 
@@ -116,12 +116,12 @@ def test_a_patch_is_looked_for_beside_another_effect_in_whichever_order_they_cam
 
     recording = puck_recording(deceleration, np.random.default_rng(5), SIGMA, runs=12, duration=0.8)
     cut, ground = on_windows(recording)
-    contest = Contest(cut.bench, cut, SearchSettings(), lambda _step, _figures: None)
+    contest = Contest(cut.context, cut, SearchSettings(), lambda _step, _figures: None)
     parents = []
     for first, iterations in (("friction_patch", 0), ("linear_drag", 6)):
         (one, *_) = extended(ground.hypothesis, catalogue()[first], recording)
         start = np.array(one.starts(np.zeros(0))[0])
-        parents.append(cut.bench.fit(one, start, ground.fit.states, iterations=iterations))
+        parents.append(cut.context.fit(one, start, ground.fit.states, iterations=iterations))
     both = {"friction_patch": "linear_drag", "linear_drag": "friction_patch"}
 
     def other(parent: FittedHypothesis) -> list[Hypothesis]:
@@ -131,4 +131,4 @@ def test_a_patch_is_looked_for_beside_another_effect_in_whichever_order_they_cam
     predictions = contest.predict(parents, other)
     (best, *_) = contest.fit(predictions, 4, min(p.chi2 for p in parents))
     assert sorted(best.hypothesis.names) == ["friction_patch", "linear_drag"]
-    assert best.chi2 < 1.1 * cut.bench.observations
+    assert best.chi2 < 1.1 * cut.context.observations

@@ -66,8 +66,8 @@ def described(
 
 
 def directions(found: ResidualForce) -> list[str]:
-    told: list[str] = found.to_json()["direction"]
-    return told
+    direction: list[str] = found.to_json()["direction"]
+    return direction
 
 
 def test_drag_with_another_power_is_told_with_its_exponent():
@@ -208,10 +208,10 @@ def test_a_world_that_holds_an_unexplained_force_may_get_another():
 def test_a_law_that_is_sought_on_windows_holds_on_whole_runs():
     """An attraction that bends paths by their own length, far from any straight line."""
     ground = fitted_base(design(puck_world(), recorded(lambda _t, x, _v: -9.0 * np.linalg.norm(x) * x, 4)), ())
-    cut = segment_context(ground.bench, 4)
+    cut = segment_context(ground.context, 4)
     assert cut is not None
     on_windows = cut.ground(ground.hypothesis, ground.values)
-    found = describe_unexplained(ground, near=Near(cut, on_windows.bench.noise, on_windows.fit))
+    found = describe_unexplained(ground, near=Near(cut, on_windows.context.noise, on_windows.fit))
     assert found.explains
     assert len(found.trial.fit.states) == len(ground.fit.states)
     assert directions(found) == ["towards a point"]

@@ -47,9 +47,9 @@ def test_each_throw_gets_a_rate_of_its_own_and_so_does_the_sealed_one() -> None:
         held_out=Recording((throw(9)[0],)),
         settings=GapSettings(null_control=False),
     )
-    told = report.to_dict()
-    assert told["verdict"] == "identified"
-    (effect,) = told["effects"]
+    summary = report.to_dict()
+    assert summary["verdict"] == "identified"
+    (effect,) = summary["effects"]
     assert effect["name"] == "magnus_lift"
     inside = 0
     for run, rate in throws:
@@ -58,8 +58,8 @@ def test_each_throw_gets_a_rate_of_its_own_and_so_does_the_sealed_one() -> None:
             inside += number["interval95"][0] < rate[axis] < number["interval95"][1]
             assert number["value"] == pytest.approx(rate[axis], abs=0.1)
     assert inside >= 7  # of 9
-    assert told["sealed"]["closed"] > 0.95
-    assert told["sealed"]["gap_before"] > 0.02
+    assert summary["sealed"]["closed"] > 0.95
+    assert summary["sealed"]["gap_before"] > 0.02
 
 
 def test_one_throw_alone_may_as_well_be_seen_in_axes_that_turn() -> None:
@@ -101,6 +101,6 @@ def test_it_is_not_offered_where_spins_are_known() -> None:
 def test_a_model_that_is_far_off_does_not_pass_for_noise_of_long_correlation() -> None:
     """Short series leave the correlation of noise open by 0.2; what lift bends the paths by is 30 times the noise."""
     plan = design(WORLD, Recording(tuple(throw(seed)[0] for seed in range(4))))
-    noise = fitted_base(plan, ()).bench.noise
+    noise = fitted_base(plan, ()).context.noise
     assert noise.correlation["position"].phi < 0.7
     assert noise.levels[0].sigma == pytest.approx(SIGMA, rel=0.3)

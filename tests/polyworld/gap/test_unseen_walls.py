@@ -7,8 +7,8 @@ from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue, named
 from polyworld.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.hidden_ball import Ball, Launch, Plane, fly
 from tests.polyworld.gap_scenes import RADIUS, Bouncing, ball_recording, ball_world, launches
+from tests.scenes.ball import Ball, Launch, Plane, fly
 
 ANGLE, OFFSET, FRICTION = 2.9, -2.0, 0.1
 NORMAL = np.array([np.cos(ANGLE), np.sin(ANGLE), 0.0])
@@ -59,7 +59,7 @@ def test_one_hit_is_tried_with_the_jump_bent_to_either_side() -> None:
     v = -3.5 * NORMAL + 2.5 * aside
     data = recorded([Launch((0.0, 0.0, 2.0), (float(v[0]), float(v[1]), 2.0))])
     found = starts(data)
-    assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself leads astray
+    assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself misleads
 
 
 @pytest.mark.parametrize("normal", [(0.37, -0.21, 0.9), (-0.7, 0.3, 0.64)])

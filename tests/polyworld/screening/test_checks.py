@@ -9,10 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld.effects import CATALOGUE
 from polyworld.recording import Recording
 from polyworld.screening import Finding, Screening, ScreenSettings, screen
-from polyworld.screening.free_fall import RESISTING
 from polyworld.screening.grid import grid_steps
 from polyworld.screening.settings import DEFAULT
 from polyworld.screening.tracks import tracks_of
@@ -133,10 +131,6 @@ def test_recordings_of_orientations_alone_are_not_screened() -> None:
         cases.run("turns", times, np.full((60, 3), np.nan)), orientations=np.tile([1.0, 0.0, 0.0, 0.0], (60, 1, 1))
     )
     assert screen(cases.ball_world(), Recording((turns,))) == Screening((), (0,))
-
-
-def test_exemptions_from_driving_effects_are_effects() -> None:
-    assert set(CATALOGUE) > RESISTING
 
 
 REAL: dict[str, tuple[str, Callable[[], tuple[World, Recording]], list[str], int]] = {

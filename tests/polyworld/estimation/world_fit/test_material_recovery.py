@@ -19,7 +19,7 @@ from polyworld.readouts import ImageOccupancy
 from polyworld.render import look_at
 from polyworld.rollout import simulator
 from polyworld.world import World
-from tests.benchmarks.recovery_scenes import scenes
+from tests.scenes.material_parameters import scenes
 
 SCENES = {scene.name: scene for scene in scenes()}
 

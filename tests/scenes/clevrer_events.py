@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from polyworld.rollout import rollout
 from polyworld.world import World
-from tests.benchmarks.clevrer_data import SECONDS_PER_FRAME, Collision
+from tests.scenes.clevrer_data import SECONDS_PER_FRAME, Collision
 
 # A collision counts as found when the same pair meets within this many frames of the annotated one.
 TOLERANCE = 3

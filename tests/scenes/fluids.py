@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from polyworld.world import World
-from tests.benchmarks.material_scenes import Array, Case, G, scene
+from tests.scenes.materials import Array, Case, G, scene
 
 LIQUID = ("viscosity", "surface_tension", "source_rate", "gravity_error", "tilt")
 

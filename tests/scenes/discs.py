@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from tests.benchmarks.hidden_ball import Patch, UnusableCase
+from tests.scenes.ball import Patch, UnusableCase
 
 Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array, Array], Array]

@@ -1,0 +1,21 @@
+"""Checks that settings objects run when they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+
+def require_positive(settings: object) -> None:
+    """Raise ValueError, naming the first field of a dataclass that is not positive."""
+    for entry in fields(settings):  # type: ignore[arg-type]
+        value = getattr(settings, entry.name)
+        if not all(v > 0 for v in (value if isinstance(value, tuple) else (value,))):
+            raise ValueError(f"{entry.name} must be positive, got {value!r}")
+
+
+def require_shares(settings: object, names: Sequence[str]) -> None:
+    """Raise ValueError, naming the first of these fields that is a share and exceeds 1."""
+    for name in names:
+        if getattr(settings, name) > 1.0:
+            raise ValueError(f"{name} is a share and at most 1, got {getattr(settings, name)!r}")
