@@ -217,8 +217,10 @@ def _known_spin(item: RigidObject, labels: list[str]) -> bool:
 
 
 def _rolling(radius: float, start: Mapping[str, float], axis: int, gravity: float) -> dict[str, float]:
-    """The spin [rad/s] by label with which a ball that lies on something rolls as fast as it moves: released on a floor,
-    most do. axis: of gravity [m/s^2]. Components of motions that were not measured are left out."""
+    """Return the spin [rad/s] by label with which a ball that lies on something rolls as fast as it moves, as most do.
+
+    axis: of gravity [m/s^2]. Components of motions that were not measured are left out.
+    """
     up = np.zeros(3)
     up[axis] = -np.sign(gravity)
     found = {}

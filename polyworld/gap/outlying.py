@@ -214,8 +214,8 @@ def supporting_run(
 ) -> OutlyingRun | None:
     """Return the run on which alone the case for a hypothesis rests; None where other runs make it, too.
 
-    Without that run, what the hypothesis gains over another, its base or one with fewer effects, would not pay for its unknowns (Cook 1977, Technometrics
-    19, 15: one influential case).
+    Without that run, what the hypothesis gains over another, its base or one with fewer effects, would not pay for its
+    unknowns (Cook 1977, Technometrics 19, 15: one influential case).
     """
     gains = base.costs - best.costs
     if len(gains) * settings.most < 1.0 or not np.all(np.isfinite(gains)):
