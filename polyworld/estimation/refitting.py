@@ -7,7 +7,7 @@ own start, with the shared values kept. And whole fits begun anew, over other pa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from polyworld.estimation import profile
 from polyworld.estimation.descent import Point
 from polyworld.estimation.forward import Forward
-from polyworld.estimation.goodness import LEVEL, TESTS
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.variable_projection import ILL, best_start_of, middle, profiled, sensitive
@@ -24,10 +23,7 @@ Array = NDArray[np.float64]
 
 WORSE = 3.0  # times the chi2 per measurement of the better half beyond which it is, where that is ill too
 UNLIKELY = 3.0  # standard deviations of chi2 above that of the better half: lost already so where that is explained
-IN_DOUBT = 1.0  # the same where much hangs on one fit: a run may be stuck a little off, too
 ODD = 0.25  # of chi2, by which a run has to be above that even if it is long: a law may be a little off
-VAIN = 3  # runs looked for in vain, after which no more are: it is the law that lacks something
-WORTH = 10.0  # chi2 by which a run that the gate blames has to fit better for other ways to be left
 BEHIND = 50.0  # chi2 by which the better half of the runs, taken twice, may be behind the best's where some were lost
 ITERATIONS = 12
 ANEW_ITERATIONS = 6  # at each of many horizons
@@ -50,62 +46,15 @@ def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
     return _carried_on(trial, states)
 
 
-def refit_by_multistart(trial: FittedHypothesis, level: float = np.inf, doubt: float = UNLIKELY) -> FittedHypothesis:
-    """The trial mended, and where bodies collide with runs that still fit ill fitted along several ways at once.
-
-    level: EBIC above which the trial is of no interest even if such runs came to fit as well as any does. doubt:
-    standard deviations of chi2 above that of the better half, beyond which a run is ill.
-    """
-    trial = refit_ill_runs(trial)
-    bench = trial.bench
-    typical = middle(trial.misfits)
-    if not sensitive(bench.design) or typical >= ILL:
-        return trial
-    costs = trial.costs
-    limits = _limits(bench, typical, doubt)
-    hoped = np.minimum(costs, _limits(bench, typical, -UNLIKELY))
-    if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
-        return trial
-    ill = {int(k): float(limits[k]) for k in np.flatnonzero(costs > limits)}
-    trial, asked = _by_other_ways(trial, ill)
-    while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
-        before = trial
-        trial, more = _by_other_ways(trial, {blamed: float(trial.costs[blamed]) - WORTH})
-        if trial is before:
-            break
-        asked |= more
-    return trial
-
-
 def refit_every_run(trial: FittedHypothesis) -> FittedHypothesis:
-    """The trial, with every run fitted along several ways, whether or not it is conspicuous."""
-    return _by_other_ways(trial, dict.fromkeys(range(len(trial.bench.design.runs)), np.inf))[0]
-
-
-def _blamed(trial: FittedHypothesis) -> int | None:
-    """The run of the series that fits worst, where that alone would fail the gate: it may be stuck where no chi2 is
-    conspicuous."""
-    worst = trial.goodness.worst
-    if worst is None or TESTS * worst.p * len(trial.goodness.series) > LEVEL:
-        return None
-    return next(r.index for r in trial.bench.design.runs if r.run.name == worst.run)
-
-
-def _by_other_ways(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[FittedHypothesis, set[int]]:
-    """The trial, with some runs fitted along several ways at its shared values, each until its chi2 is below a level,
-    and all of it fitted on where that was of use; and which runs were looked for: the worst come first, and a few that
-    come not even halfway there end it."""
+    """Refit every run by multistart at the trial's shared values, conspicuous or not; then all of them together."""
     bench, costs, states = trial.bench, trial.costs, list(trial.fit.states)
-    asked: set[int] = set()
-    vain = 0
-    for k in sorted(runs, key=lambda k: runs[k] - costs[k]):
-        if bench.design.runs[k].count and vain < VAIN:
-            way = best_start_of(bench, trial.hypothesis, trial.values, k, runs[k])
-            asked.add(k)
-            vain += way.chi2 > max(runs[k], 0.5 * (runs[k] + costs[k]))
-            if way.chi2 < costs[k] - 1.0:
-                states[k] = way.state
-    return _carried_on(trial, states), asked
+    for run in bench.design.runs:
+        if run.count:
+            way = best_start_of(bench, trial.hypothesis, trial.values, run.index, np.inf)
+            if way.chi2 < costs[run.index] - 1.0:
+                states[run.index] = way.state
+    return _carried_on(trial, states)
 
 
 def restarted(trial: FittedHypothesis, hypothesis: Hypothesis) -> FittedHypothesis:
@@ -184,11 +133,11 @@ def _carried_on(trial: FittedHypothesis, states: list[Array]) -> FittedHypothesi
     return min([trial, trial.bench.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
-def _limits(bench: FitContext, typical: float, doubt: float = UNLIKELY) -> Array:
+def _limits(bench: FitContext, typical: float) -> Array:
     """chi2 (R,) beyond which runs may be lost, where the worst of the better half has `typical` per measurement."""
     counts = bench.counts
     if typical < ILL:
-        above = doubt * np.sqrt(2.0 / counts)
+        above = UNLIKELY * np.sqrt(2.0 / counts)
         if not profile.collide(bench.design):
             above = np.maximum(above, ODD)
         unlikely: Array = typical * (1.0 + above) * counts

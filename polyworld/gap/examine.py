@@ -10,7 +10,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise, refined_noise
-from polyworld.estimation.refitting import IN_DOUBT, refit_by_multistart, refit_every_run
+from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.variable_projection import ILL, middle, sensitive
@@ -39,7 +39,7 @@ def fitted_base(
     horizons = profile.horizons_for(plan)
     if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = bench.fit(nothing, starts, states, horizons=horizons, iterations=ITERATIONS)
-        trial = refit_by_multistart(trial, doubt=IN_DOUBT)
+        trial = refit_ill_runs(trial)
     else:
         trial = _first(bench.fit(nothing, starts, states, horizons=horizons, iterations=ROUGH_ITERATIONS))
     trial = with_refined_noise(trial)
@@ -47,7 +47,7 @@ def fitted_base(
         return trial
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
     if sensitive(plan) and middle(trial.misfits) < ILL:
-        return with_refined_noise(refit_by_multistart(refit_every_run(trial), doubt=IN_DOUBT))
+        return with_refined_noise(refit_ill_runs(refit_every_run(trial)))
     turned = profile.flip_spins(trial.bench.forward(nothing), trial.bench.noise, trial.fit)
     trial = _better(trial, trial.bench.fit(nothing, trial.values, turned, iterations=ITERATIONS))
     if trial.passes or profile.collide(plan):

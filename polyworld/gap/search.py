@@ -17,10 +17,9 @@ from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
-    IN_DOUBT,
     fit_near,
-    refit_by_multistart,
     refit_every_run,
+    refit_ill_runs,
     refused_by_most,
     restarted,
 )
@@ -207,9 +206,9 @@ class Search:
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.few + 2]:
             if colliding:
-                self.whole.take(profiled(refit_by_multistart(trial, doubt=IN_DOUBT)))
+                self.whole.take(profiled(refit_ill_runs(trial)))
             elif _edged(trial.hypothesis):
-                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=IN_DOUBT))
+                self.whole.take(refit_ill_runs(restarted(trial, trial.hypothesis)))
         if colliding and len(near) > 1:
             for trial in self.ranked(effects)[: self.settings.few]:
                 if trial.ebic <= best.ebic + self.settings.close:
@@ -230,7 +229,7 @@ class Search:
         """Fit the leaders again from the data's own starts, a little more of each run at a time."""
         for trial in self.ranked(effects)[:2]:
             own = trial.hypothesis.stepped(self.context.design.world.time.substep)
-            self.whole.take(refit_by_multistart(restarted(trial, own)))
+            self.whole.take(refit_ill_runs(restarted(trial, own)))
 
     def refine_steps(self, effects: int, times: float = FINEST) -> None:
         """Fit the best, and what is near it, with steps so short that longer ones leave no error that shows."""
@@ -356,7 +355,7 @@ class Search:
             whole = context.fit(
                 trial.hypothesis, start.values, start.states, horizons=horizons, iterations=self.settings.rough + 1
             )
-            return self.whole.take(refit_by_multistart(whole))
+            return self.whole.take(refit_ill_runs(whole))
         best = self.best(len(trial.hypothesis.parts))
         like = None
         if best is not None and best.chi2 < NEAR * context.observations:
@@ -364,14 +363,14 @@ class Search:
             if best.passes and refused_by_most(like, best):
                 return self.whole.take(like)
         starts = [start.states, profile.start_states(context.design)]
-        return self.whole.take(refit_by_multistart(fit_near(context, trial.hypothesis, start.values, starts, like)))
+        return self.whole.take(refit_ill_runs(fit_near(context, trial.hypothesis, start.values, starts, like)))
 
     def _dropped(self, less: Hypothesis, values: Array, best: FittedHypothesis) -> FittedHypothesis:
         fewer = self.whole.take(self.context.fit(less, values, best.fit.states))
         if not fewer.passes:  # the states may have followed the effect that is left out
             states, horizons = profile.start_states(self.context.design), profile.horizons_for(self.context.design)
             again = self.context.fit(less, values, states, horizons=horizons)
-            fewer = self.whole.take(refit_by_multistart(again, best.ebic + self.settings.credible))
+            fewer = self.whole.take(refit_ill_runs(again))
         return fewer
 
     def _moved(self, move: Move, best: FittedHypothesis, target: float) -> FittedHypothesis:
@@ -385,11 +384,11 @@ class Search:
                 data, wide = profile.start_states(context.design), profile.horizons_for(context.design)
                 other = context.fit(move.hypothesis, trial.values, data, horizons=wide, iterations=self.settings.rough)
                 trial = min([trial, context.refit(other, target=best.chi2 + self.settings.close)], key=lambda t: t.chi2)
-            return refit_by_multistart(trial, target)
+            return refit_ill_runs(trial)
         if refused_by_most(trial, best):
             return trial
         starts = [best.fit.states, profile.start_states(context.design)]
-        return refit_by_multistart(fit_near(context, move.hypothesis, move.start.values, starts))
+        return refit_ill_runs(fit_near(context, move.hypothesis, move.start.values, starts))
 
 
 def _edged(hypothesis: Hypothesis) -> bool:
