@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
 HASTY = (2, 4)  # the same where an impact may follow soon
-USUAL = 0.95  # share of the speeds over a few samples that are held for true
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
@@ -41,9 +40,8 @@ class StateCoordinates:
     kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first.
     labels (N,). start (N,): first guess. typical (N,): ordinary changes.
     spread (N,): how far a coordinate of which nothing was measured may ordinarily be from zero, else 0.
-    reach (N,): of a velocity, the highest speed along its axis in the run; else 0. hasty (K, N): guesses from fewer
-    samples, in case a body hits something right after the start. known: components that are not fitted: the position
-    of a ball that lies on something, a spin that was measured without an orientation.
+    hasty (K, N): guesses from fewer samples, in case a body hits something right after the start. known: components
+    that are not fitted: the position of a ball that lies on something, a spin that was measured without an orientation.
     """
 
     name: str
@@ -52,7 +50,6 @@ class StateCoordinates:
     start: Array
     typical: Array
     spread: Array
-    reach: Array
     hasty: Array
     known: Mapping[str, float] = field(default_factory=dict)
     linkage: Linkage | None = None
@@ -110,7 +107,6 @@ def with_unobserved_spins(world: World, states: tuple[StateCoordinates, ...]) ->
                 start=np.concatenate([own.start, none]),
                 typical=np.concatenate([own.typical, spread / 6.0]),
                 spread=np.concatenate([own.spread, spread]),
-                reach=np.concatenate([own.reach, none]),
                 hasty=np.concatenate([own.hasty, np.zeros((len(own.hasty), 3))], axis=1),
             )
         )
@@ -121,7 +117,6 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     labels: list[str] = []
     start: list[float] = []
     typical: list[float] = []
-    reach: dict[str, float] = {}
     fixed: dict[str, float] = {}
     planar = item.representation == "rigid_planar"
     normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
@@ -146,7 +141,6 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             typical.append(LENGTH)
             continue
         place, speed = _line(times[rows] - begin, values[rows], fall, early)
-        reach[f"velocity.{letter}"] = _highest_speed(times[rows], values[rows])
         labels += [f"position.{letter}", f"velocity.{letter}"]
         start += [place, speed]
         typical += [LENGTH, 10.0 * LENGTH]
@@ -195,7 +189,6 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         np.array(start),
         np.array(typical),
         spread,
-        np.array([reach.get(label, 0.0) for label in labels]),
         np.repeat(np.array(start)[None], len(HASTY), axis=0),
         fixed,
     )
@@ -219,13 +212,6 @@ def _is_lifted(world: World, item: RigidObject) -> bool:
     )
 
 
-def _highest_speed(times: Array, values: Array) -> float:
-    """The highest speed that a coordinate (m,) has over a few samples, but for the wildest of them."""
-    apart = min(EARLY, len(times) - 1)
-    speeds = np.abs(values[apart:] - values[:-apart]) / (times[apart:] - times[:-apart])
-    return float(np.quantile(speeds, USUAL))
-
-
 def _spin_shows(world: World, item: RigidObject) -> bool:
     """Whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of its
     contacts, or through a patch that both slides and spins."""
@@ -240,10 +226,9 @@ def _jointed(whole: Linkage, run: Run) -> StateCoordinates:
     start = linkage.first_guess(run)
     n = len(start)
     typical = np.tile([TURN, 10.0 * TURN], n // 2)
-    none = np.zeros(n)
     hasty = np.repeat(start[None], len(HASTY), axis=0)
     name = linkage.links[0].item.name
-    return StateCoordinates(name, "jointed", linkage.labels, start, typical, none, none, hasty, linkage=linkage)
+    return StateCoordinates(name, "jointed", linkage.labels, start, typical, np.zeros(n), hasty, linkage=linkage)
 
 
 def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
@@ -263,9 +248,8 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
-    none = np.zeros(len(labels))
     hasty = np.repeat(start[None], len(HASTY), axis=0)
-    return StateCoordinates(name, "free", tuple(labels), start, typical, none, none, hasty)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, np.zeros(len(labels)), hasty)
 
 
 def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:
