@@ -134,11 +134,6 @@ class Design:
         """Number of measured components in all."""
         return sum(r.length for r in self.runs)
 
-    @property
-    def nuisances(self) -> int:
-        """Number of initial-state coordinates in all."""
-        return sum(r.count for r in self.runs)
-
     def only(self, chosen: Sequence[int]) -> Design:
         """The design of some of the runs, which are counted anew."""
         runs = tuple(self.runs[k].counted(i) for i, k in enumerate(chosen))
