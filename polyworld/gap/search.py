@@ -18,7 +18,6 @@ from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
     fit_near,
-    refit_every_run,
     refit_ill_runs,
     refused_by_most,
     restarted,
@@ -202,17 +201,12 @@ class Search:
         best = self.best(effects)
         if best is None:
             return
-        colliding = sensitive(self.context.design)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.few + 2]:
-            if colliding:
+            if sensitive(self.context.design):
                 self.whole.take(profiled(refit_ill_runs(trial)))
             elif _edged(trial.hypothesis):
                 self.whole.take(refit_ill_runs(restarted(trial, trial.hypothesis)))
-        if colliding and len(near) > 1:
-            for trial in self.ranked(effects)[: self.settings.few]:
-                if trial.ebic <= best.ebic + self.settings.close:
-                    self.whole.take(profiled(refit_every_run(trial)))
         self.converge(effects)
 
     def converge(self, effects: int) -> None:
