@@ -43,21 +43,6 @@ class Settings:
     states: Array
 
 
-@dataclass(frozen=True)
-class Ends:
-    """States of all bodies at one instant of k worlds: position, velocity (k, n, 3), orientation (k, n, 4), spin
-    (k, n, 3); of planar motion, position and velocity are pose and rate in the plane, and the others are empty."""
-
-    position: Array
-    velocity: Array
-    orientation: Array
-    spin: Array
-
-    def rows(self, rows: slice) -> Ends:
-        """Those of some worlds."""
-        return Ends(self.position[rows], self.velocity[rows], self.orientation[rows], self.spin[rows])
-
-
 def batches(world: World, design: Design) -> list[Batch]:
     """Return the batches that the runs of a design are simulated in.
 
@@ -132,17 +117,15 @@ class Batch:
 
     # -- evaluation ----------------------------------------------------------------------------------------------
 
-    def evaluated(
-        self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], horizon: float, ends: bool
-    ) -> list[tuple[Array, tuple[Ends, Ends] | None]]:
-        """Return residuals (k, m) of settings, and if asked for, states at both ends of their runs."""
+    def residuals(self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], horizon: float) -> list[Array]:
+        """Return residuals (k, m) of settings."""
         runs = [self.members[s.run] for s in settings]
         counts = [len(s.shared) for s in settings]
         first = np.concatenate([[0], np.cumsum(counts)])
         moved, observer, lists = self._rolled(unknowns, settings, horizon)
         whole_runs = horizon >= 1.0 or self.observer is not None
         reached = [len(lists[self._slots[r.index]]) if whole_runs else self._reached(r.index, horizon) for r in runs]
-        found: list[tuple[Array, tuple[Ends, Ends] | None]] = [(np.empty(0), None)] * len(settings)
+        found = [np.empty(0)] * len(settings)
         alike: dict[int, list[int]] = {}
         for i, count in enumerate(counts):
             alike.setdefault(count, []).append(i)
@@ -153,9 +136,7 @@ class Batch:
             motion = self._motion(own, count, moved, worlds, observer, lists)
             residual = self._comparison.residuals(own, motion, np.array([reached[i] for i in same]))
             for j, i in enumerate(same):
-                at = slice(first[i], first[i] + count)
-                both = self._ends(moved, at, runs[i], lists) if ends else None
-                found[i] = (residual[j, :, : runs[i].length], both)
+                found[i] = residual[j, :, : runs[i].length]
         return found
 
     def _rolled(
@@ -294,22 +275,6 @@ class Batch:
                 raise ValueError(f"marker {name!r} of run {run.run.name!r} is never seen in all three components")
             self._markers[key] = material_points(mesh, run.run.positions[rows[0], column][None])
         return self._markers[key]
-
-    def _ends(
-        self, moved: BatchTrajectory | PlaneMotion, at: slice, run: RunDesign, lists: Sequence[Array]
-    ) -> tuple[Ends, Ends]:
-        """States of some worlds at a run's first instant, and at its last."""
-        instants = lists[self._slots[run.index]]
-        found = []
-        for time in (run.times[0], run.times[-1]):
-            row = int(np.argmin(np.abs(instants - time)))
-            if isinstance(moved, PlaneMotion):
-                none = np.zeros((at.stop - at.start, 0))
-                found.append(Ends(moved.pose[at, row].copy(), moved.rate[at, row].copy(), none, none))
-            else:
-                motion = (moved.positions, moved.velocities, moved.orientations, moved.angular_velocities)
-                found.append(Ends(*(values[at, row] for values in motion)))
-        return found[0], found[1]
 
     # -- parameters ----------------------------------------------------------------------------------------------
 

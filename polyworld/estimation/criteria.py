@@ -28,11 +28,10 @@ def extended_bic(chi2: float, unknowns: int, observations: float, effects: int, 
 
 @dataclass(frozen=True)
 class HeldOutGain:
-    """How much better one hypothesis foretells left-out data than another: mean over folds, in chi2, with its error."""
+    """Mean gain over folds, in chi2, of one hypothesis' predictions of left-out data over another's; its error."""
 
     gain: float
     error: float
-    folds: int
 
     def exceeds(self, errors: float) -> bool:
         """Whether the gain is more than so many standard errors."""
@@ -44,7 +43,7 @@ def held_out_gain(better: Array, worse: Array) -> HeldOutGain:
     gains = worse - better
     folds = len(gains)
     error = float(np.std(gains, ddof=1) / np.sqrt(folds)) if folds > 1 else float("inf")
-    return HeldOutGain(float(np.mean(gains)), error, folds)
+    return HeldOutGain(float(np.mean(gains)), error)
 
 
 def held_out(design: Design, unknowns: tuple[Unknown, ...], fit: Fit) -> Array:

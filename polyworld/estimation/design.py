@@ -81,12 +81,6 @@ class RunDesign:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     @cached_property
-    def reach(self) -> Array:
-        """The highest speeds (N,) of velocities in the run; 0 for all other coordinates."""
-        parts = [s.reach for s in self.states]
-        return np.concatenate(parts) if parts else np.zeros(0)
-
-    @cached_property
     def labels(self) -> tuple[str, ...]:
         """Names (N,) of the coordinates, for readers."""
         return tuple(f"{s.name}.{label}" for s in self.states for label in s.labels)
@@ -139,11 +133,6 @@ class Design:
     def length(self) -> int:
         """Number of measured components in all."""
         return sum(r.length for r in self.runs)
-
-    @property
-    def nuisances(self) -> int:
-        """Number of initial-state coordinates in all."""
-        return sum(r.count for r in self.runs)
 
     def only(self, chosen: Sequence[int]) -> Design:
         """The design of some of the runs, which are renumbered."""

@@ -8,23 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.batch import Batch, Ends, Settings, batches
+from polyworld.estimation.batch import Batch, Settings, batches
 from polyworld.estimation.design import Design
 from polyworld.estimation.unknown import Unknown
 from polyworld.world import World
 
-__all__ = ["Ends", "Forward", "Outcome", "Settings"]
+__all__ = ["Forward", "Settings"]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Residuals (k, m) of a run, and its states at its first and last instant."""
-
-    residual: Array
-    begin: Ends
-    end: Ends
 
 
 @dataclass
@@ -47,29 +38,16 @@ class Forward:
 
         horizon: part of each run's time that is of interest, as in `RunDesign.before`; residuals beyond it may be 0.
         """
-        return [found for found, _ in self._evaluated(settings, horizon, ends=False)]
-
-    def outcomes(self, settings: Sequence[Settings]) -> list[Outcome]:
-        """Residuals, and states at both ends, of each of the settings over whole runs, in their order."""
-        found = []
-        for residual, ends in self._evaluated(settings, 1.0, ends=True):
-            assert ends is not None
-            found.append(Outcome(residual, *ends))
-        return found
-
-    def _evaluated(
-        self, settings: Sequence[Settings], horizon: float, ends: bool
-    ) -> list[tuple[Array, tuple[Ends, Ends] | None]]:
         if self.cancelled is not None and self.cancelled():
             raise InterruptedError("cancelled")
         by_batch: dict[int, list[int]] = {}
         for i, item in enumerate(settings):
             by_batch.setdefault(self._batch_of(item.run), []).append(i)
-        results: list[tuple[Array, tuple[Ends, Ends] | None]] = [(np.empty(0), None)] * len(settings)
+        results = [np.empty(0)] * len(settings)
         for number, members in by_batch.items():
             chosen = [settings[i] for i in members]
             self.rollouts += sum(len(s.shared) for s in chosen)
-            found = self._batches[number].evaluated(self.unknowns, chosen, horizon, ends)
+            found = self._batches[number].residuals(self.unknowns, chosen, horizon)
             for i, own in zip(members, found, strict=True):
                 results[i] = own
         return results

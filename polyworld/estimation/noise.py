@@ -50,9 +50,6 @@ class Correlation:
         return result
 
 
-WHITE = Correlation(0.0, 0.0, 1.0)
-
-
 @dataclass(frozen=True)
 class NoiseLevel:
     """Standard deviation [unit] of one object's positions, rotations or spins, root mean square over runs and axes."""

@@ -7,7 +7,7 @@ start or by multistart. Whole fits can be restarted, too, over other segments of
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.descent import Point
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.settings import GATE, REFIT
+from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.variable_projection import best_start_of, middle, profiled, sensitive
 
@@ -39,64 +39,15 @@ def refit_ill_runs(trial: FittedHypothesis) -> FittedHypothesis:
     return _carried_on(trial, states)
 
 
-def refit_by_multistart(
-    trial: FittedHypothesis, level: float = np.inf, doubt: float = REFIT.unlikely
-) -> FittedHypothesis:
-    """Refit ill runs, and where bodies collide those that still fit ill by multistart.
-
-    level: EBIC above which the trial is of no interest even if such runs came to fit as well as any does. doubt:
-    standard deviations of chi2 above that of the better half, beyond which a run is ill.
-    """
-    trial = refit_ill_runs(trial)
-    context = trial.context
-    typical = middle(trial.misfits)
-    if not sensitive(context.design) or typical >= REFIT.explained:
-        return trial
-    costs = trial.costs
-    limits = _limits(context, typical, doubt)
-    hoped = np.minimum(costs, _limits(context, typical, -REFIT.unlikely))
-    if float(hoped.sum()) + trial.ebic - trial.chi2 > level:
-        return trial
-    ill = {int(k): float(limits[k]) for k in np.flatnonzero(costs > limits)}
-    trial, asked = _by_multistart(trial, ill)
-    while not trial.passes and (blamed := _blamed(trial)) is not None and blamed not in asked:
-        before = trial
-        trial, more = _by_multistart(trial, {blamed: float(trial.costs[blamed]) - REFIT.worth})
-        if trial is before:
-            break
-        asked |= more
-    return trial
-
-
 def refit_every_run(trial: FittedHypothesis) -> FittedHypothesis:
-    """Refit every run by multistart, whether or not it fits ill."""
-    return _by_multistart(trial, dict.fromkeys(range(len(trial.context.design.runs)), np.inf))[0]
-
-
-def _blamed(trial: FittedHypothesis) -> int | None:
-    """The run of the series that fits worst, where that alone would fail the gate: it may be stuck where no chi2 is
-    conspicuous."""
-    worst = trial.goodness.worst
-    if worst is None or GATE.tests * worst.p * len(trial.goodness.series) > GATE.level:
-        return None
-    return next(r.index for r in trial.context.design.runs if r.run.name == worst.run)
-
-
-def _by_multistart(trial: FittedHypothesis, runs: Mapping[int, float]) -> tuple[FittedHypothesis, set[int]]:
-    """Refit some runs by multistart at the shared values, each until its chi2 is below a level, and all together where
-    that helped; and return which runs were tried: the worst come first, and a few that come not even halfway to their
-    level end it."""
+    """Refit every run by multistart at the trial's shared values, conspicuous or not; then all of them together."""
     context, costs, states = trial.context, trial.costs, list(trial.fit.states)
-    asked: set[int] = set()
-    vain = 0
-    for k in sorted(runs, key=lambda k: runs[k] - costs[k]):
-        if context.design.runs[k].count and vain < REFIT.vain:
-            way = best_start_of(context, trial.hypothesis, trial.values, k, runs[k])
-            asked.add(k)
-            vain += way.chi2 > max(runs[k], 0.5 * (runs[k] + costs[k]))
-            if way.chi2 < costs[k] - 1.0:
-                states[k] = way.state
-    return _carried_on(trial, states), asked
+    for run in context.design.runs:
+        if run.count:
+            way = best_start_of(context, trial.hypothesis, trial.values, run.index, np.inf)
+            if way.chi2 < costs[run.index] - 1.0:
+                states[run.index] = way.state
+    return _carried_on(trial, states)
 
 
 def restarted(trial: FittedHypothesis, hypothesis: Hypothesis) -> FittedHypothesis:
@@ -175,11 +126,11 @@ def _carried_on(trial: FittedHypothesis, states: list[Array]) -> FittedHypothesi
     return min([trial, trial.context.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
-def _limits(context: FitContext, typical: float, doubt: float = REFIT.unlikely) -> Array:
+def _limits(context: FitContext, typical: float) -> Array:
     """chi2 (R,) beyond which runs are ill, where the worst of the better half has `typical` per measurement."""
     counts = context.counts
     if typical < REFIT.explained:
-        above = doubt * np.sqrt(2.0 / counts)
+        above = REFIT.unlikely * np.sqrt(2.0 / counts)
         if not profile.collide(context.design):
             above = np.maximum(above, REFIT.odd)
         unlikely: Array = typical * (1.0 + above) * counts

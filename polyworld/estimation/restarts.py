@@ -18,7 +18,6 @@ from polyworld.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 
-OTHER_VELOCITIES = np.linspace(-1.0, 1.0, 9)  # of the highest speed in the run
 SUSPECT = 1.2  # chi2 per measurement of a run beyond which its spins are flipped: 3 sigma of 450
 TURN_ITERATIONS = 4
 OTHER_SPINS = np.array([-1.5, -0.75, 0.75, 1.5])  # of its spread, that a spin is tried at besides the other way round
@@ -49,27 +48,23 @@ def _other_spins(run: RunDesign, own: Array, slot: int) -> Array:
 
 
 def restart_velocities(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, worse: float) -> Point:
-    """Other first velocities for runs that fit ill, and `worse` times worse than the better ones: a body that hits
-    something right after the start was taken to begin with the velocity that it has behind the impact, and no slope
-    leads back."""
+    """Restart runs that fit ill, and `worse` times worse than the better ones, from their very first samples: a body
+    that hits something right after the start was taken to begin with the velocity that it has behind the impact, and no
+    slope leads back."""
     cost = run_costs(forward, noise, at, horizon)
     relative = cost / counts(forward, horizon)
     limit = max(SUSPECT, worse * float(np.quantile(relative, 0.25)) if len(relative) > 1 else 0.0)
     options = {
         r.index: _other_velocities(r, at.states[r.index])
         for r in forward.design.runs
-        if relative[r.index] > limit and r.reach.any()
+        if relative[r.index] > limit and any(np.any(state.short_window != state.start) for state in r.states)
     }
     return _tried(forward, noise, at, horizon, steps, options, cost)[0]
 
 
 def _other_velocities(run: RunDesign, own: Array) -> Array:
-    """One velocity changed at a time; and one body at a time, or all, as the very first samples suggest."""
+    """States of one body at a time, or of all, as the very first samples suggest them."""
     options = []
-    for i in np.flatnonzero(run.reach):
-        for share in OTHER_VELOCITIES:
-            options.append(own.copy())
-            options[-1][i] = share * run.reach[i]
     short_window = np.concatenate([state.short_window for state in run.states], axis=1)
     first = 0
     for state in run.states:

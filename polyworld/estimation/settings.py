@@ -41,22 +41,17 @@ class RefitSettings:
     """Which runs of a fit are fitted again by themselves, because their initial state is in a wrong local minimum.
 
     explained: chi2 per measurement of the worst of the better half of the runs, up to which the law explains these.
-    Where it does, a run is ill whose chi2 is above theirs by `unlikely` standard deviations, or by `in_doubt` where
-    much depends on one fit; and by the share `odd` even if it is long, since a law may be a little off. Elsewhere it is
-    ill at `worse` times theirs. vain: runs for which no better minimum is found, after which none is sought: it is the
-    law that lacks something. worth: chi2 by which a run that the gate blames has to fit better for another minimum to
-    be taken; by so much a run has got worse that a step of the shared values left
-    in another minimum. behind: chi2 by which the better half
-    of the runs, taken twice, may be behind the best's where some fit ill. iterations: of a run by itself; stepwise:
-    the same at each of many horizons.
+    Where it does, a run is ill whose chi2 is above theirs by `unlikely` standard deviations, and by the
+    share `odd` even if it is long, since a law may be a little off. Elsewhere it is ill at `worse` times theirs. worth:
+    chi2 by which a run has got worse that a step of the shared values left in another minimum. behind: chi2 by which
+    the better half of the runs, taken twice, may be behind the best's where some fit ill. iterations: of a run by
+    itself; stepwise: the same at each of many horizons.
     """
 
     explained: float = 1.5
     unlikely: float = 3.0
-    in_doubt: float = 1.0
     odd: float = 0.25
     worse: float = 3.0
-    vain: int = 3
     worth: float = 10.0
     behind: float = 50.0
     iterations: int = 12

@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 
 EARLY = 8  # samples from which a first velocity is taken
 SHORT_WINDOWS = (2, 4)  # the same where an impact may follow soon
-USUAL = 0.95  # share of the speeds over a few samples that are held for true
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
@@ -39,12 +38,11 @@ TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
 class StateCoordinates:
     """The coordinates (N,) of one object's initial state in one run.
 
-    kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first. labels (N,).
-    start (N,): first guess. typical (N,): ordinary changes. spread (N,): how far a coordinate of which nothing was
-    measured may ordinarily be from zero, else 0. reach (N,): of a velocity, the highest speed along its axis in the
-    run; else 0. short_window (K, N): estimates from fewer samples, in case a body hits something right after the start.
-    known: components that are not fitted: the position of a ball that lies on something, a spin that was measured
-    without an orientation.
+    kind: free, or jointed: then they are those of all bodies of a linkage, and named after its first.
+    labels (N,). start (N,): first guess. typical (N,): ordinary changes. spread (N,): how far a coordinate of which
+    nothing was measured may ordinarily be from zero, else 0. short_window (K, N): estimates from fewer samples, in case
+    a body hits something right after the start. known: components that are not fitted: the position of a ball that lies
+    on something, a spin that was measured without an orientation.
     """
 
     name: str
@@ -53,7 +51,6 @@ class StateCoordinates:
     start: Array
     typical: Array
     spread: Array
-    reach: Array
     short_window: Array
     known: Mapping[str, float] = field(default_factory=dict)
     linkage: Linkage | None = None
@@ -111,7 +108,6 @@ def with_unobserved_spins(world: World, states: tuple[StateCoordinates, ...]) ->
                 start=np.concatenate([own.start, none]),
                 typical=np.concatenate([own.typical, spread / 6.0]),
                 spread=np.concatenate([own.spread, spread]),
-                reach=np.concatenate([own.reach, none]),
                 short_window=np.concatenate([own.short_window, np.zeros((len(own.short_window), 3))], axis=1),
             )
         )
@@ -122,7 +118,6 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
     labels: list[str] = []
     start: list[float] = []
     typical: list[float] = []
-    reach: dict[str, float] = {}
     fixed: dict[str, float] = {}
     supports: int | None = None
     planar = item.representation == "rigid_planar"
@@ -149,7 +144,6 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
             typical.append(LENGTH)
             continue
         place, speed = _line(times[rows] - begin, values[rows], fall, early)
-        reach[f"velocity.{letter}"] = _highest_speed(times[rows], values[rows])
         labels += [f"position.{letter}", f"velocity.{letter}"]
         start += [place, speed]
         typical += [LENGTH, 10.0 * LENGTH]
@@ -203,7 +197,6 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
         np.array(start),
         np.array(typical),
         spread,
-        np.array([reach.get(label, 0.0) for label in labels]),
         np.repeat(np.array(start)[None], len(SHORT_WINDOWS), axis=0),
         fixed,
     )
@@ -251,13 +244,6 @@ def _is_lifted(world: World, item: RigidObject) -> bool:
     )
 
 
-def _highest_speed(times: Array, values: Array) -> float:
-    """The highest speed that a coordinate (m,) has over a few samples, but for the wildest of them."""
-    apart = min(EARLY, len(times) - 1)
-    speeds = np.abs(values[apart:] - values[:-apart]) / (times[apart:] - times[:-apart])
-    return float(np.quantile(speeds, USUAL))
-
-
 def _spin_shows(world: World, item: RigidObject) -> bool:
     """Whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of its
     contacts, or through a patch that both slides and spins."""
@@ -272,10 +258,9 @@ def _jointed(whole: Linkage, run: Run) -> StateCoordinates:
     start = linkage.first_guess(run)
     n = len(start)
     typical = np.tile([TURN, 10.0 * TURN], n // 2)
-    none = np.zeros(n)
     short_window = np.repeat(start[None], len(SHORT_WINDOWS), axis=0)
     name = linkage.links[0].item.name
-    return StateCoordinates(name, "jointed", linkage.labels, start, typical, none, none, short_window, linkage=linkage)
+    return StateCoordinates(name, "jointed", linkage.labels, start, typical, np.zeros(n), short_window, linkage=linkage)
 
 
 def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
@@ -295,9 +280,8 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     start = np.array([0.0 if label.startswith("shift") else velocity["xyz".index(label[-1])] for label in labels])
     typical = np.array([LENGTH if label.startswith("shift") else 10.0 * LENGTH for label in labels])
-    none = np.zeros(len(labels))
     short_window = np.repeat(start[None], len(SHORT_WINDOWS), axis=0)
-    return StateCoordinates(name, "free", tuple(labels), start, typical, none, none, short_window)
+    return StateCoordinates(name, "free", tuple(labels), start, typical, np.zeros(len(labels)), short_window)
 
 
 def _line(times: Array, values: Array, acceleration: float, early: int) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.refitting import refit_by_multistart, refit_ill_runs
+from polyworld.estimation.refitting import refit_ill_runs
 from polyworld.estimation.score_test import ScoreTestStart, leads
 from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
 from polyworld.estimation.variable_projection import profiled
@@ -273,7 +273,7 @@ class Contest:
             if trial.fit.converged or before.chi2 - trial.chi2 < self.settings.onward * trial.chi2:
                 break
         if self.segments is not None and profile.collide(self.context.design):
-            trial = refit_by_multistart(trial)
+            trial = refit_ill_runs(trial)
             trial = trial if self.explained(trial) else profiled(trial)
         self.tell("fit", trial.figures() | {"segments": self.segments is not None})
         return trial

@@ -10,7 +10,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise, refined_noise
-from polyworld.estimation.refitting import refit_by_multistart, refit_every_run
+from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
 from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
@@ -35,7 +35,7 @@ def fitted_base(
     horizons = profile.horizons_for(plan)
     if profile.collide(plan):  # from collision to collision, none of which may be missed
         trial = context.fit(nothing, starts, states, horizons=horizons, iterations=BASE.iterations)
-        trial = refit_by_multistart(trial, doubt=REFIT.in_doubt)
+        trial = refit_ill_runs(trial)
     else:
         trial = _first(context.fit(nothing, starts, states, horizons=horizons, iterations=BASE.rough))
     trial = with_refined_noise(trial)
@@ -43,7 +43,7 @@ def fitted_base(
         return trial
     # Spins that were not measured: which way they turn is a choice among many, and more than one way is tried.
     if sensitive(plan) and middle(trial.misfits) < REFIT.explained:
-        return with_refined_noise(refit_by_multistart(refit_every_run(trial), doubt=REFIT.in_doubt))
+        return with_refined_noise(refit_ill_runs(refit_every_run(trial)))
     turned = profile.flip_spins(trial.context.forward(nothing), trial.context.noise, trial.fit)
     trial = _better(trial, trial.context.fit(nothing, trial.values, turned, iterations=BASE.iterations))
     if trial.passes or profile.collide(plan):

@@ -18,13 +18,11 @@ from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
     fit_near,
-    refit_by_multistart,
-    refit_every_run,
+    refit_ill_runs,
     refused_by_most,
     restarted,
 )
 from polyworld.estimation.score_test import leads
-from polyworld.estimation.settings import REFIT
 from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
 from polyworld.estimation.variable_projection import profiled, sensitive
 from polyworld.gap.contest import Contest, Tell, identity
@@ -200,17 +198,12 @@ class Search:
         best = self.best(effects)
         if best is None:
             return
-        colliding = sensitive(self.context.design)
         near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
         for trial in near[: self.settings.few + 2]:
-            if colliding:
-                self.whole.take(profiled(refit_by_multistart(trial, doubt=REFIT.in_doubt)))
+            if sensitive(self.context.design):
+                self.whole.take(profiled(refit_ill_runs(trial)))
             elif _edged(trial.hypothesis):
-                self.whole.take(refit_by_multistart(restarted(trial, trial.hypothesis), doubt=REFIT.in_doubt))
-        if colliding and len(near) > 1:
-            for trial in self.ranked(effects)[: self.settings.few]:
-                if trial.ebic <= best.ebic + self.settings.close:
-                    self.whole.take(profiled(refit_every_run(trial)))
+                self.whole.take(refit_ill_runs(restarted(trial, trial.hypothesis)))
         self.converge(effects)
 
     def converge(self, effects: int) -> None:
@@ -227,7 +220,7 @@ class Search:
         """Fit the leaders again from the data's own starts, a little more of each run at a time."""
         for trial in self.ranked(effects)[:2]:
             own = trial.hypothesis.stepped(self.context.design.world.time.substep)
-            self.whole.take(refit_by_multistart(restarted(trial, own)))
+            self.whole.take(refit_ill_runs(restarted(trial, own)))
 
     def refine_steps(self, effects: int, times: float = FINEST) -> None:
         """Fit the best, and what is near it, with steps so short that longer ones leave no error that shows."""
@@ -357,7 +350,7 @@ class Search:
             whole = context.fit(
                 trial.hypothesis, start.values, start.states, horizons=horizons, iterations=self.settings.rough + 1
             )
-            return self.whole.take(refit_by_multistart(whole))
+            return self.whole.take(refit_ill_runs(whole))
         best = self.best(len(trial.hypothesis.parts))
         like = None
         if best is not None and best.chi2 < self.settings.near * context.observations:
@@ -365,14 +358,14 @@ class Search:
             if best.passes and refused_by_most(like, best):
                 return self.whole.take(like)
         starts = [start.states, profile.start_states(context.design)]
-        return self.whole.take(refit_by_multistart(fit_near(context, trial.hypothesis, start.values, starts, like)))
+        return self.whole.take(refit_ill_runs(fit_near(context, trial.hypothesis, start.values, starts, like)))
 
     def _dropped(self, less: Hypothesis, values: Array, best: FittedHypothesis) -> FittedHypothesis:
         fewer = self.whole.take(self.context.fit(less, values, best.fit.states))
         if not fewer.passes:  # the states may have followed the effect that is left out
             states, horizons = profile.start_states(self.context.design), profile.horizons_for(self.context.design)
             again = self.context.fit(less, values, states, horizons=horizons)
-            fewer = self.whole.take(refit_by_multistart(again, best.ebic + self.settings.credible))
+            fewer = self.whole.take(refit_ill_runs(again))
         return fewer
 
     def _moved(self, move: Move, best: FittedHypothesis, target: float) -> FittedHypothesis:
@@ -386,11 +379,11 @@ class Search:
                 data, wide = profile.start_states(context.design), profile.horizons_for(context.design)
                 other = context.fit(move.hypothesis, trial.values, data, horizons=wide, iterations=self.settings.rough)
                 trial = min([trial, context.refit(other, target=best.chi2 + self.settings.close)], key=lambda t: t.chi2)
-            return refit_by_multistart(trial, target)
+            return refit_ill_runs(trial)
         if refused_by_most(trial, best):
             return trial
         starts = [best.fit.states, profile.start_states(context.design)]
-        return refit_by_multistart(fit_near(context, move.hypothesis, move.start.values, starts))
+        return refit_ill_runs(fit_near(context, move.hypothesis, move.start.values, starts))
 
 
 def _edged(hypothesis: Hypothesis) -> bool:

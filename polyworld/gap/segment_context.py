@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from polyworld.estimation import profile
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.refitting import refit_by_multistart
+from polyworld.estimation.refitting import refit_ill_runs
 from polyworld.estimation.segments import Segments, segments
 from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
 
@@ -43,7 +43,7 @@ class SegmentContext:
             horizons=profile.horizons_for(self.context.design),
             iterations=GROUND_ITERATIONS,
         )
-        return refit_by_multistart(found) if profile.collide(self.context.design) else found
+        return refit_ill_runs(found) if profile.collide(self.context.design) else found
 
     def run_costs(self, trial: FittedHypothesis) -> Array:
         """Return chi2 (R,) of all segments of each whole run."""

@@ -45,7 +45,7 @@ class CemSettings:
 
 @dataclass
 class CemState:
-    """All that the search knows between generations; `to_dict` and `from_dict` keep it exactly.
+    """All that the search knows between generations.
 
     mean, sd (P,): the proposal. elite (K', P): the best candidates so far, best first, and their losses.
     elite_sd (P,): spread of the last elite set. rng: state of the random generator.
@@ -71,28 +71,6 @@ class CemState:
             elite_losses=np.zeros(0),
             elite_sd=np.array(sd, dtype=float),
             rng=dict(np.random.default_rng(seed).bit_generator.state),
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return {
-            "generation": self.generation,
-            **{k: getattr(self, k).tolist() for k in ("mean", "sd", "elite", "elite_losses", "elite_sd")},
-            "rng": self.rng,
-        }
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> CemState:
-        """The inverse of `to_dict`."""
-        p = len(data["mean"])
-        return cls(
-            generation=int(data["generation"]),
-            mean=np.asarray(data["mean"], dtype=float),
-            sd=np.asarray(data["sd"], dtype=float),
-            elite=np.asarray(data["elite"], dtype=float).reshape(-1, p),
-            elite_losses=np.asarray(data["elite_losses"], dtype=float),
-            elite_sd=np.asarray(data["elite_sd"], dtype=float),
-            rng=data["rng"],
         )
 
 
@@ -138,23 +116,3 @@ def generation(
         elite_sd=elite_sd,
         rng=dict(rng.bit_generator.state),
     )
-
-
-def minimise(
-    evaluate: Evaluate,
-    lower: Array,
-    upper: Array,
-    mean: Array,
-    sd: Array,
-    *,
-    generations: int,
-    seed: int = 0,
-    settings: CemSettings | None = None,
-) -> CemState:
-    """Run `generations` generations on one objective; the best candidate is `state.elite[0]`."""
-    settings = settings or CemSettings()
-    state = CemState.start(mean, sd, seed)
-    floor = settings.floor * np.asarray(sd, dtype=float)
-    for _ in range(generations):
-        state = generation(state, evaluate, lower, upper, floor, settings)
-    return state

@@ -42,7 +42,7 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """Where a search stands after a generation; `fit` resumes exactly at `state`."""
+    """Where a search stands after a generation."""
 
     done: int
     total: int
@@ -85,13 +85,11 @@ def fit(
     *,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
-    resume: CemState | None = None,
 ) -> FitResult:
-    """Search by the cross-entropy method; the values found do not depend on interruptions.
+    """Search by the cross-entropy method.
 
     progress is called after every generation; cancelled is asked before every generation, and a cancelled fit
-    returns the best found so far. resume: the state of an earlier search of the same problem and settings, which this
-    one continues; its history and counts begin there.
+    returns the best found so far.
     """
     settings = settings or SearchSettings()
     space, schedule = problem.space, stages(problem.samples, settings)
@@ -104,7 +102,7 @@ def fit(
         floor = settings.cem.floor * space.sd
         return cem.generation(state, evaluate, space.lower, space.upper, floor, settings.cem, free=free)
 
-    return _search(problem, "cem", settings, schedule, step, progress, cancelled, resume)
+    return _search(problem, "cem", settings, schedule, step, progress, cancelled)
 
 
 def fit_by_random_search(
@@ -124,7 +122,7 @@ def fit_by_random_search(
         return uniform_generation(state, evaluate, problem.space.lower, problem.space.upper, settings.cem)
 
     schedule = [problem.samples] * settings.generations
-    return _search(problem, "random_search", settings, schedule, step, progress, cancelled, None)
+    return _search(problem, "random_search", settings, schedule, step, progress, cancelled)
 
 
 def uniform_generation(
@@ -149,15 +147,14 @@ def _search(
     step: Callable[[CemState, Evaluate], CemState],
     progress: Progress | None,
     cancelled: Cancelled | None,
-    resume: CemState | None,
 ) -> FitResult:
     """Run the generations of a schedule, and report the best on the full horizon."""
     problem.begin()
     space = problem.space
-    state = resume or CemState.start(space.mean, space.sd, settings.seed)
+    state = CemState.start(space.mean, space.sd, settings.seed)
     history: list[LossPoint] = []
     status: Status = "completed"
-    for index in range(state.generation, len(schedule)):
+    for index in range(len(schedule)):
         if cancelled is not None and cancelled():
             status = "cancelled"
             break

@@ -11,8 +11,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.refitting import refit_by_multistart, refit_every_run
-from polyworld.estimation.settings import REFIT
+from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
 from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
@@ -96,7 +95,7 @@ def plain(count: int, seed: int) -> tuple[FitContext, FittedHypothesis]:
     context = FitContext(plan, measured_noise(plan), 1)
     first = profile.start_states(plan)
     fitted = context.fit(Hypothesis(plan.world, ()), np.zeros(0), first, horizons=profile.FINE_HORIZONS)
-    return context, refit_by_multistart(refit_every_run(fitted), doubt=REFIT.in_doubt)
+    return context, refit_ill_runs(refit_every_run(fitted))
 
 
 def bent_run(right: FittedHypothesis, run: int, start: str, off: float) -> FittedHypothesis:

@@ -34,7 +34,7 @@ def test_a_complete_model_fits_to_the_noise_and_recovers_the_drag():
         noise = measured_noise(plan)
         forward = Forward(plan, ball_world(**DRAGGED), (STRENGTH,))
         found = profile.fit(forward, noise, np.zeros(1), profile.start_states(plan), horizons=profile.HORIZONS)
-        freedom = plan.length - plan.nuisances - 1
+        freedom = plan.length - sum(r.count for r in plan.runs) - 1
         assert found.converged
         # The noise level is estimated from some 100 third differences a series: known to some 5%.
         assert found.chi2 == pytest.approx(freedom, rel=0.15)
