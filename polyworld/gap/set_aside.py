@@ -94,10 +94,10 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
             if explained:  # what they show is the effect that was found
                 aside = tuple(o for o in aside if o.run not in explained)
                 found = work.search(without_runs(recording, [o.run for o in aside]), work.candidates)
-        if aside and found.verdict.kind == "nothing_missing" and not found.limited:
+        if aside and found.verdict.kind in ("nothing_missing", "unexplained") and not found.limited:
             local = tuple(c for c in work.candidates if c.local)
             whole = work.search(recording, local, most=1) if local else None
-            if whole is not None and whole.verdict.kind in ("identified", "ambiguous", "nothing_missing"):
+            if whole is not None and (whole.verdict.kind != "unexplained" or _explains_more(whole, found)):
                 return (), whole
     except TimeLimitReached:
         work.clock.lift()
@@ -106,6 +106,14 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
         kept_names = {r.run.part_of or r.run.name for r in found.context.design.runs}
         return tuple(o for o in aside if o.run not in kept_names), replace(found, limited=True)
     return aside, found
+
+
+def _explains_more(whole: Searched, found: Searched) -> bool:
+    """Return whether one local effect fits all runs at least as well as all effects together fit those kept."""
+    one, several = whole.verdict.best, found.verdict.best
+    if one is None or several is None or one.chi2 >= whole.ground.chi2:
+        return False
+    return one.chi2 / one.context.observations <= several.chi2 / several.context.observations
 
 
 def _only_base(work: Work, recording: Recording) -> Searched:
