@@ -2,8 +2,8 @@
 
 A temporal median alone keeps objects that never move. The background here is the median where it agrees with
 a smooth surface fitted robustly over the whole image (an empty floor), the surface itself where a compact
-region stands out of it (an object at rest), and the median everywhere in scenes whose
-background is textured, where nothing tells an object at rest from the texture.
+region stands out of it (an object at rest). In scenes whose background is textured an object at rest is known by a
+colour that occurs nowhere else, and the background under it is inpainted.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception.still_colours import rare_colour_regions
 from atw_mcp.perception.video import Frames
 
 Array32 = NDArray[np.float32]
@@ -21,6 +22,7 @@ Mask = NDArray[np.bool_]
 
 MIN_CONTRAST = 10.0  # grey levels: a step that neither codec noise nor vignetting makes
 MAX_STILL_AREA = 0.15  # of the image: larger regions are parts of the background
+MIN_STILL_AREA = 40  # pixels: smaller regions of a rare colour are specks
 SAMPLES = 28  # frames looked at for the median
 
 
@@ -73,6 +75,9 @@ def model_background(frames: Frames) -> Background:
         image[grown] = surface[grown]
     else:
         image = _uncovered(sample, median)
+        still = rare_colour_regions(image, MIN_STILL_AREA)
+        grown = cv2.dilate(still.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7)))
+        image = cv2.inpaint(np.clip(image, 0, 255).astype(np.uint8), grown, 5, cv2.INPAINT_TELEA).astype(np.float32)
     return Background(image=image.astype(np.float32), noise=noise, still=still, smooth=smooth, texture=texture)
 
 

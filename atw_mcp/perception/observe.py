@@ -23,7 +23,7 @@ from atw_mcp.perception.observation import (
     measure,
 )
 from atw_mcp.perception.resweep import resweep
-from atw_mcp.perception.segmentation import Foreground, segment, without_shadow
+from atw_mcp.perception.segmentation import Foreground, segment, shadows_of, without_shadow
 from atw_mcp.perception.tracking import Sweep, Sweeper, touches_border
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, VideoInfo, load
 
@@ -70,12 +70,13 @@ def observe(
     stop()
     tell(0.05, "modelling the background")
     background = model_background(frames)
+    shadow = shadows_of(frames, background)
     foregrounds = []
     for t in range(count):
         stop()
         if t % 8 == 0:
             tell(0.15 + 0.4 * t / count, f"segmenting frame {t} of {count}")
-        foregrounds.append(segment(frames[t], background, min_area=smallest))
+        foregrounds.append(segment(frames[t], background, min_area=smallest, shadow=shadow))
 
     def tick(t: int) -> None:
         stop()

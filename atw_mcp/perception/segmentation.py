@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.background import Array32, Background, Mask
+from atw_mcp.perception.shadows import Ratios, shadow_factor, shadow_mask
 from atw_mcp.perception.video import Frames
 
 STRONG_TINT = 14.0  # levels of colour that shading of the background does not explain
@@ -24,6 +25,7 @@ SHADOW_DARKEST = 0.76  # of the background's luminance; deeper than this is an o
 SHADOW_DEEPEST = 0.45  # where several shadows overlap, beside an object
 LIGHT_BRIGHTEST = 1.18
 FAINT_SHADE = 0.93
+SHADOW_FRAMES = 12  # in which the factor of shadows is read
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,26 @@ class Foreground:
         return inside
 
 
-def segment(frame: Frames, background: Background, *, min_area: int) -> Foreground:
-    """Foreground of one frame (H, W, 3); components below `min_area` pixels are dropped."""
+def shadows_of(frames: Frames, background: Background) -> float | None:
+    """Factor by which cast shadows darken the background in frames (T, H, W, 3); None where none shows."""
+    picks = np.unique(np.linspace(0, len(frames) - 1, min(SHADOW_FRAMES, len(frames))).round().astype(int))
+    noise = float(background.noise.max())
+    found = []
+    for t in picks:
+        tint, shade, contrast = _evidence(frames[t].astype(np.float32), background.relit(frames[t]))
+        visible = contrast > max(10.0, 4 * noise)
+        strong_tint = max(STRONG_TINT, 5 * noise)
+        apart = visible & ((tint > strong_tint) | (shade < FAINT_SHADE) | (shade > LIGHT_BRIGHTEST))
+        apart = cv2.morphologyEx(apart.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+        found.append(Ratios(tint, shade, apart))
+    return shadow_factor(found, max(STRONG_TINT, 5 * noise))
+
+
+def segment(frame: Frames, background: Background, *, min_area: int, shadow: float | None = None) -> Foreground:
+    """Foreground of one frame (H, W, 3); components below `min_area` pixels are dropped.
+
+    shadow: factor by which cast shadows darken the background, where it is known.
+    """
     image = frame.astype(np.float32)
     lit = background.relit(frame)
     tint, shade, contrast = _evidence(image, lit)
@@ -56,6 +76,9 @@ def segment(frame: Frames, background: Background, *, min_area: int) -> Foregrou
     visible = contrast > max(10.0, 4 * noise)
     strong = (tint > strong_tint) | (((shade < SHADOW_DARKEST) | (shade > LIGHT_BRIGHTEST)) & visible)
     weak = (tint > weak_tint) | (((shade < FAINT_SHADE) | (shade > 2 - FAINT_SHADE)) & visible)
+    if shadow is not None:
+        cast = shadow_mask(tint, shade, shadow, strong_tint)
+        strong, weak = strong & ~cast, weak & ~cast
     strong = _clean(strong, min_area)
     strong |= _faint_objects(weak & ~strong, strong, image - lit, min_area)
     mask = _half_covered(image, strong, weak)

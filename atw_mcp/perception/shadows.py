@@ -1,0 +1,89 @@
+"""How dark shadows are: one light and one surrounding make all shadows of a scene darken the floor by one factor.
+
+An object's shading varies over it and from object to object; the factor of a cast shadow does not. So the factor is
+read from all moving regions together: the brightness ratio at which uniform, hueless pixels gather, in regions that
+also hold something else, the body that casts the shadow (intensity-ratio shadow detection: Rosin & Ellis 1995, BMVC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+DARKEST, LIGHTEST = 0.15, 0.92  # ratios between which a shadow's factor is sought
+BIN = 0.02
+WIDTH = 0.06  # half-width of the factor: noise, and light from bodies near by
+UNIFORM = 0.05  # spread of the ratio in a small neighbourhood within a shadow
+PENUMBRA = 7  # pixels around a shadow in which the ratio may rise to one
+LEAST, MOST = 0.04, 0.75  # share of a region that is shadow where the rest is the body that casts it
+REGIONS = 3  # such regions that show a shadow's factor
+GATHERED = 2.5  # times as many pixels at the factor as beside it
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Of one frame: tint (H, W) that shading leaves [levels], shade (H, W) brightness ratio, and what stands out
+    (H, W)."""
+
+    tint: Array32
+    shade: Array32
+    apart: Mask
+
+
+def uniform(shade: Array32) -> Mask:
+    """Return where the ratio (H, W) hardly varies in a small neighbourhood."""
+    mean = cv2.blur(shade, (3, 3))
+    spread = np.sqrt(np.maximum(cv2.blur(shade * shade, (3, 3)) - mean * mean, 0.0))
+    calm: Mask = spread < UNIFORM
+    return calm
+
+
+def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
+    """Return the factor by which shadows darken the background, None where no moving region shows one.
+
+    hueless: tint [levels] below which a pixel's colour is that of the background under other light.
+    """
+    bins = np.arange(DARKEST, LIGHTEST + BIN, BIN)
+    votes = np.zeros(len(bins) - 1)
+    seen = np.zeros(len(bins) - 1)
+    for f in frames:
+        doubtful = f.apart & (f.tint < hueless) & uniform(f.shade)
+        count, labels = cv2.connectedComponents(f.apart.astype(np.uint8), connectivity=8)
+        for k in range(1, count):
+            region = labels == k
+            total = int(region.sum())
+            if total < 30:
+                continue
+            own = np.histogram(f.shade[region & doubtful], bins)[0].astype(float)
+            smooth = np.convolve(own, np.ones(5), "same")
+            share = smooth / total
+            votes += own
+            seen += (share > LEAST) & (share < MOST)
+    smooth = np.convolve(votes, np.ones(5), "same")
+    candidates = np.where(seen >= REGIONS, smooth, 0.0)
+    if not candidates.any():
+        return None
+    best = int(np.argmax(candidates))
+    beside = np.concatenate([smooth[max(best - 9, 0) : max(best - 4, 0)], smooth[best + 5 : best + 10]])
+    if len(beside) and smooth[best] < GATHERED * float(np.median(beside)):
+        return None
+    low, high = max(best - 2, 0), min(best + 3, len(votes))
+    middle = 0.5 * (bins[low:high] + bins[low + 1 : high + 1])
+    return float((votes[low:high] * middle).sum() / votes[low:high].sum())
+
+
+def shadow_mask(tint: Array32, shade: Array32, factor: float, hueless: float) -> Mask:
+    """Return the pixels (H, W) of shadows of a known factor, with their penumbras."""
+    core = (np.abs(shade - factor) < WIDTH) & (tint < hueless) & uniform(shade)
+    core = cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+    near = cv2.dilate(core.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (PENUMBRA, PENUMBRA))) > 0
+    rim = near & (shade > factor - WIDTH) & (shade < 1.0) & (tint < hueless)
+    found: Mask = core | rim
+    return found
