@@ -120,7 +120,7 @@ def _holds(question: dict[str, Any], outcome: dict[str, Any]) -> bool:
 @pytest.mark.parametrize("kind", ["bouncing", "cart"])
 def test_stored_answers_agree_with_stored_poses(kind: str) -> None:
     clip = draw_clip([3, 1], kind, "hard_shadow")
-    hidden = truth(clip, _no_film(clip), np.random.default_rng(0), 20, 4)
+    hidden = truth(clip, _no_film(clip), np.random.default_rng(0), 16, 3)
     assert len(hidden["questions"]) >= 12
     outcomes = {None: hidden["continuation"], **{i: e["outcome"] for i, e in enumerate(hidden["edits"])}}
     for q in hidden["questions"]:
@@ -129,7 +129,7 @@ def test_stored_answers_agree_with_stored_poses(kind: str) -> None:
         assert _holds(q, outcomes[q["edit"]]) == q["answer"], q["text"]
     answers = [q["answer"] for q in hidden["questions"]]
     assert 0.2 < np.mean(answers) < 0.8
-    again = truth(draw_clip([3, 1], kind, "hard_shadow"), _no_film(clip), np.random.default_rng(0), 20, 4)
+    again = truth(draw_clip([3, 1], kind, "hard_shadow"), _no_film(clip), np.random.default_rng(0), 16, 3)
     assert json.dumps(again, default=float) == json.dumps(hidden, default=float)
 
 

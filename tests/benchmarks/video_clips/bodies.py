@@ -1,5 +1,6 @@
 """Describe a scene before it becomes a simulator model: bodies, fixtures, hung things, gravity."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +14,12 @@ DT = 1.0 / 2400.0  # simulation step in s; every frame rate used and 30 Hz fall 
 HORIZON = 2.0  # s simulated beyond the last frame
 POSE_RATE = 30  # poses per s in stored continuations
 UPRIGHT: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+def vec(values: Iterable[float]) -> Vec:
+    """Return three numbers as a tuple of floats."""
+    x, y, z = values
+    return (float(x), float(y), float(z))
 
 
 @dataclass(frozen=True)

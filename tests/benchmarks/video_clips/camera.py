@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .bodies import Array
+from .bodies import Array, vec
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ def look_at(
     back = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     up = np.cross(back, right)
-    return Camera(*(tuple(float(x) for x in w) for w in (target + distance * back, right, up)), fovy, *size)
+    return Camera(vec(target + distance * back), vec(right), vec(up), fovy, *size)
 
 
 def move_back(camera: Camera, by: float) -> Camera:
     """Move the camera back along its axis by a length in m."""
     pos = np.asarray(camera.pos) + by * camera.axes()[:, 2]
-    return replace(camera, pos=tuple(float(x) for x in pos))
+    return replace(camera, pos=vec(pos))
 
 
 def fit(points: Array, azimuth: float, elevation: float, fovy: float, size: tuple[int, int], fill: float) -> Camera:
@@ -100,7 +100,7 @@ def turned(camera: Camera, pan: float, tilt: float, roll: float, shift: Array) -
     pos = np.asarray(camera.pos) + shift
     return replace(
         camera,
-        pos=tuple(float(x) for x in pos),
-        right=tuple(float(x) for x in axes[:, 0]),
-        up=tuple(float(x) for x in axes[:, 1]),
+        pos=vec(pos),
+        right=vec(axes[:, 0]),
+        up=vec(axes[:, 1]),
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from .bodies import Body, Fixture, Quat, Scene
+from .bodies import Body, Fixture, Quat, Scene, vec
 from .draw_floor import NAMES, draw_body, lying, rolling_spin
 from .looks import Look
 
@@ -16,7 +16,7 @@ def board(rng: Generator, look: Look, y: float) -> Fixture:
     """Return an upright board behind the motion."""
     level = float(np.clip(sum(look.floor_rgb) / 3 + rng.uniform(0.1, 0.3), 0.2, 0.9))
     tint = np.zeros(3) if look.grey else rng.uniform(-0.06, 0.06, 3)
-    rgb = tuple(float(c) for c in np.clip(level + tint, 0.1, 0.95))
+    rgb = vec(np.clip(level + tint, 0.1, 0.95))
     return Fixture("board", "box", (12.0, 0.04, 5.0), (0.0, y + 0.02, 2.5), color="pale", rgb=rgb)
 
 
@@ -26,7 +26,7 @@ def tossed(rng: Generator, look: Look) -> Scene:
     shape = "box" if rng.random() < 0.15 else "sphere"
     a = draw_body(rng, "A", shape, scale)
     z0, vx, vz = float(rng.uniform(0.3, 1.3)), float(rng.uniform(0.8, 2.6)), float(rng.uniform(1.5, 4.5))
-    spin = tuple(float(w) for w in rng.normal(0, 3, 3))
+    spin = vec(rng.normal(0, 3, 3))
     a = replace(
         a,
         pos=(-0.8, 0.0, z0),
@@ -92,16 +92,14 @@ def ramp(rng: Generator, look: Look) -> Scene:
     place = -along * down + (height + 1e-4) * normal
     a = replace(
         a,
-        pos=tuple(float(c) for c in place),
+        pos=vec(place),
         quat=quat,
-        vel=tuple(float(c) for c in speed * down),
+        vel=vec(speed * down),
         spin=spin,
         restitution=float(rng.uniform(0.05, 0.3)),
     )
     centre = -length / 2 * down - thick / 2 * normal
-    slab = Fixture(
-        "ramp", "box", (length, 0.4, thick), tuple(float(c) for c in centre), tilt, "brown", (0.55, 0.42, 0.3)
-    )
+    slab = Fixture("ramp", "box", (length, 0.4, thick), vec(centre), tilt, "brown", (0.55, 0.42, 0.3))
     bodies: list[Body] = [a]
     if rng.random() < 0.6:
         b = draw_body(rng, "B", str(rng.choice(["box", "sphere", "cylinder"], p=[0.5, 0.2, 0.3])), scale)

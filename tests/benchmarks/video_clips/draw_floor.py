@@ -1,6 +1,7 @@
 """Draw scenes on a floor seen obliquely: sliding and rolling bodies, a break of billiard balls, bodies that enter."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -159,7 +160,7 @@ def billiard(rng: Generator, look: Look) -> Scene:
     count = int(rng.integers(6, 11))
     length = float(rng.uniform(1.9, 2.3) if look.small else rng.uniform(1.0, 1.4))
     width = length * float(rng.uniform(0.5, 0.62))
-    surface = {
+    surface: dict[str, Any] = {
         "mass": 0.17 * float(rng.uniform(0.8, 1.2)),
         "friction": float(rng.uniform(0.15, 0.3)),
         "restitution": float(rng.uniform(0.6, 0.85)),

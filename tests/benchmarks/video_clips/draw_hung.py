@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from .bodies import Body, Cloth, Fixture, Rope, Scene, Vec
+from .bodies import Body, Cloth, Fixture, Rope, Scene, Vec, vec
 from .draw_flight import SIDE, board
 from .draw_floor import draw_body
 from .looks import Look
@@ -56,7 +56,7 @@ def pendulum(rng: Generator, look: Look) -> Scene:
         b = replace(b, size=(b.size[0], b.size[1], max(b.size[2], 1.2 * low)))
         x = -side * (bob.size[0] / 2 + b.size[0] / 2 + float(rng.uniform(0.005, 0.15)))
         bodies.append(replace(b, pos=(x, 0.0, b.size[2] / 2)))
-    fixtures = stand(pivot)
+    fixtures: tuple[Fixture, ...] = stand(pivot)
     if rng.random() < 0.6:
         fixtures = (*fixtures, board(rng, look, 0.6))
     return Scene("pendulum", tuple(bodies), fixtures, view=SIDE, mutual_restitution=float(rng.uniform(0.3, 0.8)))
@@ -66,7 +66,7 @@ def cart(rng: Generator, look: Look) -> Scene:
     """Draw one or two carts on a straight track between stops."""
     half, h = float(rng.uniform(0.7, 1.1)), 0.06
     scale = 0.45 if look.small else 1.0
-    size = tuple(scale * float(c) for c in (rng.uniform(0.14, 0.24), 0.1, rng.uniform(0.05, 0.08)))
+    size = vec(scale * c for c in (rng.uniform(0.14, 0.24), 0.1, rng.uniform(0.05, 0.08)))
     wheel = 0.75 * size[2]
     track = Fixture("track", "box", (2 * half + 0.1, 0.12, h), (0.0, 0.0, h / 2), rgb=(0.45, 0.45, 0.48), solid=False)
     stops = [
@@ -116,7 +116,7 @@ def rope(rng: Generator, look: Look) -> Scene:
     if rng.random() < 0.6:
         scale = float(rng.uniform(0.025, 0.035) if look.small else rng.uniform(0.06, 0.1))
         bodies = (replace(draw_body(rng, "A", "sphere", scale), joint="rope"),)
-    fixtures = stand(anchor)
+    fixtures: tuple[Fixture, ...] = stand(anchor)
     if rng.random() < 0.5:
         fixtures = (*fixtures, board(rng, look, 0.6))
     return Scene("rope", bodies, fixtures, rope=line, view=SIDE)

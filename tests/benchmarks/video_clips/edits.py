@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from .bodies import Body, Scene
+from .bodies import Body, Fixture, Scene, vec
 from .physics import Run
 
 WANTED = 10
@@ -34,8 +34,8 @@ def _change(scene: Scene, name: str, change: Callable[[Body], Body]) -> Scene:
 def _scaled(body: Body, factor: float) -> Body:
     return replace(
         body,
-        vel=tuple(factor * v for v in body.vel),
-        spin=tuple(factor * w for w in body.spin),
+        vel=vec(factor * v for v in body.vel),
+        spin=vec(factor * w for w in body.spin),
         rate=factor * body.rate,
     )
 
@@ -92,7 +92,7 @@ def apply(scene: Scene, edit: Edit) -> Scene:
     if edit.op == "mass" and scene.cloth:
         return replace(scene, cloth=replace(scene.cloth, mass=f * scene.cloth.mass))
     if edit.op == "wind" and scene.cloth:
-        wind = tuple(f * w for w in scene.cloth.wind)
+        wind = vec(f * w for w in scene.cloth.wind)
         return replace(scene, cloth=replace(scene.cloth, wind=wind))
     raise ValueError(f"unknown edit {edit.op}")
 
@@ -158,11 +158,12 @@ def _candidates(rng: Generator, scene: Scene) -> list[Edit]:
 def _overlaps(scene: Scene, before: Scene) -> bool:
     """Tell whether an edit pushes a body into another one or a stop."""
     for i, a in enumerate(scene.bodies):
-        others = [*scene.bodies[:i], *scene.bodies[i + 1 :]]
+        others: list[Body | Fixture] = [*scene.bodies[:i], *scene.bodies[i + 1 :]]
         old = next(b for b in before.bodies if b.name == a.name)
         if a.pos == old.pos:
             continue
-        for o in [*others, *(f for f in scene.fixtures if f.name.startswith("stop"))]:
+        others.extend(f for f in scene.fixtures if f.name.startswith("stop"))
+        for o in others:
             if abs(a.pos[0] - o.pos[0]) < (a.size[0] + o.size[0]) / 2 + 0.01:
                 return True
         if scene.kind == "ramp" and a.pos[0] - a.size[0] / 2 < 0.02:

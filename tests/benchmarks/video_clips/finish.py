@@ -27,18 +27,18 @@ def finish(rng: Generator, look: Look, frames: list[np.ndarray]) -> list[np.ndar
         corners[1] = 1 - corners[0]
     out = []
     for n, frame in enumerate(frames):
-        image = frame.astype(np.float32)
+        image: np.ndarray = frame.astype(np.float32)
         if look.noise > 0:
             grain = look.noise * np.sqrt(0.4 + image / 255)
             image = image + rng.normal(0, 1, image.shape) * grain
-        picture = np.ascontiguousarray(np.clip(image, 0, 255).astype(np.uint8))
+        picture: np.ndarray = np.ascontiguousarray(np.clip(image, 0, 255).astype(np.uint8))
         if look.caption in ("timer", "both"):
             _write_text(picture, f"{n / look.fps:06.3f} s", (float(corners[0, 0]), float(corners[0, 1])))
         if look.caption in ("title", "both"):
             _write_text(picture, title, (float(corners[1, 0]), float(corners[1, 1])))
         if look.quality:
             coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, look.quality])[1]
-            picture = cv2.imdecode(coded, cv2.IMREAD_COLOR)
+            picture = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR))
         out.append(picture)
     return out
 

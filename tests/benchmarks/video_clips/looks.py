@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from .bodies import Body, Scene, Vec
+from .bodies import Body, Scene, Vec, vec
 
 STYLES = (
     "hard_shadow",
@@ -104,7 +104,7 @@ def draw_look(rng: Generator, style: str) -> Look:
         seconds=seconds,
         shadow=shadow,
         floor="plain" if grey and floor == "wood" else floor,
-        floor_rgb=tuple(float(x) for x in np.clip(level + tint, 0.15, 0.85)),
+        floor_rgb=vec(np.clip(level + tint, 0.15, 0.85)),
         reflectance=float(rng.uniform(0.12, 0.35)) if also("reflecting_floor", 0.06) else 0.0,
         grey=grey,
         alike=bool(rng.random() < 0.3),
@@ -125,7 +125,7 @@ def draw_look(rng: Generator, style: str) -> Look:
 
 
 def _shade(rng: Generator, rgb: Vec, spread: float) -> Vec:
-    return tuple(float(x) for x in np.clip(np.asarray(rgb) + rng.normal(0.0, spread, 3), 0.02, 0.97))
+    return vec(np.clip(np.asarray(rgb) + rng.normal(0.0, spread, 3), 0.02, 0.97))
 
 
 def _grey(rng: Generator) -> tuple[str, Vec]:
@@ -148,7 +148,7 @@ def paint(rng: Generator, scene: Scene, look: Look) -> Scene:
         bodies.append(replace(b, color=name, rgb=rgb))
     fixtures = scene.fixtures
     if look.grey:
-        fixtures = tuple(replace(f, color="grey", rgb=(sum(f.rgb) / 3,) * 3) for f in fixtures)
+        fixtures = tuple(replace(f, color="grey", rgb=vec([sum(f.rgb) / 3] * 3)) for f in fixtures)
     spare = names[-1]
     soft_name, soft_rgb = _grey(rng) if look.grey else (spare, _shade(rng, PALETTE[spare], 0.03))
     rope, cloth = scene.rope, scene.cloth

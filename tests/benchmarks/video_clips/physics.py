@@ -10,6 +10,7 @@ from .bodies import DT, HORIZON, POSE_RATE, Array, Cloth, Scene
 from .mjcf import build
 
 REST_SPEED = 0.01  # m/s, of the centre and of the surface by rotation
+WATCH = 4  # steps between looks at speeds and between changes of the wind's force; frames fall on these steps
 GAP = round(0.02 / DT)  # touches closer in time than this many steps count as one
 
 
@@ -88,6 +89,9 @@ class _Recorder:
         self.scene, self.model = scene, model
         self.geoms = [model.geom(b.name).id for b in scene.bodies]
         self.names = track_names(scene)
+        self.owners = model.geom_bodyid[self.geoms]
+        self.roots = model.body_rootid[self.owners]
+        self.reach = np.array([b.size[0] / 2 for b in scene.bodies])
         self.links: list[int] = []
         if scene.rope:
             self.links = [int(model.geom(f"rope_{k}").bodyid[0]) for k in range(scene.rope.links)]
@@ -103,6 +107,27 @@ class _Recorder:
             return np.vstack([data.xpos[self.links], tip])
         return None
 
+    def speeds(self, data: mujoco.MjData) -> Array:
+        """Return the speed of each centre plus that of its surface by rotation (m/s)."""
+        v = data.cvel[self.owners]
+        turn, way = v[:, :3], v[:, 3:].copy()
+        arm = data.geom_xpos[self.geoms] - data.subtree_com[self.roots]
+        way[:, 0] += turn[:, 1] * arm[:, 2] - turn[:, 2] * arm[:, 1]
+        way[:, 1] += turn[:, 2] * arm[:, 0] - turn[:, 0] * arm[:, 2]
+        way[:, 2] += turn[:, 0] * arm[:, 1] - turn[:, 1] * arm[:, 0]
+        out = np.sqrt((way * way).sum(axis=1)) + self.reach * np.sqrt((turn * turn).sum(axis=1))
+        if len(self.names) > len(self.geoms):  # the end of a rope or a corner of a cloth
+            out = np.append(out, np.linalg.norm(self._end(data)[1]))
+        return out
+
+    def _end(self, data: mujoco.MjData) -> tuple[Array, Array]:
+        """Return place and velocity of the free end of a rope or of a lower corner of a cloth."""
+        points = self.points(data)
+        assert points is not None
+        point = points[0 if self.scene.cloth else -1]
+        owner = int(self.model.flex_vertbodyid[0]) if self.scene.cloth else self.links[-1]
+        return point, point_velocity(self.model, data, point, owner)
+
     def read(self, data: mujoco.MjData) -> tuple[Array, Array]:
         """Return poses (n, 7) and velocities (n, 6; linear, angular; world axes)."""
         poses, velocities = np.zeros((len(self.names), 7)), np.zeros((len(self.names), 6))
@@ -113,12 +138,8 @@ class _Recorder:
             poses[i, :3], poses[i, 3:] = data.geom_xpos[g], quat
             velocities[i, :3], velocities[i, 3:] = six[3:], six[:3]
         if len(self.names) > len(self.geoms):
-            points = self.points(data)
-            assert points is not None
-            corner = 0 if self.scene.cloth else -1
-            owner = int(self.model.flex_vertbodyid[0]) if self.scene.cloth else self.links[-1]
-            velocities[-1, :3] = point_velocity(self.model, data, points[corner], owner)
-            poses[-1, :3], poses[-1, 3] = points[corner], 1.0
+            poses[-1, :3], velocities[-1, :3] = self._end(data)
+            poses[-1, 3] = 1.0
         return poses, velocities
 
 
@@ -142,7 +163,6 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
     clip, every, per_pose = round(seconds / DT), round(1 / (fps * DT)), round(1 / (POSE_RATE * DT))
     steps = -(-(clip + round(HORIZON / DT)) // per_pose) * per_pose
     geom_names = [model.geom(i).name for i in range(model.ngeom)]
-    reach = np.array([b.size[0] / 2 for b in scene.bodies] + [0.0] * (len(recorder.names) - len(scene.bodies)))
     frames: list[Any] = [[], [], []]
     coarse: list[Any] = [[], []]
     states: list[Array] = []
@@ -151,9 +171,10 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
     touches: list[tuple[int, int, int, int]] = []
     faces, owner = _faces(model) if scene.cloth else (np.zeros((0, 3), int), np.zeros(0, int))
     for n in range(steps + 1):
-        poses, velocities = recorder.read(data)
-        if not np.all(np.abs(velocities) < 1e3):
-            raise FloatingPointError("the simulation diverged")
+        if n % per_pose == 0 or (n <= clip and n % every == 0):
+            poses, velocities = recorder.read(data)
+            if not np.all(np.abs(velocities) < 1e3):
+                raise FloatingPointError("the simulation diverged")
         if n <= clip:
             if keep_states:
                 states.append(np.array(data.qpos))
@@ -163,8 +184,10 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
         if n % per_pose == 0:
             coarse[0].append(poses)
             coarse[1].append(recorder.points(data))
-        speed = np.linalg.norm(velocities[:, :3], axis=1) + reach * np.linalg.norm(velocities[:, 3:], axis=1)
-        last_moving[speed > REST_SPEED] = n
+        if n % WATCH == 0:
+            last_moving[recorder.speeds(data) > REST_SPEED] = n
+            if scene.cloth:
+                _blow(model, data, scene.cloth, faces, owner)
         if data.ncon:
             seen = {(int(a), int(b)) for a, b in data.contact.geom[: data.ncon]}
             for key in seen:
@@ -172,17 +195,16 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
                     open_touch[key][1] = n
                 else:
                     if key in open_touch:
-                        touches.append((*key, *open_touch[key]))
+                        touches.append((*key, open_touch[key][0], open_touch[key][1]))
                     open_touch[key] = [n, n]
-        if scene.cloth:
-            _blow(model, data, scene.cloth, faces, owner)
         mujoco.mj_step(model, data)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        if scene.cloth:
-            mujoco.mj_flex(model, data)
-    touches.extend((*key, *value) for key, value in open_touch.items())
+        if (n + 1) % WATCH == 0:  # bring places and speeds up to the new state
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
+            if scene.cloth:
+                mujoco.mj_flex(model, data)
+    touches.extend((*key, value[0], value[1]) for key, value in open_touch.items())
     touches.sort(key=lambda t: (t[2], t[0], t[1]))
     named = [(geom_names[a], geom_names[b], round(s * DT, 4), round(e * DT, 4)) for a, b, s, e in touches]
     return Run(

@@ -71,7 +71,7 @@ def _visibility(film: Film) -> tuple[dict[str, Any], dict[str, Any]]:
 def truth(clip: Clip, film: Film, rng: Generator, wanted: int, changes: int = CHANGES) -> dict[str, Any]:
     """Simulate the edits, draw the questions and return all that the private file holds."""
     scene, look, run = clip.scene, clip.look, clip.run
-    edits = []
+    edits: list[dict[str, Any]] = []
     outcomes = [Outcome(run, None, "", (look.frames - 1) / look.fps)]
     for edit in draw_edits(rng, scene, run, changes):
         try:
