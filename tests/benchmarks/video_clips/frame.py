@@ -71,6 +71,10 @@ def place_camera(rng: Generator, scene: Scene, look: Look, points: Array) -> Cam
 def draw_marks(rng: Generator, scene: Scene, look: Look, camera: Camera, points: Array) -> Scene:
     """Put marks on the floor and the board around the framed points, on whole centimetres."""
     low, high = points.min(axis=0), points.max(axis=0)
+    depth = float(camera.project(points.mean(axis=0))[0, 2])
+    if scene.kind not in ("floor", "entering", "billiard"):  # seen from the side: spread over most of the width
+        middle, half = (low[0] + high[0]) / 2, 0.38 * look.size[0] * depth / camera.focal
+        low[0], high[0] = min(low[0], middle - half), max(high[0], middle + half)
     behind = next((f for f in scene.fixtures if f.name == "board"), None)
     marks: list[Vec] = []
     facing: list[Vec] = []
@@ -88,7 +92,6 @@ def draw_marks(rng: Generator, scene: Scene, look: Look, camera: Camera, points:
             jitter = rng.normal(0, 0.03, 2)
             marks.append((round(float(x + jitter[0]), 2), y, max(0.05, round(float(z + jitter[1]), 2))))
             facing.append((0.0, -1.0, 0.0))
-    depth = float(camera.project(points.mean(axis=0))[0, 2])
     radius = float(np.clip((1.5 if look.small else 2.4) * depth / camera.focal, 0.004, 0.03))
     contents = {**scene.contents, "mark_radius": round(radius, 4)}
     return replace(scene, marks=tuple(marks), mark_facing=tuple(facing), contents=contents)
