@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from .bodies import Array, Rejected, Scene
 from .camera import Camera
-from .frame import draw_marks, focus_points, measured_points, occluder, place_camera
+from .frame import draw_marks, focus_points, measured_points, occluder, place_camera, seen_share
 from .kinds import KINDS
 from .looks import Look, draw_look, paint
 from .physics import Run, simulate
@@ -53,6 +53,8 @@ def check(rng: Generator, clip: Clip) -> None:
             raise Rejected("a body is too small")
     if moved < 0.14 * min(look.size):
         raise Rejected("too little motion")
+    if look.occlude and np.any(seen_share(scene, look, camera, run) < 0.25):
+        raise Rejected("the post hides a body")
     if scene.kind in ("floor", "billiard"):
         touches = mutual_touches(scene, run)
         if not touches or min(touches) > look.seconds + 0.5:

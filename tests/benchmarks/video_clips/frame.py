@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.random import Generator
 
-from .bodies import Array, Fixture, Rejected, Scene, Vec
+from .bodies import DT, Array, Fixture, Rejected, Scene, Vec
 from .camera import Camera, fit, move_back
 from .looks import Look
 from .mjcf import build
@@ -98,13 +98,16 @@ def draw_marks(rng: Generator, scene: Scene, look: Look, camera: Camera, points:
 
 
 class Sight:
-    """Cast rays in the scene's first state to see what hides a point."""
+    """Cast rays in a state of the scene to see what hides a point."""
 
     def __init__(self, scene: Scene, state: Array | None = None) -> None:
         self.model = build(scene)
         self.data = mujoco.MjData(self.model)
-        if state is not None:
-            self.data.qpos[:] = state
+        self.place(self.data.qpos if state is None else state)
+
+    def place(self, state: Array) -> None:
+        """Set the joints."""
+        self.data.qpos[:] = state
         mujoco.mj_kinematics(self.model, self.data)
 
     def clear(self, eye: Array, point: Array, tolerance: float = 0.004) -> bool:
@@ -157,6 +160,18 @@ def occluder(rng: Generator, scene: Scene, look: Look, camera: Camera, run: Run)
             continue
         return replace(scene, fixtures=(*scene.fixtures, post))
     raise Rejected("no place for a post")
+
+
+def seen_share(scene: Scene, look: Look, camera: Camera, run: Run) -> Array:
+    """Return for each body the share of frames in which its centre is in the frame and nothing stands before it."""
+    sight, eye, every = Sight(scene), np.asarray(camera.pos), round(1 / (look.fps * DT))
+    seen = np.zeros(len(scene.bodies))
+    for n in range(look.frames):
+        sight.place(run.states[n * every])
+        for i, b in enumerate(scene.bodies):
+            centre = run.frame_poses[n, i, :3]
+            seen[i] += camera.inside(centre[None])[0] and sight.clear(eye, centre, 1.01 * b.reach)
+    return seen / look.frames
 
 
 def measured_points(rng: Generator, scene: Scene, camera: Camera, run: Run) -> list[dict[str, Any]]:
