@@ -1,0 +1,188 @@
+"""Checks the generator of clips against geometry, mechanics and itself."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+mujoco = pytest.importorskip("mujoco")
+
+from dataclasses import replace  # noqa: E402
+
+from tests.benchmarks.video_clips.bodies import Body, Scene  # noqa: E402
+from tests.benchmarks.video_clips.camera import look_at  # noqa: E402
+from tests.benchmarks.video_clips.clip import Clip, draw_clip  # noqa: E402
+from tests.benchmarks.video_clips.looks import draw_look  # noqa: E402
+from tests.benchmarks.video_clips.physics import simulate  # noqa: E402
+from tests.benchmarks.video_clips.render import Film, Studio, render  # noqa: E402
+from tests.benchmarks.video_clips.textures import floor_png  # noqa: E402
+from tests.benchmarks.video_clips.truth import intervals, truth  # noqa: E402
+from tests.benchmarks.video_clips.write import write_clip  # noqa: E402
+
+
+def _has_gl() -> bool:
+    try:
+        context = mujoco.GLContext(16, 16)
+        context.make_current()
+        context.free()
+    except Exception:  # any failure of the driver means that there is nothing to render with
+        return False
+    return True
+
+
+needs_gl = pytest.mark.skipif(not _has_gl(), reason="no offscreen OpenGL on this machine")
+
+
+def _ball(**changes: Any) -> Body:
+    body = Body("A", "sphere", (0.1, 0.1, 0.1), (0.0, 0.0, 1.0), mass=0.3, rolling=0.01)
+    return replace(body, **changes)
+
+
+def test_a_tossed_ball_obeys_gravity() -> None:
+    scene = Scene("tossed", (_ball(vel=(1.0, 0.2, 3.0)),), floor=False)
+    run = simulate(scene, 0.6, 30)
+    t = np.arange(len(run.frame_poses)) / 30
+    wanted = np.stack([t, 0.2 * t, 1.0 + 3.0 * t - 4.905 * t**2], axis=1)
+    np.testing.assert_allclose(run.frame_poses[:, 0, :3], wanted, atol=3e-3)
+    np.testing.assert_allclose(run.frame_velocities[:, 0, 2], 3.0 - 9.81 * t, atol=1e-6)
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.6, 0.85])
+def test_a_dropped_ball_rebounds_by_its_restitution(restitution: float) -> None:
+    scene = Scene("bouncing", (_ball(restitution=restitution),))
+    run = simulate(scene, 1.0, 60)
+    vertical = run.frame_velocities[:, 0, 2]
+    rebound = float(vertical.max()) + 9.81 * float(np.argmax(vertical) / 60 - run.touches[0][3])
+    impact = np.sqrt(2 * 9.81 * 0.95)
+    assert rebound / impact == pytest.approx(restitution, abs=0.04)
+
+
+def test_a_sliding_box_stops_where_friction_says() -> None:
+    box = Body("A", "box", (0.1, 0.1, 0.06), (0.0, 0.0, 0.03), vel=(1.2, 0.0, 0.0), friction=0.25, restitution=0.1)
+    run = simulate(Scene("floor", (box,)), 1.0, 30)
+    assert run.poses[-1, 0, 0] == pytest.approx(1.2**2 / (2 * 0.25 * 9.81), rel=0.03)
+    assert run.rest["A"] == pytest.approx(1.2 / (0.25 * 9.81), abs=0.03)
+
+
+def test_colliding_balls_keep_momentum_and_part_by_their_restitution() -> None:
+    a = _ball(pos=(0.0, 0.0, 1.0), vel=(1.0, 0.0, 0.0))
+    b = _ball(name="B", pos=(0.3, 0.0, 1.0), mass=0.6)
+    run = simulate(Scene("floor", (a, b), floor=False, mutual_restitution=0.7, gravity=1e-9), 0.5, 30)
+    va, vb = run.frame_velocities[-1, :, 0]
+    assert 0.3 * va + 0.6 * vb == pytest.approx(0.3, abs=1e-3)
+    assert vb - va == pytest.approx(0.7, abs=0.04)
+    assert [(p, q) for p, q, *_ in run.touches] == [("A", "B")]
+
+
+def test_a_pendulum_swings_with_the_period_of_its_length() -> None:
+    bob = _ball(pos=(0.0, 0.0, 0.5), joint="arm", pivot=(0.0, 0.0, 1.2), angle=0.1, mass=1.0)
+    run = simulate(Scene("pendulum", (bob,)), 3.0, 60)
+    x = run.frame_poses[:, 0, 0]
+    crossings = np.flatnonzero(np.diff(np.sign(x))) / 60
+    assert x[0] == pytest.approx(0.7 * np.sin(0.1), abs=1e-6)
+    assert 2 * np.diff(crossings).mean() == pytest.approx(2 * np.pi * np.sqrt(0.7 / 9.81), rel=0.03)
+
+
+def test_intervals_code_runs_of_frames() -> None:
+    assert intervals(np.array([1, 1, 0, 0, 1, 0, 1], dtype=bool)) == [[0, 1], [4, 4], [6, 6]]
+
+
+def _no_film(clip: Clip) -> Film:
+    names = [b.name for b in clip.scene.bodies]
+    return Film([], np.zeros((clip.look.frames, 2, 2), dtype=np.uint8), names, [1.0] * clip.look.frames)
+
+
+def _holds(question: dict[str, Any], outcome: dict[str, Any]) -> bool:
+    """Answer a question from the stored poses and touches alone."""
+    k, body = round(question["time"] * 30), question["body"]
+    here = np.array(outcome["poses"][body])[k, :3] if question["type"] in ("far", "left") else np.zeros(3)
+    if question["type"] == "left":
+        return bool(here[0] < question["x"])
+    if question["type"] == "far":
+        other = question.get("other")
+        there = np.array(outcome["poses"][other])[k, :3] if other else np.array(question["point"])
+        return bool(np.linalg.norm(here - there) > question["distance"])
+    if question["type"] == "touch":
+        pair = {body, question["other"]}
+        return any(
+            {a, b} == pair and s <= question["time"] and e >= question["from"] for a, b, s, e in outcome["touches"]
+        )
+    path = np.array(outcome["poses"][body])[:, :3]
+    late = path[int(np.ceil(question["time"] * 30)) + 1 :]
+    return len(late) > 1 and bool(np.linalg.norm(np.diff(late, axis=0), axis=1).max() * 30 < 0.0101)
+
+
+@pytest.mark.parametrize("kind", ["bouncing", "cart"])
+def test_stored_answers_agree_with_stored_poses(kind: str) -> None:
+    clip = draw_clip([3, 1], kind, "hard_shadow")
+    hidden = truth(clip, _no_film(clip), np.random.default_rng(0), 16, 3)
+    assert len(hidden["questions"]) >= 12
+    outcomes = {None: hidden["continuation"], **{i: e["outcome"] for i, e in enumerate(hidden["edits"])}}
+    for q in hidden["questions"]:
+        if q["type"] == "rest" and q["margin"] < 0.04:
+            continue  # closer than the stored poses can resolve
+        assert _holds(q, outcomes[q["edit"]]) == q["answer"], q["text"]
+    answers = [q["answer"] for q in hidden["questions"]]
+    assert 0.2 < np.mean(answers) < 0.8
+    again = truth(draw_clip([3, 1], kind, "hard_shadow"), _no_film(clip), np.random.default_rng(0), 16, 3)
+    assert json.dumps(again, default=float) == json.dumps(hidden, default=float)
+
+
+def test_measured_points_lie_where_the_true_camera_projects_them() -> None:
+    clip = draw_clip([5, 2], "entering", "camera_shake")
+    assert len(clip.points) >= 6
+    wanted = clip.cameras[0].project(np.array([p["position"] for p in clip.points]))[:, :2]
+    off = np.linalg.norm(wanted - np.array([p["pixel"] for p in clip.points]), axis=1)
+    assert off.max() < 2.0
+
+
+@needs_gl
+def test_a_point_projects_to_where_the_renderer_draws_it() -> None:
+    look = replace(
+        draw_look(np.random.default_rng(1), "no_shadow"), size=(320, 240), marks=False, floor="plain", reflectance=0.0
+    )
+    dot = Body("A", "sphere", (0.03, 0.03, 0.03), (0.21, 0.13, 0.4), rgb=(1.0, 0.0, 0.0))
+    scene = Scene("floor", (dot,))
+    studio = Studio(scene, look, floor_png(np.random.default_rng(0), look), 1.0)
+    camera = look_at(np.array([0.1, 0.0, 0.2]), -60.0, 30.0, 1.5, 40.0, look.size)
+    studio.pose(simulate(scene, 0.1, 30, keep_states=True).states[0], camera)
+    picture, labels = studio.picture().astype(float), studio.labels(scene, ["A"])
+    studio.close()
+    for mask in ((picture[..., 0] - picture[..., 2]) > 100, labels == 1):
+        rows, columns = np.nonzero(mask)
+        u, v, _ = camera.project(np.array([dot.pos]))[0]
+        assert (columns.mean(), rows.mean()) == pytest.approx((u, v), abs=0.35)
+
+
+@needs_gl
+def test_masks_cover_the_centres_of_visible_balls() -> None:
+    clip = draw_clip([2, 4], "bouncing", "no_shadow")
+    look = replace(clip.look, seconds=0.2, shutter=0.0, shadow="none")
+    cameras = clip.cameras[: look.frames]
+    film = render(np.random.default_rng(0), clip.scene, look, clip.run, cameras, clip.extent)
+    for n, camera in enumerate(cameras):
+        depths = camera.project(clip.run.frame_poses[n, :, :3])
+        nearest = int(np.argmin(depths[:, 2]))
+        u, v, _ = depths[nearest]
+        if camera.inside(clip.run.frame_poses[n, nearest, :3][None], 2.0)[0]:
+            assert film.labels[n, round(float(v)), round(float(u))] == nearest + 1
+    assert np.any(film.labels > 0)
+
+
+@needs_gl
+def test_equal_seeds_write_equal_json(tmp_path: Path) -> None:
+    seed = [30, 6, 0, 0]
+    for folder in ("one", "two"):
+        write_clip(tmp_path / folder, "clip", seed, "tossed", "no_shadow", changes=2)
+    for part in ("public/clip/known.json", "private/clip.json"):
+        assert (tmp_path / "one" / part).read_bytes() == (tmp_path / "two" / part).read_bytes()
+    public = (tmp_path / "one/public/clip/known.json").read_text()
+    assert not any(word in public for word in ("friction", "restitution", "mass", "velocity"))
+    facts = json.loads(public)
+    assert len(facts["camera_points"]["points"]) >= 6
+    assert (tmp_path / "one/public/clip" / facts["video"]).stat().st_size > 1000

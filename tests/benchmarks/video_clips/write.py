@@ -1,0 +1,49 @@
+"""Write one clip to the public and private folders."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .clip import draw_clip, generator_for
+from .edits import WANTED as CHANGES
+from .finish import finish, write_video
+from .known import known
+from .questions import WANTED
+from .render import render
+from .truth import truth
+
+
+def _plain(value: Any) -> Any:
+    """Turn numpy values and tuples into JSON values and round numbers to nine significant digits."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return float(f"{value:.9g}")
+    return value
+
+
+def write_clip(out: Path, name: str, seed: list[int], kind: str, style: str, changes: int = CHANGES) -> dict[str, Any]:
+    """Draw, render and write one clip with up to so many edits; return a summary."""
+    clip = draw_clip(seed, kind, style)
+    film = render(generator_for(seed, 1), clip.scene, clip.look, clip.run, clip.cameras, clip.extent)
+    public, private = out / "public" / name, out / "private"
+    public.mkdir(parents=True, exist_ok=True)
+    private.mkdir(parents=True, exist_ok=True)
+    write_video(public, clip.look, finish(generator_for(seed, 2), clip.look, film.frames))
+    facts = known(clip, film, generator_for(seed, 3))
+    (public / "known.json").write_text(json.dumps(_plain({"clip": name, **facts}), indent=1) + "\n")
+    hidden = truth(clip, film, generator_for(seed, 4), WANTED, changes)
+    (private / f"{name}.json").write_text(json.dumps(_plain({"clip": name, **hidden})) + "\n")
+    np.savez_compressed(private / f"{name}_masks.npz", labels=film.labels, names=np.array(film.names))
+    return {
+        "frames": clip.look.frames,
+        "size": clip.look.size,
+        "edits": len(hidden["edits"]),
+        "questions": len(hidden["questions"]),
+    }
