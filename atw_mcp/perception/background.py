@@ -76,8 +76,8 @@ def model_background(frames: Frames) -> Background:
     else:
         image = _uncovered(sample, median)
         still = rare_colour_regions(image, MIN_STILL_AREA)
-        grown = cv2.dilate(still.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7)))
-        image = cv2.inpaint(np.clip(image, 0, 255).astype(np.uint8), grown, 5, cv2.INPAINT_TELEA).astype(np.float32)
+        covered = cv2.dilate(still.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7)))
+        image = cv2.inpaint(np.clip(image, 0, 255).astype(np.uint8), covered, 5, cv2.INPAINT_TELEA).astype(np.float32)
     return Background(image=image.astype(np.float32), noise=noise, still=still, smooth=smooth, texture=texture)
 
 

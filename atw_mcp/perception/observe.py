@@ -10,7 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception.artefacts import artefacts
 from atw_mcp.perception.background import Background, Mask, model_background
+from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
 from atw_mcp.perception.cues import colour_cue, material_cue, shape_cue
 from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.naming import matched_to_expected, names_for
@@ -68,6 +70,10 @@ def observe(
             raise PerceptionCancelled("observation cancelled")
 
     stop()
+    tell(0.03, "looking whether the camera moves")
+    motion = camera_motion(frames, stop)
+    if motion is not None:
+        frames = stabilised(frames, motion)
     tell(0.05, "modelling the background")
     background = model_background(frames)
     shadow = shadows_of(frames, background)
@@ -101,7 +107,23 @@ def observe(
             f"the background is textured (residual {background.texture:.1f} grey levels): objects that never move "
             "cannot be told from it"
         )
-    observation = assemble(full, foregrounds, sweep, background, info, stride)
+    if motion is not None:
+        warnings.append(
+            "the camera moves a little: frames were aligned to the first before objects were followed, and their "
+            "outlines are in each frame's own pixels"
+        )
+    out = artefacts(
+        {k: [sweep.labels[t] == k for t in range(count)] for k in sweep.tracks}, foregrounds, background, shadow
+    )
+    for reason, what in (
+        ("shadow", "follow objects as their shadows do"),
+        ("fixed", "never move and are no object at rest, as captions and the places that an object left"),
+    ):
+        if reason in out.values():
+            warnings.append(f"{sum(r == reason for r in out.values())} regions were left out that {what}")
+    for number in out:
+        del sweep.tracks[number]
+    observation = assemble(full, foregrounds, sweep, background, info, stride, motion)
     if expected:
         observation, missing = matched_to_expected(observation, tuple(expected))
         warnings += [f"expected {m!r} was not found" for m in missing]
@@ -141,15 +163,19 @@ def assemble(
     background: Background,
     info: VideoInfo,
     stride: int,
+    motion: NDArray[np.float64] | None = None,
 ) -> ImageObservation:
-    """The observation that a finished sweep, perhaps over reduced frames, amounts to; frames are the full ones."""
+    """The observation that a finished sweep, perhaps over reduced frames, amounts to; frames are the full ones.
+
+    motion (T, 2, 3): of the camera, where the frames of the sweep were freed of it.
+    """
     white = float(np.percentile(background.image @ np.array([0.114, 0.587, 0.299], dtype=np.float32), 80))
     found: list[ObservedObject] = []
     for number in sorted(sweep.tracks):
         masks = [sweep.labels[t] == number for t in range(len(frames))]
         if sum(bool(m.any()) for m in masks) < min(MIN_LIFE, len(frames)):
             continue
-        observed = _object(number, masks, frames, foregrounds, sweep, white)
+        observed = _object(number, masks, frames, foregrounds, sweep, white, motion)
         if observed is not None:
             found.append(observed)
     named = names_for([(o.colour, o.material, o.shape) for o in found])
@@ -158,7 +184,13 @@ def assemble(
 
 
 def _object(
-    number: int, masks: list[Mask], frames: Frames, foregrounds: list[Foreground], sweep: Sweep, white: float
+    number: int,
+    masks: list[Mask],
+    frames: Frames,
+    foregrounds: list[Foreground],
+    sweep: Sweep,
+    white: float,
+    motion: NDArray[np.float64] | None,
 ) -> ObservedObject | None:
     count = len(frames)
     clear = [t for t in range(count) if number in sweep.alone[t] and masks[t].any() and not touches_border(masks[t])]
@@ -169,6 +201,8 @@ def _object(
     for t in range(count):
         if masks[t].any():
             masks[t] = without_shadow(masks[t], foregrounds[t], has_hue=has_hue)
+    if motion is not None:
+        masks = [as_filmed(m, own) if m.any() else m for m, own in zip(masks, motion, strict=True)]
     masks = [enlarged(m, frames.shape[1], frames.shape[2]) for m in masks]
     clarity = [1.0 if number in sweep.alone[t] else sweep.clarity.get((t, number), 0.0) for t in range(count)]
     return describe(masks, frames, clarity, [number in sweep.alone[t] for t in range(count)], white)

@@ -25,6 +25,7 @@ SHADOW_DARKEST = 0.76  # of the background's luminance; deeper than this is an o
 SHADOW_DEEPEST = 0.45  # where several shadows overlap, beside an object
 LIGHT_BRIGHTEST = 1.18
 FAINT_SHADE = 0.93
+SHADOW_TINT = 6.0  # levels of colour within a cast shadow, whose light has nearly the hue of the lamp's
 SHADOW_FRAMES = 12  # in which the factor of shadows is read
 
 
@@ -49,7 +50,9 @@ class Foreground:
 
 
 def shadows_of(frames: Frames, background: Background) -> float | None:
-    """Factor by which cast shadows darken the background in frames (T, H, W, 3); None where none shows."""
+    """Return the factor by which cast shadows darken the background in frames (T, H, W, 3).
+
+    None where none shows, or where they are so light that no object's seed is as dark."""
     picks = np.unique(np.linspace(0, len(frames) - 1, min(SHADOW_FRAMES, len(frames))).round().astype(int))
     noise = float(background.noise.max())
     found = []
@@ -60,7 +63,8 @@ def shadows_of(frames: Frames, background: Background) -> float | None:
         apart = visible & ((tint > strong_tint) | (shade < FAINT_SHADE) | (shade > LIGHT_BRIGHTEST))
         apart = cv2.morphologyEx(apart.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
         found.append(Ratios(tint, shade, apart))
-    return shadow_factor(found, max(STRONG_TINT, 5 * noise))
+    factor = shadow_factor(found, max(SHADOW_TINT, 4 * noise))
+    return factor if factor is not None and factor < SHADOW_DARKEST else None
 
 
 def segment(frame: Frames, background: Background, *, min_area: int, shadow: float | None = None) -> Foreground:
@@ -77,7 +81,7 @@ def segment(frame: Frames, background: Background, *, min_area: int, shadow: flo
     strong = (tint > strong_tint) | (((shade < SHADOW_DARKEST) | (shade > LIGHT_BRIGHTEST)) & visible)
     weak = (tint > weak_tint) | (((shade < FAINT_SHADE) | (shade > 2 - FAINT_SHADE)) & visible)
     if shadow is not None:
-        cast = shadow_mask(tint, shade, shadow, strong_tint)
+        cast = shadow_mask(tint, shade, shadow, max(SHADOW_TINT, 4 * noise))
         strong, weak = strong & ~cast, weak & ~cast
     strong = _clean(strong, min_area)
     strong |= _faint_objects(weak & ~strong, strong, image - lit, min_area)

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 Array32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-DARKEST, LIGHTEST = 0.15, 0.92  # ratios between which a shadow's factor is sought
+DARKEST, LIGHTEST = 0.3, 0.92  # ratios between which a shadow's factor is sought
 BIN = 0.02
 WIDTH = 0.06  # half-width of the factor: noise, and light from bodies near by
 UNIFORM = 0.05  # spread of the ratio in a small neighbourhood within a shadow
 PENUMBRA = 7  # pixels around a shadow in which the ratio may rise to one
 LEAST, MOST = 0.04, 0.75  # share of a region that is shadow where the rest is the body that casts it
 REGIONS = 3  # such regions that show a shadow's factor
+EVERYWHERE = 3  # power of the share of regions that show a factor, by which its pixels count
 GATHERED = 2.5  # times as many pixels at the factor as beside it
 
 
@@ -53,6 +54,7 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
     bins = np.arange(DARKEST, LIGHTEST + BIN, BIN)
     votes = np.zeros(len(bins) - 1)
     seen = np.zeros(len(bins) - 1)
+    regions = 0
     for f in frames:
         doubtful = f.apart & (f.tint < hueless) & uniform(f.shade)
         count, labels = cv2.connectedComponents(f.apart.astype(np.uint8), connectivity=8)
@@ -64,10 +66,12 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
             own = np.histogram(f.shade[region & doubtful], bins)[0].astype(float)
             smooth = np.convolve(own, np.ones(5), "same")
             share = smooth / total
+            regions += 1
             votes += own
             seen += (share > LEAST) & (share < MOST)
     smooth = np.convolve(votes, np.ones(5), "same")
-    candidates = np.where(seen >= REGIONS, smooth, 0.0)
+    # A grey body is as uniform as a shadow, but only its own region shows it: a shadow's factor is in nearly all.
+    candidates = np.where(seen >= REGIONS, smooth * (seen / max(regions, 1)) ** EVERYWHERE, 0.0)
     if not candidates.any():
         return None
     best = int(np.argmax(candidates))

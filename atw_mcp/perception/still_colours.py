@@ -52,7 +52,8 @@ def _clusters(features: Array32) -> NDArray[np.int32]:
     _, _, centres = cv2.kmeans(sample, CLUSTERS, np.empty(0, dtype=np.int32), criteria, 2, cv2.KMEANS_PP_CENTERS)
     flat = features.reshape(-1, 3)
     distance = (flat**2).sum(axis=1)[:, None] - 2.0 * flat @ centres.T + (centres**2).sum(axis=1)
-    return np.argmin(distance, axis=1).astype(np.int32).reshape(height, width)
+    nearest: NDArray[np.int32] = np.argmin(distance, axis=1).astype(np.int32).reshape(height, width)
+    return nearest
 
 
 def _compact_regions(own: Mask, min_area: int) -> Mask:

@@ -1,0 +1,68 @@
+"""Tracks that are no objects: cast shadows, and places where the background was modelled wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from atw_mcp.perception.background import Background, Mask
+from atw_mcp.perception.segmentation import Foreground
+
+Reason = Literal["shadow", "fixed"]
+
+SHADOWED = 0.7  # share of a track's pixels that are hueless and as dark as shadows, in a frame that shows a shadow
+MOST_FRAMES = 0.6  # share of its frames that do
+LIKE = 0.1  # difference of brightness ratios within which two are of one light
+FLAT = 0.06  # spread of the ratio within a shadow
+FIXED = 1.5  # pixels by which the centroid of what never moves may wander
+COVERED = 0.3  # share of a track's pixels on an object at rest from which it is that object
+
+
+def artefacts(
+    masks: Mapping[int, Sequence[Mask]],
+    foregrounds: Sequence[Foreground],
+    background: Background,
+    shadow: float | None,
+) -> dict[int, Reason]:
+    """Return the tracks (number: T masks) that are no objects, each with its reason.
+
+    shadow: factor by which cast shadows darken the background, where it is known; else several tracks that are alike
+    in being flat, hueless and equally dark are taken for shadows.
+    """
+    found: dict[int, Reason] = {}
+    flat: dict[int, float] = {}
+    for number, own in masks.items():
+        rows = [t for t, m in enumerate(own) if m.any()]
+        if not rows:
+            continue
+        ratios = [(float(np.median(foregrounds[t].shade[own[t]].astype(np.float32))), t) for t in rows]
+        dark = [r for r, t in ratios if _is_dark(own[t], foregrounds[t], r)]
+        if len(dark) >= MOST_FRAMES * len(rows):
+            flat[number] = float(np.median(dark))
+        if _is_fixed([own[t] for t in rows]) and _share(own[rows[0]], background.still) < COVERED:
+            found[number] = "fixed"
+    for number, ratio in flat.items():
+        others = [shadow] if shadow is not None else [r for n, r in flat.items() if n != number]
+        if any(abs(ratio - other) < LIKE for other in others):
+            found[number] = "shadow"
+    return found
+
+
+def _is_dark(mask: Mask, foreground: Foreground, ratio: float) -> bool:
+    """Whether most of a mask (H, W) is hueless, darker than the background, and flat."""
+    shade = foreground.shade[mask].astype(np.float32)
+    near = foreground.dim[mask] & (np.abs(shade - ratio) < FLAT)
+    return bool(near.mean() > SHADOWED)
+
+
+def _is_fixed(masks: Sequence[Mask]) -> bool:
+    """Whether a track never moves."""
+    centroids = np.array([[float(v.mean()) for v in np.nonzero(m)] for m in masks])
+    low, high = np.quantile(centroids, [0.1, 0.9], axis=0)
+    return bool(np.linalg.norm(high - low) < FIXED)
+
+
+def _share(mask: Mask, other: Mask) -> float:
+    return float((mask & other).sum() / max(mask.sum(), 1))
