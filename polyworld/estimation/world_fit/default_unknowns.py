@@ -99,6 +99,13 @@ def default_unknowns(
     return found
 
 
+def unknown_of(world: World, path: str) -> Unknown:
+    """Return the unknown of one physical parameter over the range that a fit searches by default."""
+    if path.endswith(".mass") and path.startswith("objects."):
+        return _within(world, path, MASS_RATIO, MASS_SD)
+    return _searched(world, (path,))
+
+
 def _check_fields(shared: Sequence[str], each: Sequence[str], materials: Sequence[str] | None) -> None:
     of_materials = {field for fields in DEFORMABLE_PARAMETERS.values() for field in fields}
     for kind, given, choices in (

@@ -1,0 +1,118 @@
+"""The posterior sample of a fit, against distributions in closed form and against worlds drawn at random."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from polyworld.ensemble import member_worlds, roll_out_members
+from polyworld.estimation.world_fit import FitProblem, PosteriorSample, default_unknowns, refine, sample_posterior
+from polyworld.estimation.world_fit.posterior import draw_truncated, systematic, tempered
+from polyworld.world import World
+from tests.polyworld.sliding_block import block_places, block_tracks, block_world, stopping_distance
+
+
+def drawn(centre: list[float], gradient: list[float], curvature: list[list[float]]) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    unit = np.zeros(len(centre)), np.ones(len(centre))
+    return draw_truncated(np.array(centre), np.array(gradient), np.array(curvature), *unit, 2000, rng)
+
+
+def test_draws_within_the_bounds_have_the_covariance_of_the_gaussian() -> None:
+    covariance = 1e-4 * np.array([[1.0, 0.99], [0.99, 1.0]])
+    x = drawn([0.5, 0.5], [0.0, 0.0], np.linalg.inv(covariance).tolist())
+    assert np.cov(x.T) == pytest.approx(covariance, rel=0.1)
+
+
+def test_a_flat_direction_is_uniform_and_a_bound_cuts_the_gaussian_in_half() -> None:
+    x = drawn([0.0, 0.5], [0.0, 0.0], [[1e4, 0.0], [0.0, 0.0]])
+    assert kstest(x[:, 1], "uniform").pvalue > 0.01
+    assert x[:, 0].mean() == pytest.approx(0.01 * np.sqrt(2.0 / np.pi), rel=0.05)
+
+
+def test_a_ridge_of_two_parameters_is_filled_from_bound_to_bound() -> None:
+    """Only the sum is known, to 0.01 about 1: each of the two alone is uniform."""
+    x = drawn([0.5, 0.5], [0.0, 0.0], [[1e4, 1e4], [1e4, 1e4]])
+    assert x.sum(axis=1).std() == pytest.approx(0.01, rel=0.1)
+    assert kstest(x[:, 0], "uniform").pvalue > 0.01
+
+
+def test_an_optimum_on_a_bound_that_the_data_want_beyond_decays_exponentially() -> None:
+    x = drawn([0.0], [1e3], [[1e2]])
+    assert x.mean() == pytest.approx(1e-3, rel=0.1)
+
+
+def test_weights_are_tempered_until_enough_candidates_count() -> None:
+    weights, exponent = tempered(np.array([0.0, -50.0, -100.0, -np.inf]), least=2.0)
+    assert 1.0 / (weights**2).sum() == pytest.approx(2.0, rel=1e-6)
+    assert 0.0 < exponent < 0.1
+    assert weights[3] == 0.0
+    assert tempered(np.zeros(8), least=4.0)[1] == 1.0
+
+
+def test_systematic_resampling_keeps_candidates_of_equal_weight_apart() -> None:
+    chosen = systematic(np.full(40, 1.0 / 40.0), 10, np.random.default_rng(0))
+    assert np.diff(chosen).tolist() == [4] * 9
+
+
+def fitted_block(
+    friction: float, speed: float, rng: np.random.Generator, *, sigma: float = 0.004, stated: float = 0.004
+) -> tuple[World, World, PosteriorSample]:
+    """The world a fit starts from, the fitted one, and the sample, for noisy tracks of a sliding block."""
+    places = block_places(friction, speed)
+    places[:, :2] += sigma * rng.normal(size=places[:, :2].shape)
+    start, tracks = block_world(0.2, 1.1), block_tracks(places, stated)
+    problem = FitProblem(start, tracks, default_unknowns(start, tracks, shared=(), each=("friction",)))
+    best = refine(problem)
+    sample = sample_posterior(problem, [best], count=40, seed=int(rng.integers(2**31)))
+    assert sample is not None
+    return start, best.world, sample
+
+
+def test_what_the_tracks_cannot_show_is_drawn_from_its_bounds() -> None:
+    _, _, sample = fitted_block(0.2, 1.1, np.random.default_rng(3))
+    assert sample.from_bounds == ("block.restitution", "block.mass")  # it meets nothing
+    values = sample.overrides(40)["objects.block.restitution"]
+    assert values.min() < 0.2
+    assert values.max() > 0.8
+    speeds = sample.overrides(40)["objects.block.velocity.x"]
+    assert abs(speeds.mean() - 1.1) < 3.0 * speeds.std()
+
+
+def test_noise_above_the_stated_widens_the_sample() -> None:
+    widths = []
+    for stated in (0.016, 0.004, 0.001):
+        _, _, sample = fitted_block(0.2, 1.1, np.random.default_rng(5), stated=stated)
+        widths.append(sample.overrides(40)["objects.block.friction"].std())
+    as_large, as_stated, beyond = widths
+    assert beyond == pytest.approx(as_stated, rel=0.3)  # the residuals say 0.004 where 0.001 was stated
+    assert as_large > 2.0 * as_stated  # a stated noise is believed where the residuals lie below it
+
+
+def test_answers_are_right_as_often_as_they_claim() -> None:
+    """Whether the block slides beyond a line, of blocks and lines drawn at random near the predicted stop.
+
+    Of answers given with probability p, the share that is right is p within three binomial standard errors, and the
+    Brier score is that of a calibrated forecast.
+    """
+    rng = np.random.default_rng(11)
+    claimed, right = [], []
+    for _ in range(100):
+        friction, speed = rng.uniform(0.1, 0.3), rng.uniform(0.8, 1.4)
+        start, fitted, sample = fitted_block(friction, speed, rng)
+        values = sample.overrides(40)
+        rollouts = roll_out_members(fitted, member_worlds(start, values, ()), values, 2.0)
+        ends = np.array([r.trajectory.positions[-1, 0, 0] for r in rollouts])
+        line = np.median(ends) + 1.3 * ends.std() * rng.normal()
+        probability = (ends > line).mean()
+        passes = stopping_distance(friction, speed) > line
+        claimed.append(max(probability, 1.0 - probability))
+        right.append(passes == (probability >= 0.5))
+    p, hit = np.array(claimed), np.array(right, dtype=float)
+    for low, high in ((0.5, 0.75), (0.75, 0.95), (0.95, 1.01)):
+        chosen = (p >= low) & (p < high)
+        mean = p[chosen].mean()
+        error = np.sqrt(max(mean * (1.0 - mean), 0.01) / chosen.sum())
+        assert abs(hit[chosen].mean() - mean) < 3.0 * error, f"{low} to {high}"
+    assert ((p - hit) ** 2).mean() == pytest.approx((p * (1.0 - p)).mean(), abs=0.04)
