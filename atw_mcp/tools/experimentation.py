@@ -11,6 +11,8 @@ from pydantic import Field, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
+from atw_mcp.ensemble_answers import rollout_answer, rollout_in_words
+from atw_mcp.ensembles import EnsembleSize, compute_ensemble, lineage
 from atw_mcp.flat_unions import flat_schema
 from atw_mcp.forms import read_form, tagged
 from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
@@ -23,10 +25,8 @@ from atw_mcp.shape_reading import EXAMPLE as READOUT_EXAMPLE
 from atw_mcp.shape_reading import readout_schema, shape_rows
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
-from polyworld.compare import compare
 from polyworld.interventions import Add, Intervention, branch
-from polyworld.predicates import Predicate, names_in
-from polyworld.query import Aggregation, QueryResult, query, sampled_every
+from polyworld.query import sampled_every
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -39,10 +39,7 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
 READOUTS = readout_schema()
 Readout = Annotated[Any, WithJsonSchema(READOUTS)]
-STATEMENTS = flat_schema(Predicate, "predicate")
-Statement = Annotated[Any, WithJsonSchema(STATEMENTS)]
 EDIT_EXAMPLE = {"action": "remove", "object": "red"}
-STATEMENT_EXAMPLE = {"predicate": "collides", "a": "red", "b": "blue"}
 PATIENCE = 40.0  # [s]
 
 
@@ -71,12 +68,15 @@ def roll_out(
             description="time between samples [s], finer than a frame for sharper thresholds; default: a frame", gt=0
         ),
     ] = None,
+    ensemble: EnsembleSize = None,
 ) -> Answer | LongWork:
     """Run the committed world forward from time 0 and return a rollout id for ReadEvents, ReadTrajectory, ReadTimeline,
     QueryWorld, CompareWorlds and InspectRollout.
 
     Without edits it replays the observed stretch and, with a horizon beyond it, predicts what comes next. With edits
-    it runs a branch in which they hold from the beginning. The same request is never computed twice.
+    it runs a branch in which they hold from the beginning. The same request is never computed twice. With ensemble=40
+    it also runs 40 worlds that the data allow, edited alike: in how many of them each event happens, and medians with
+    90% intervals of when, where, and of every object's place at the end.
     """
     found, committed = app.case_to_probe(case, "Rollout", None if world == "committed" else world)
     base = committed if world == "committed" else app.world(found, world)
@@ -91,8 +91,10 @@ def roll_out(
     edited = [edit.model_dump(mode="json", exclude_none=True) for edit in wanted]
     if branched.id != base.id:
         app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": edited})
+    if ensemble is not None:
+        lineage(app, found, branched)  # refused before any work
     known = find_rollout(app, branched, horizon, sample_seconds)
-    if known is not None:
+    if known is not None and ensemble is None:
         return _rollout_answer(found, base, branched, edited, *known)
 
     size = size_in_words(branched, horizon)
@@ -104,7 +106,22 @@ def roll_out(
             found_or_made = compute_rollout(
                 app, branched, horizon, lambda share: progress.report(share, 1, message), sample_seconds
             )
-            return _rollout_answer(found, base, branched, edited, *found_or_made)
+            answer = _rollout_answer(found, base, branched, edited, *found_or_made)
+            if ensemble is None:
+                return answer
+            progress.report(0, 1, f"running {ensemble} members for {horizon:g} s{size}")
+            members = compute_ensemble(
+                app,
+                found,
+                branched,
+                horizon,
+                sample_seconds,
+                ensemble,
+                lambda share: progress.report(share, 1, f"running {ensemble} members"),
+            )
+        about = rollout_answer(members, horizon)
+        summary = f"{answer.summary}. Of the ensemble, {rollout_in_words(about)}"
+        return replace(answer, summary=summary, data={**answer.data, "ensemble": about})
 
     draft = Answer(
         summary=f"running {branched.id} for {horizon:g} s{size}",
@@ -114,7 +131,7 @@ def roll_out(
         objects=branched.moving_names,
         interval=(0.0, horizon),
     )
-    return LongWork(f"rollout {branched.id} {horizon!r} {sample_seconds!r}", work, draft, PATIENCE)
+    return LongWork(f"rollout {branched.id} {horizon!r} {sample_seconds!r} {ensemble}", work, draft, PATIENCE)
 
 
 def _edits(app: App, case: Case, base: World, given: list[Any]) -> list[Intervention]:
@@ -147,7 +164,7 @@ def _told(rows: list[dict[str, Any]], observed: float, span: Span) -> str:
 def _rollout_answer(
     case: Case, base: World, world: World, edits: list[dict[str, Any]], identifier: str, result: Rollout
 ) -> Answer:
-    span = Span(0.0, _end(result), world.time.seconds_per_frame)
+    span = Span(0.0, end_of(result), world.time.seconds_per_frame)
     rows = readouts.timeline(world, result, span)
     what = "the committed world" if not edits else f"a branch with {len(edits)} edit{'s' * (len(edits) > 1)}"
     observed = (world.time.frame_count - 1) * world.time.seconds_per_frame
@@ -232,7 +249,7 @@ def read_events(
     page = wanted[cursor : cursor + limit]
     rest = cursor + limit if cursor + limit < len(wanted) else None
     return Answer(
-        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s{_diverged(result)}",
+        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s{diverged_in_words(result)}",
         data={
             "events": [readouts.event_row(event, span) for event in page],
             "of": len(wanted),
@@ -302,7 +319,8 @@ def read_trajectory(
     if rows:
         summary = (
             f"{name} goes {about['path_length']:.3g} m between {span.start:.4g} and {span.end:.4g} s, ending "
-            f"{about['displacement']:.3g} m from where it began, at {about['final_speed']:.3g} m/s{_diverged(result)}"
+            f"{about['displacement']:.3g} m from where it began, at {about['final_speed']:.3g} m/s"
+            f"{diverged_in_words(result)}"
         )
     else:
         summary = f"{name} is not in the simulation between {span.start:.4g} and {span.end:.4g} s"
@@ -325,12 +343,13 @@ def _shape_answer(
     rows = read["rows"]
     what = f"nodes {read['nodes']}" if "nodes" in read else read["readout"]["kind"]
     data = {"object": name, **read, "covers": span.shown(), "of": len(rows)}
-    summary = f"{what} of {name}, {len(rows)} samples between {span.start:.4g} and {span.end:.4g} s{_diverged(result)}"
+    end = diverged_in_words(result)
+    summary = f"{what} of {name}, {len(rows)} samples between {span.start:.4g} and {span.end:.4g} s{end}"
     numbers = [row[2] for row in rows]
     if numbers and all(isinstance(value, float) for value in numbers):
         summary = (
             f"{what} of {name} [{read['unit']}]: {numbers[0]:.4g} at {rows[0][0]:.4g} s, {numbers[-1]:.4g} at "
-            f"{rows[-1][0]:.4g} s, between {min(numbers):.4g} and {max(numbers):.4g}{_diverged(result)}"
+            f"{rows[-1][0]:.4g} s, between {min(numbers):.4g} and {max(numbers):.4g}{end}"
         )
     return Answer(
         summary=summary,
@@ -364,7 +383,7 @@ def read_timeline(
     if objects is not None:
         rows = [row for row in rows if set(row["objects"]) & set(chosen)]
     return Answer(
-        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{_diverged(result)}",
+        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{diverged_in_words(result)}",
         data={
             "timeline": rows,
             "covers": span.shown(),
@@ -379,178 +398,6 @@ def read_timeline(
     )
 
 
-@GROUP.tool("QueryWorld", title="Ask whether something holds")
-def query_world(
-    app: App,
-    rollout: RolloutId,
-    predicate: Annotated[
-        Statement,
-        Field(description=f"what to decide, e.g. {json.dumps(STATEMENT_EXAMPLE)}. " + STATEMENTS["description"]),
-    ],
-    aggregation: Annotated[
-        Aggregation,
-        Field(
-            description="any: ever; all: throughout; first, last: when; count: how often; fraction: share of the time"
-        ),
-    ] = "any",
-    interval: Annotated[
-        list[float] | None,
-        Field(
-            description="[start, end] in seconds; default: from when all the objects named take part to the end",
-            min_length=2,
-            max_length=2,
-        ),
-    ] = None,
-    frames: FrameRange = None,
-) -> Answer:
-    """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
-    reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
-    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
-    rest is judged on samples, sampled_every_s apart: Rollout with a smaller sample_seconds judges it finer."""
-    case, world, result = stored_rollout(app, rollout)
-    frame = world.time.seconds_per_frame
-    if interval is not None and frames is not None:
-        raise ToolError("give interval (seconds) or frames, not both")
-    asked = interval if interval is not None else None if frames is None else [frames[0] * frame, frames[1] * frame]
-    statement = tagged(predicate, Predicate, "predicate", what="predicate", example=STATEMENT_EXAMPLE)
-    asked_of = read_form(with_own_names(app, case, world, statement), Predicate, "predicate", what="predicate")
-    with explained():
-        answer = query(result, world, asked_of, None if asked is None else (asked[0], asked[1]), aggregation)
-    span = Span(*(answer.covered or (0.0, _end(result))), frame)
-    verdict = "unknown" if not answer.decided else "never" if answer.value is None else answer.value
-    if isinstance(verdict, bool):
-        verdict = "true" if verdict else "false"
-    shown_value = f"{verdict:.5g} s" if aggregation in ("first", "last") and isinstance(verdict, float) else verdict
-    why = f": {answer.reason}" if answer.reason else ""
-    spoken = " ".join([asked_of.predicate, *names_in(asked_of)])
-    return Answer(
-        summary=f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s{_joining(world, asked_of, asked)}): "
-        f"{shown_value}{why}{_how_near(answer)}"
-        + (f" (samples every {answer.sampled_every:.3g} s)" if answer.sampled_every is not None else "")
-        + _diverged(result),
-        data={
-            "verdict": verdict,
-            **answer.to_dict(),
-            "predicate": asked_of.model_dump(mode="json", exclude_none=True),
-            "aggregation": aggregation,
-            "covers": None if answer.covered is None else span.shown(),
-        },
-        case=case.id,
-        world=world.id,
-        rollout=rollout,
-        objects=tuple(names_in(asked_of)),
-        interval=answer.covered,
-        status=result.status,
-    )
-
-
-def _joining(world: World, predicate: Predicate, asked: list[float] | None) -> str:
-    """Why a default stretch does not begin at 0."""
-    starts = {o.name: getattr(o, "start_time", 0.0) for o in (*world.objects, *world.deformables)}
-    late = {name: time for name, time in starts.items() if name in names_in(predicate) and time > 0.0}
-    if asked is not None or not late:
-        return ""
-    return f", from when {max(late, key=lambda name: late[name])} joins"
-
-
-def _how_near(answer: QueryResult) -> str:
-    nearest = answer.evidence.get("closest_approach")
-    if nearest is None or nearest["gap_m"] == 0.0:
-        return ""
-    return f"; closest approach of the surfaces {nearest['gap_m']:.3g} m at {nearest['time']:.4g} s"
-
-
-@GROUP.tool("CompareWorlds", title="Compare two rollouts")
-def compare_worlds(
-    app: App,
-    base: Annotated[RolloutId, Field(description="rollout id of the world as it was, or any other")],
-    edited: Annotated[RolloutId, Field(description="rollout id of the changed world")],
-    objects: Objects = None,
-    tolerance: Annotated[
-        float, Field(gt=0, description="distance from which an object counts as moving differently [m]")
-    ] = 0.01,
-) -> Answer:
-    """What a change altered: how far each object ends up from where it would have been and from when on (of ropes,
-    cloth and soft bodies also the rms distance of their points), and which events are new, gone or shifted. Both
-    rollouts are compared over the time that both cover."""
-    base_case, base_world, first = stored_rollout(app, base)
-    case, world, second = stored_rollout(app, edited)
-    if base_case.content != case.content:
-        raise ToolError(
-            f"{base} belongs to case {base_case.id!r} and {edited} to {case.id!r}: they have nothing to share"
-        )
-    names = list(dict.fromkeys([*first.trajectory.names, *second.trajectory.names]))
-    chosen = chosen_names(app, case, objects, names)
-    with explained():
-        # Told events alone: what stands in one world and drops in the other is a new collision.
-        result = compare(
-            replace(first, events=readouts.told_events(base_world, first)),
-            replace(second, events=readouts.told_events(world, second)),
-            chosen if objects is not None else None,
-            tolerance=tolerance,
-        )
-    span = Span(0.0, result.horizon, world.time.seconds_per_frame)
-    moved = [d for d in result.objects if d.apart_from is not None]
-    rows = {
-        "gone": readouts.in_order(result.events_only_in_base, first, span),
-        "new": readouts.in_order(result.events_only_in_other, second, span),
-    }
-    # where things come to rest differs whenever they move differently: the summary leaves it to the data
-    striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
-    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in striking.items() if found)
-    changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved)
-    bent = [d for d in result.objects if d.apart_from is None and (d.shape_largest or 0.0) > tolerance]
-    if bent:
-        reshaped = ", ".join(f"{d.name} (points up to {d.shape_largest:.3g} m rms apart)" for d in bent)
-        changed = "; ".join(text for text in (changed, f"in shape alone: {reshaped}") if text)
-    data = {
-        "events": {
-            "gone": rows["gone"],
-            "new": rows["new"],
-            "kept": [
-                {"kind": m.base.kind, "objects": list(m.base.participants), "time": m.base.time, "shift": m.shift}
-                for m in result.events_in_both
-            ],
-        },
-        "floor_contacts_included": readouts.floor_contacts_included(base_world, first)
-        and readouts.floor_contacts_included(world, second),
-        "objects": [
-            {
-                "object": d.name,
-                "largest_distance": d.largest,
-                "at": d.largest_time,
-                "final_distance": d.final,
-                "apart_from": d.apart_from,
-                "moves_differently": d.apart_from is not None,
-                **(
-                    {}
-                    if d.shape_largest is None
-                    else {"largest_shape_distance": d.shape_largest, "shape_at": d.shape_largest_time}
-                ),
-            }
-            for d in result.objects
-        ],
-        "only_in_base": list(result.objects_only_in_base),
-        "only_in_edited": list(result.objects_only_in_other),
-        "base": {"rollout": base, "world": base_world.id, "horizon": first.horizon, "status": first.status},
-        "edited": {"rollout": edited, "world": world.id, "horizon": second.horizon, "status": second.status},
-        "covers": span.shown(),
-        "tolerance": tolerance,
-    }
-    return Answer(
-        summary=f"until {span.end:.4g} s: "
-        + (f"displaced: {changed}" if changed else f"nothing displaced by more than {tolerance:g} m")
-        + (f". Events {told}" if told else ". The same events"),
-        data=data,
-        case=case.id,
-        world=world.id,
-        rollout=edited,
-        objects=tuple(chosen),
-        interval=span.seconds,
-        status="diverged" if "diverged" in (first.status, second.status) else "completed",
-    )
-
-
 def _read(
     app: App, rollout: str, interval: list[float] | None, frames: list[int] | None
 ) -> tuple[Case, World, Rollout, Span]:
@@ -558,19 +405,20 @@ def _read(
     span = chosen_span(
         interval,
         frames,
-        covered=(0.0, _end(result)),
+        covered=(0.0, end_of(result)),
         seconds_per_frame=world.time.seconds_per_frame,
         further="Next: Rollout with a longer horizon_seconds covers more",
     )
     return case, world, result, span
 
 
-def _end(result: Rollout) -> float:
+def end_of(result: Rollout) -> float:
     """The last time that was really simulated."""
     return float(result.trajectory.times[-1]) if len(result.trajectory.times) else 0.0
 
 
-def _diverged(result: Rollout) -> str:
+def diverged_in_words(result: Rollout) -> str:
+    """What a summary adds where a rollout diverged."""
     if result.status != "diverged":
         return ""
     return f" (the rollout diverged at {result.diverged_time:.4g} s: nothing after that is known)"
