@@ -156,6 +156,64 @@ def rollout_in_words(about: dict[str, Any]) -> str:
     return f"of {members} members: " + ("; ".join(texts) if texts else "nothing happens in any")
 
 
+def trajectory_answer(
+    ensemble: Ensemble, name: str, span: Span, columns: Sequence[str], timed: Sequence[Sequence[Any]]
+) -> dict[str, Any]:
+    """Median and interval over the members of one object's columns at some times, and of its motion in a few numbers.
+
+    timed: (time, frame) of each row. Members that do not reach a time are left out of it.
+    """
+    chosen = [key for key in columns if key not in ("time", "frame")]
+    times = np.array([row[0] for row in timed])
+    tables, motions, periods = [], [], []
+    for world, rollout in zip(ensemble.worlds, ensemble.rollouts, strict=True):
+        own = Span(span.start, min(span.end, float(rollout.trajectory.times[-1])), world.time.seconds_per_frame)
+        whole = Span(0.0, float(rollout.trajectory.times[-1]), world.time.seconds_per_frame)
+        read = readouts.series(world, rollout, name, whole, ["time", *chosen])
+        rows = np.array([[_number(value) for value in row] for row in read]).reshape(-1, 1 + len(chosen))
+        if "yaw_deg" in chosen:
+            rows[:, 1 + chosen.index("yaw_deg")] = np.unwrap(rows[:, 1 + chosen.index("yaw_deg")], period=360.0)
+        tables.append(_interpolated(times, rows))
+        motions.append(readouts.motion(rollout, name, own))
+        periods.append(readouts.periods_of(rollout, name, own) or {})
+    table = np.stack(tables)  # (N, T, columns)
+    cells = [[_cell(table[:, t, c]) for c in range(len(chosen))] for t in range(len(times))]
+    about: dict[str, Any] = {
+        "members": ensemble.size,
+        "columns": ["time", "frame", *chosen],
+        "cells": f"over the members: median, and the {PERCENT} interval from, to",
+        "rows": [[*stamp, *row] for stamp, row in zip(timed, cells, strict=True)],
+        "motion": {
+            key: interval_of(np.array([motion[key] for motion in motions if key in motion]))
+            for key in ("displacement", "path_length", "highest_speed", "final_speed")
+            if any(key in motion for motion in motions)
+        },
+    }
+    axes = sorted({axis for found in periods for axis in found})
+    about["period"] = {
+        axis: {
+            "found_in": sum(axis in found for found in periods),
+            **interval_of(np.array([found[axis]["seconds"] for found in periods if axis in found])),
+        }
+        for axis in axes
+    }
+    return about
+
+
+def trajectory_in_words(about: dict[str, Any], name: str) -> str:
+    """The same as a clause."""
+    if "displacement" not in about["motion"]:
+        return f"{name} takes part in none of {about['members']} members"
+    far, speed = about["motion"]["displacement"], about["motion"]["final_speed"]
+    text = (
+        f"{name} ends {far['median']:.3g} m ({far['from']:.3g} to {far['to']:.3g}) from where it began, at "
+        f"{speed['median']:.3g} m/s ({speed['from']:.3g} to {speed['to']:.3g})"
+    )
+    for axis, row in about["period"].items():
+        text += f"; period of {axis} {row['median']:.4g} s ({row['from']:.4g} to {row['to']:.4g})"
+    return text
+
+
 def compared_members(
     first: Ensemble, second: Ensemble, objects: Sequence[str] | None, tolerance: float
 ) -> list[Comparison]:
@@ -234,6 +292,23 @@ def _counted(timelines: Sequence[list[dict[str, Any]]]) -> list[dict[str, Any]]:
         for (what, objects), found in times.items()
     ]
     return sorted(counted, key=lambda row: -row["true"])[:MOST_EVENTS]
+
+
+def _interpolated(times: Array, rows: Array) -> Array:
+    """Columns (T, c) at some times of rows (n, 1 + c) whose first column is the time; NaN outside them."""
+    if not len(rows):
+        return np.full((len(times), rows.shape[1] - 1), np.nan)
+    return np.stack(
+        [np.interp(times, rows[:, 0], column, left=np.nan, right=np.nan) for column in rows[:, 1:].T], axis=1
+    )
+
+
+def _cell(values: Array) -> list[float] | None:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return None
+    spread = interval_of(known)
+    return [spread["median"], spread["from"], spread["to"]]
 
 
 def _happenings(

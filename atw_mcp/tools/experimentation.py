@@ -11,7 +11,7 @@ from pydantic import Field, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
-from atw_mcp.ensemble_answers import rollout_answer, rollout_in_words
+from atw_mcp.ensemble_answers import rollout_answer, rollout_in_words, trajectory_answer, trajectory_in_words
 from atw_mcp.ensembles import EnsembleSize, compute_ensemble, lineage
 from atw_mcp.flat_unions import flat_schema
 from atw_mcp.forms import read_form, tagged
@@ -20,7 +20,7 @@ from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name, with_own_names
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollout_cost import cost, size_in_words
-from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
+from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
 from atw_mcp.shape_reading import EXAMPLE as READOUT_EXAMPLE
 from atw_mcp.shape_reading import readout_schema, shape_rows
 from atw_mcp.toolbox import ToolGroup
@@ -39,6 +39,10 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
 READOUTS = readout_schema()
 Readout = Annotated[Any, WithJsonSchema(READOUTS)]
+Column = Literal[
+    "time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v",
+    "ax", "ay", "az", "px", "py", "pz", "kinetic_energy", "potential_energy", "energy",
+]  # fmt: skip
 EDIT_EXAMPLE = {"action": "remove", "object": "red"}
 PATIENCE = 40.0  # [s]
 
@@ -276,11 +280,13 @@ def read_trajectory(
     frames: FrameRange = None,
     limit: Annotated[int, Field(ge=2, le=500, description="rows shown at most: every k-th sample, and the last")] = 24,
     fields: Annotated[
-        list[Literal["time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v"]] | None,
+        list[Column] | None,
         Field(
             description="columns; x, y, z [m], vx, vy, vz, speed [m/s], yaw_deg: heading about the vertical, "
-            "u, v: pixel of the centre. Default: time, frame, x, y, z, speed",
-            max_length=12,
+            "u, v: pixel of the centre, ax, ay, az: acceleration [m/s^2]; of rigid objects px, py, pz: momentum "
+            "[kg m/s], kinetic_energy, potential_energy (0 at z = 0), energy: their sum [J]. Default: time, frame, "
+            "x, y, z, speed",
+            max_length=21,
         ),
     ] = None,
     readout: Annotated[
@@ -299,22 +305,28 @@ def read_trajectory(
             max_length=64,
         ),
     ] = None,
-) -> Answer:
-    """Where one object is over time in a rollout, and how fast: its centre of mass; of ropes, cloth, soft bodies and
-    fluids also their centreline, extent, tension, stretch, amount in a container, single nodes. Rows are thinned out
-    to `limit`; the resource link leads to all of them."""
+    ensemble: EnsembleSize = None,
+) -> Answer | LongWork:
+    """Where one object is over time in a rollout, and how fast: its centre of mass; its acceleration, momentum, energy
+    and, where it goes to and fro, its period; of ropes, cloth, soft bodies and fluids also their centreline, extent,
+    tension, stretch, amount in a container, single nodes. Rows are thinned out to `limit`; the resource link leads to
+    all of them. With ensemble=40 every column also comes with median and 90% interval over 40 worlds that the data
+    allow, and so do path, speeds and period."""
     case, world, result, span = _read(app, rollout, interval, frames)
     name = object_name(app, case, object, list(result.trajectory.names))
     if readout is not None or nodes is not None:
         if readout is not None and nodes is not None:
             raise ToolError("give readout or nodes, not both")
+        if ensemble is not None:
+            raise ToolError("an ensemble is read for the centre: leave readout and nodes out, or ensemble")
         read = shape_rows(world, result, span, name, readout, nodes, limit)
         return _shape_answer(case, world, rollout, result, span, name, read, limit)
     columns = list(fields or ("time", "frame", "x", "y", "z", "speed"))
     if world.camera is None and {"u", "v"} & set(columns):
         raise ToolError(f"this world has no camera, so no pixels u, v; fields: {[*readouts.COLUMNS[:-2]]}")
-    rows = readouts.series(world, result, name, span, columns)
-    about = readouts.motion(result, name, span)
+    with explained():
+        rows = readouts.series(world, result, name, span, columns)
+    about = {**readouts.motion(result, name, span), "period": readouts.periods_of(result, name, span)}
     data = {"object": name, "columns": columns, "rows": rows, "motion": about, "covers": span.shown(), "of": len(rows)}
     if rows:
         summary = (
@@ -324,7 +336,7 @@ def read_trajectory(
         )
     else:
         summary = f"{name} is not in the simulation between {span.start:.4g} and {span.end:.4g} s"
-    return Answer(
+    answer = Answer(
         summary=summary,
         data=data,
         shown={**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None,
@@ -335,6 +347,32 @@ def read_trajectory(
         interval=span.seconds,
         status=result.status,
     )
+    if ensemble is None:
+        return answer
+    lineage(app, case, world)  # refused before any work
+    timed = readouts.series(world, result, name, span, ["time", "frame"])
+
+    def work(progress: Progress) -> Answer:
+        message = f"running {ensemble} members for {result.horizon:g} s"
+        progress.report(0, 1, message)
+        with explained():
+            members = compute_ensemble(
+                app,
+                case,
+                world,
+                result.horizon,
+                sample_seconds_of(app, rollout),
+                ensemble,
+                lambda share: progress.report(share, 1, message),
+            )
+            spread = trajectory_answer(members, name, span, columns, timed)
+        shown = {**(answer.shown or data), "ensemble": {**spread, "rows": readouts.thinned(spread["rows"], limit)}}
+        text = f"{answer.summary}. Of the ensemble, {trajectory_in_words(spread, name)}"
+        return replace(answer, summary=text, data={**data, "ensemble": spread}, shown=shown)
+
+    draft = replace(answer, summary=f"reading {ensemble} members of {world.id}", data={}, shown=None)
+    key = f"trajectory {rollout} {ensemble} {name} {span.seconds} {columns} {limit}"
+    return LongWork(key, work, draft, PATIENCE)
 
 
 def _shape_answer(

@@ -158,6 +158,23 @@ def test_worlds_are_compared_member_by_member(session: Session, rollout: str) ->
     assert "block displaced in 40 of 40" in answer["summary"]
 
 
+def test_energy_and_momentum_come_with_intervals(session: Session, rollout: str) -> None:
+    """Without a rotation the block has m v^2 / 2, and friction decelerates it by mu g."""
+    columns = ["time", "vx", "px", "ax", "kinetic_energy"]
+    answer = session("ReadTrajectory", rollout=rollout, object="block", fields=columns, ensemble=40)
+    about = answer["data"]["ensemble"]
+    assert about["columns"] == ["time", "frame", "vx", "px", "ax", "kinetic_energy"]
+    mass = session("ReadProperty", case="slide", objects=["block"], property="mass")["data"]["values"][0]["value"]
+    _, _, speed, _, slowing, energy = about["rows"][1]
+    assert speed[1] < speed[0] < speed[2]
+    assert slowing[1] - 0.05 < -FRICTION * 9.81 < slowing[2] + 0.05
+    assert answer["data"]["rows"][1][4] == pytest.approx(0.5 * mass * answer["data"]["rows"][1][1] ** 2, rel=0.01)
+    assert energy[1] < energy[2]
+    assert about["rows"][-1][2] == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
+    assert about["motion"]["displacement"]["from"] < stopping_distance(FRICTION, SPEED)
+    assert "Of the ensemble, block ends" in answer["summary"]
+
+
 def test_the_same_question_is_not_computed_twice(session: Session, rollout: str) -> None:
     answers = [session("QueryWorld", rollout=rollout, predicate=beyond(0.25), ensemble=10)["data"] for _ in range(2)]
     assert answers[0] == answers[1]
