@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri_exp
 
 from polyworld.estimation.unknown import Unknown
-from polyworld.estimation.world_fit.default_unknowns import unknown_of
+from polyworld.estimation.world_fit.default_unknowns import states_at_rest, unknown_of
 from polyworld.estimation.world_fit.determinable import Shown, reasons_undeterminable
 from polyworld.estimation.world_fit.objective import DIVERGED
 from polyworld.estimation.world_fit.problem import FitProblem
@@ -40,7 +40,8 @@ UNFITTED = ("friction", "restitution", "mass")
 class PosteriorSample:
     """Equally probable parameter values of a fitted world, in random order.
 
-    values (N, P): of the unknowns, first those that were fitted. from_bounds: names of unknowns that the data do not
+    values (N, P): of the unknowns: those that were fitted, contact parameters and masses that the tracks cannot show,
+    and the places of objects that do not move. from_bounds: names of unknowns that the data do not
     determine, drawn from their bounds. minima: how many minima the members come from. tempering: exponent of the
     importance weights, 1 where the linearised misfit describes the simulated one well; effective: number of candidates
     of equal weight that the `candidates` are worth.
@@ -120,15 +121,20 @@ def sample_posterior(
     weights, exponent = tempered(expected - misfit, least=count)
     chosen = rng.permutation(systematic(weights, count, rng))
     values = space.values(candidates[chosen])
-    more = _unfitted(problem, known)
+    fitted = {path for u in space.unknowns for path in u.paths}
+    more = _unfitted(problem, fitted, known)
+    still = states_at_rest(Shown(problem.world, problem.window), fitted) if _varies_states(fitted) else []
     free = [u.name for u, open_ in zip(space.unknowns, minima[0].undetermined, strict=True) if open_]
     if more:
         other = SearchSpace(problem.world, more)
-        values = np.concatenate(
-            [values, other.values(rng.uniform(other.lower, other.upper, (count, len(more))))], axis=1
-        )
+        flat = other.values(rng.uniform(other.lower, other.upper, (count, len(more))))
+        values = np.concatenate([values, flat], axis=1)
+    for unknown in still:
+        assert unknown.prior is not None
+        own = np.clip(rng.normal(*unknown.prior, count), unknown.lower, unknown.upper)
+        values = np.concatenate([values, own[:, None]], axis=1)
     return PosteriorSample(
-        unknowns=(*space.unknowns, *more),
+        unknowns=(*space.unknowns, *more, *still),
         values=values,
         from_bounds=(*free, *(u.name for u in more)),
         minima=len(minima),
@@ -256,9 +262,13 @@ def _masses(minima: Sequence[_Minimum], width: Array) -> Array:
     return normalised
 
 
-def _unfitted(problem: FitProblem, known: Collection[str]) -> tuple[Unknown, ...]:
+def _varies_states(fitted: Collection[str]) -> bool:
+    """Whether a fit varies initial states: else they are given."""
+    return any(".position." in path or ".shift." in path for path in fitted)
+
+
+def _unfitted(problem: FitProblem, fitted: Collection[str], known: Collection[str]) -> tuple[Unknown, ...]:
     """Unknowns of the contact parameters and masses that were not fitted because the tracks cannot show them."""
-    fitted = {path for u in problem.space.unknowns for path in u.paths}
     shown = Shown(problem.world, problem.window)
     unit = next((f"objects.{o.name}.mass" for o in problem.world.objects if o.name in shown.met), None)
     paths = [

@@ -9,8 +9,10 @@ from scipy.stats import kstest
 from polyworld.ensemble import member_worlds, roll_out_members
 from polyworld.estimation.world_fit import FitProblem, PosteriorSample, default_unknowns, refine, sample_posterior
 from polyworld.estimation.world_fit.posterior import draw_truncated, systematic, tempered
+from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 from tests.polyworld.sliding_block import block_places, block_tracks, block_world, stopping_distance
+from tests.server.probing import two_discs
 
 
 def drawn(centre: list[float], gradient: list[float], curvature: list[list[float]]) -> np.ndarray:
@@ -78,6 +80,33 @@ def test_what_the_tracks_cannot_show_is_drawn_from_its_bounds() -> None:
     assert values.max() > 0.8
     speeds = sample.overrides(40)["objects.block.velocity.x"]
     assert abs(speeds.mean() - 1.1) < 3.0 * speeds.std()
+
+
+def test_an_object_at_rest_is_placed_within_the_scatter_of_its_track() -> None:
+    rng, sigma, count = np.random.default_rng(9), 0.004, 16
+    start, places = two_discs(), np.zeros((count, 2, 3))
+    places[:, 0, 0], places[:, 1, 0], places[:, :, 2] = np.arange(count) * 0.02, 1.0, 0.05
+    places[:, :, :2] += sigma * rng.normal(size=(count, 2, 2))
+    tracks = ObservedTracks(
+        names=("striker", "target"),
+        frames=np.arange(count),
+        seconds_per_frame=0.02,
+        positions=places,
+        position_sigma=np.full((count, 2), sigma),
+        orientations=np.full((count, 2, 4), np.nan),
+        confidence=np.ones((count, 2)),
+        orientation_confidence=np.zeros((count, 2)),
+        symmetry=(0, 0),
+    )
+    problem = FitProblem(start, tracks, default_unknowns(start, tracks, shared=(), each=("friction",)))
+    sample = sample_posterior(problem, [refine(problem)])
+    assert sample is not None
+    values = sample.overrides(64)
+    for axis, where in (("x", 1.0), ("y", 0.0)):
+        placed = values[f"objects.target.position.{axis}"]
+        assert placed.mean() == pytest.approx(where, abs=0.001)
+        assert placed.std() == pytest.approx(sigma / np.sqrt(count), rel=0.5)
+    assert "objects.target.position.z" not in values
 
 
 def test_noise_above_the_stated_widens_the_sample() -> None:
