@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
@@ -39,12 +40,32 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
 READOUTS = readout_schema()
 Readout = Annotated[Any, WithJsonSchema(READOUTS)]
+# Written as `edits`, whose forms a list of tools has room for once.
+EditsOfOne = Annotated[
+    list[Annotated[Any, WithJsonSchema({"type": "object", "description": "as in edits"})]], Field(max_length=32)
+]
 Column = Literal[
     "time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v",
     "ax", "ay", "az", "px", "py", "pz", "kinetic_energy", "potential_energy", "energy",
 ]  # fmt: skip
 EDIT_EXAMPLE = {"action": "remove", "object": "red"}
 PATIENCE = 40.0  # [s]
+ALONE = 0.1  # share of the work that the best fit's own rollout is beside its ensemble's
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """One branch to run. horizon, sample_seconds [s]."""
+
+    world: World
+    edits: tuple[dict[str, Any], ...]
+    horizon: float
+    sample_seconds: float | None
+
+    @property
+    def size(self) -> str:
+        """What makes it long, in words."""
+        return size_in_words(self.world, self.horizon)
 
 
 @GROUP.tool("Rollout", title="Run a world forward", read_only=False)
@@ -57,6 +78,15 @@ def roll_out(
             description="changes made before the start, in order; all that was fitted is kept. Default: none, which "
             "continues the world as it was observed",
             max_length=32,
+        ),
+    ] = None,
+    variants: Annotated[
+        list[EditsOfOne] | None,
+        Field(
+            description="several branches at once, each a list of edits of its own, instead of edits; [] is the world "
+            "as it is. data.variants has the result of each, in order, with its rollout id",
+            min_length=1,
+            max_length=8,
         ),
     ] = None,
     horizon_seconds: Annotated[
@@ -84,66 +114,106 @@ def roll_out(
     """
     found, committed = app.case_to_probe(case, "Rollout", None if world == "committed" else world)
     base = committed if world == "committed" else app.world(found, world)
-    wanted = _edits(app, found, base, edits or [])
-    with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
-        branched = branch(base, wanted)
+    if edits is not None and variants is not None:
+        raise ToolError("give edits for one branch or variants for several, not both")
     if horizon_seconds is not None and horizon_frames is not None:
         raise ToolError("give horizon_seconds or horizon_frames, not both")
-    if horizon_frames is not None:
-        horizon_seconds = horizon_frames * branched.time.seconds_per_frame
-    horizon = checked_horizon(branched, horizon_seconds, sample_seconds)
-    edited = [edit.model_dump(mode="json", exclude_none=True) for edit in wanted]
-    if branched.id != base.id:
-        app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": edited})
+    lists = [edits or []] if variants is None else variants
+    plans = []
+    for number, given in enumerate(lists, start=1):
+        where = "" if variants is None else f"variant {number}, "
+        wanted = _edits(app, found, base, given, where)
+        with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
+            branched = branch(base, wanted)
+        seconds = horizon_seconds
+        if horizon_frames is not None:
+            seconds = horizon_frames * branched.time.seconds_per_frame
+        edited = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in wanted)
+        plans.append(_Plan(branched, edited, checked_horizon(branched, seconds, sample_seconds), sample_seconds))
+    for plan in plans:
+        if plan.world.id != base.id:
+            app.keep_world(found, plan.world, how="intervention", parent=base, detail={"edits": list(plan.edits)})
     if ensemble is not None:
-        lineage(app, found, branched)  # refused before any work
-    known = find_rollout(app, branched, horizon, sample_seconds)
-    if known is not None and ensemble is None:
-        return _rollout_answer(found, base, branched, edited, *known)
-
-    size = size_in_words(branched, horizon)
+        lineage(app, found, plans[0].world)  # refused before any work
+    if variants is None and ensemble is None:
+        known = find_rollout(app, plans[0].world, plans[0].horizon, sample_seconds)
+        if known is not None:
+            return _rollout_answer(found, base, plans[0].world, list(plans[0].edits), *known)
 
     def work(progress: Progress) -> Answer:
-        message = f"running {len(branched.moving_names)} objects for {horizon:g} s{size}"
-        progress.report(0, 1, message)
-        with explained():
-            found_or_made = compute_rollout(
-                app, branched, horizon, lambda share: progress.report(share, 1, message), sample_seconds
-            )
-            answer = _rollout_answer(found, base, branched, edited, *found_or_made)
-            if ensemble is None:
-                return answer
-            progress.report(0, 1, f"running {ensemble} members for {horizon:g} s{size}")
-            members = compute_ensemble(
-                app,
-                found,
-                branched,
-                horizon,
-                sample_seconds,
-                ensemble,
-                lambda share: progress.report(share, 1, f"running {ensemble} members"),
-            )
-        about = rollout_answer(members, horizon)
-        summary = f"{answer.summary}. Of the ensemble, {rollout_in_words(about)}"
-        return replace(answer, summary=summary, data={**answer.data, "ensemble": about})
+        answers = []
+        for number, plan in enumerate(plans):
 
+            def report(share: float, message: str, number: int = number) -> None:
+                progress.report(number + share, len(plans), message)
+
+            answers.append(_run(app, found, base, plan, ensemble, report))
+        return answers[0] if variants is None else _variants_answer(found, base, answers)
+
+    first = plans[0]
     draft = Answer(
-        summary=f"running {branched.id} for {horizon:g} s{size}",
+        summary=f"running {', '.join(plan.world.id for plan in plans)} for {first.horizon:g} s{first.size}",
         data={},
         case=found.id,
-        world=branched.id,
-        objects=branched.moving_names,
-        interval=(0.0, horizon),
+        world=first.world.id if variants is None else base.id,
+        objects=first.world.moving_names,
+        interval=(0.0, first.horizon),
     )
-    return LongWork(f"rollout {branched.id} {horizon!r} {sample_seconds!r} {ensemble}", work, draft, PATIENCE)
+    named = " ".join(f"{plan.world.id} {plan.horizon!r}" for plan in plans)
+    one_or_more = "rollout" if variants is None else "rollouts"
+    return LongWork(f"{one_or_more} {named} {sample_seconds!r} {ensemble}", work, draft, PATIENCE)
 
 
-def _edits(app: App, case: Case, base: World, given: list[Any]) -> list[Intervention]:
+def _run(
+    app: App, case: Case, base: World, plan: _Plan, ensemble: int | None, report: Callable[[float, str], None]
+) -> Answer:
+    """Run one branch, and its ensemble."""
+    message = f"running {len(plan.world.moving_names)} objects for {plan.horizon:g} s{plan.size}"
+    report(0.0, message)
+    alone = 1.0 if ensemble is None else ALONE
+    with explained():
+        made = compute_rollout(
+            app, plan.world, plan.horizon, lambda share: report(alone * share, message), plan.sample_seconds
+        )
+        answer = _rollout_answer(case, base, plan.world, list(plan.edits), *made)
+        if ensemble is None:
+            return answer
+        together = f"running {ensemble} members for {plan.horizon:g} s{plan.size}"
+        report(alone, together)
+        members = compute_ensemble(
+            app,
+            case,
+            plan.world,
+            plan.horizon,
+            plan.sample_seconds,
+            ensemble,
+            lambda share: report(alone + (1.0 - alone) * share, together),
+        )
+    about = rollout_answer(members, plan.horizon)
+    summary = f"{answer.summary}. Of the ensemble, {rollout_in_words(about)}"
+    return replace(answer, summary=summary, data={**answer.data, "ensemble": about})
+
+
+def _variants_answer(case: Case, base: World, answers: list[Answer]) -> Answer:
+    """Several branches as one answer: each with its own rollout id."""
+    return Answer(
+        summary=f"{len(answers)} branches of {base.id}. "
+        + " ".join(f"{i + 1}. {a.summary}" for i, a in enumerate(answers)),
+        data={"variants": [{**answer.data, "summary": answer.summary} for answer in answers]},
+        case=case.id,
+        world=base.id,
+        objects=tuple(dict.fromkeys(name for answer in answers for name in answer.objects)),
+        interval=(0.0, max(answer.interval[1] for answer in answers if answer.interval is not None)),
+        status=next((answer.status for answer in answers if answer.status != "completed"), "completed"),
+    )
+
+
+def _edits(app: App, case: Case, base: World, given: list[Any], where: str) -> list[Intervention]:
     """Edits of `base` as exact types; what one adds, the later ones may name."""
     wanted: list[Intervention] = []
     added: set[str] = set()
     for number, item in enumerate(given, start=1):
-        what = f"edit {number}"
+        what = f"{where}edit {number}"
         edit = tagged(item, Intervention, "action", what=what, example=EDIT_EXAMPLE)
         read = read_form(with_own_names(app, case, base, edit, added), Intervention, "action", what=what)
         if isinstance(read, Add):
