@@ -22,12 +22,18 @@ ALIKE = 1e-7  # relative: members rebuilt from parameter values are the same wit
 
 
 def member_worlds(start: World, values: Mapping[str, Array], edits: Sequence[Intervention]) -> tuple[World, ...]:
-    """Return the worlds that N parameter values by path (N,) make of the world `start`, each after the same edits."""
-    count = len(next(iter(values.values())))
-    return tuple(
-        branch(with_parameters(start, {path: float(value[i]) for path, value in values.items()}), edits)
-        for i in range(count)
-    )
+    """Return the worlds that N parameter values by path (N,) make of the world `start`, each after the same edits.
+
+    Raises ValueError naming the first member in which an edit cannot be made.
+    """
+    members = []
+    for i in range(len(next(iter(values.values())))):
+        member = with_parameters(start, {path: float(value[i]) for path, value in values.items()})
+        try:
+            members.append(branch(member, edits))
+        except ValueError as error:
+            raise ValueError(f"in member {i + 1} of the ensemble, {error}") from error
+    return tuple(members)
 
 
 def roll_out_members(

@@ -17,7 +17,9 @@ from polyworld.interventions import (
     SetVelocity,
     branch,
 )
+from polyworld.representations.attachment import Attachment
 from polyworld.representations.rigid import RigidObject
+from polyworld.representations.rope import Rope
 from polyworld.rollout import rollout
 from polyworld.shapes import Box, Plane
 from polyworld.world import StaticObject, World
@@ -76,6 +78,28 @@ def test_members_that_differ_beyond_their_parameters_are_refused() -> None:
     start = block_world(0.2, 1.0)
     with pytest.raises(ValueError, match="more than the fitted parameters"):
         roll_out_members(start, [block_world(0.3, 1.0)], ["objects.block.velocity.x"], 0.5)
+
+
+def test_an_edit_that_one_member_cannot_take_is_refused_naming_it() -> None:
+    values = {"objects.block.restitution": np.array([0.3, 0.8])}
+    edits = [ScaleParameter(path="objects.block.restitution", factor=2.0)]
+    with pytest.raises(ValueError, match=r"in member 2 of the ensemble, edit 1 .*outside its bounds"):
+        member_worlds(block_world(0.2, 1.0), values, edits)
+
+
+def test_ropes_of_an_ensemble_hang_as_each_of_them_alone() -> None:
+    rope = Rope(
+        name="line", points=((0.0, 0.0, 1.0), (0.5, 0.0, 1.0)), linear_density=0.1, radius=0.01, stretch_stiffness=200.0
+    )
+    start = World(objects=(), deformables=(rope,), attachments=(Attachment(name="hook", object="line", end="start"),))
+    values = {
+        "objects.line.bending_stiffness": np.array([1e-5, 1e-2]),
+        "objects.line.linear_damping": np.array([0.0, 0.3]),
+    }
+    members = member_worlds(start, values, ())
+    for member, together in zip(members, roll_out_members(start, members, values, 0.3), strict=True):
+        alone = rollout(member, 0.3).trajectory.deformables["line"].points
+        assert together.trajectory.deformables["line"].points == pytest.approx(alone, abs=1e-9)
 
 
 def test_scaled_speed_and_friction_move_the_stop_as_the_law_says() -> None:

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from polyworld.ensemble import member_worlds, roll_out_members
-from polyworld.estimation.world_fit import FitProblem, PosteriorSample, default_unknowns, refine, sample_posterior
+from polyworld.estimation.world_fit import FitProblem, default_unknowns, refine, sample_posterior
 from polyworld.estimation.world_fit.posterior import draw_truncated, systematic, tempered
 from polyworld.tracks import ObservedTracks
-from polyworld.world import World
-from tests.polyworld.sliding_block import block_places, block_tracks, block_world, stopping_distance
+from tests.polyworld.sliding_block import fitted_block
 from tests.server.probing import two_discs
 
 
@@ -56,20 +54,6 @@ def test_weights_are_tempered_until_enough_candidates_count() -> None:
 def test_systematic_resampling_keeps_candidates_of_equal_weight_apart() -> None:
     chosen = systematic(np.full(40, 1.0 / 40.0), 10, np.random.default_rng(0))
     assert np.diff(chosen).tolist() == [4] * 9
-
-
-def fitted_block(
-    friction: float, speed: float, rng: np.random.Generator, *, sigma: float = 0.004, stated: float = 0.004
-) -> tuple[World, World, PosteriorSample]:
-    """The world a fit starts from, the fitted one, and the sample, for noisy tracks of a sliding block."""
-    places = block_places(friction, speed)
-    places[:, :2] += sigma * rng.normal(size=places[:, :2].shape)
-    start, tracks = block_world(0.2, 1.1), block_tracks(places, stated)
-    problem = FitProblem(start, tracks, default_unknowns(start, tracks, shared=(), each=("friction",)))
-    best = refine(problem)
-    sample = sample_posterior(problem, [best], count=40, seed=int(rng.integers(2**31)))
-    assert sample is not None
-    return start, best.world, sample
 
 
 def test_what_the_tracks_cannot_show_is_drawn_from_its_bounds() -> None:
@@ -117,31 +101,3 @@ def test_noise_above_the_stated_widens_the_sample() -> None:
     as_large, as_stated, beyond = widths
     assert beyond == pytest.approx(as_stated, rel=0.3)  # the residuals say 0.004 where 0.001 was stated
     assert as_large > 2.0 * as_stated  # a stated noise is believed where the residuals lie below it
-
-
-def test_answers_are_right_as_often_as_they_claim() -> None:
-    """Whether the block slides beyond a line, of blocks and lines drawn at random near the predicted stop.
-
-    Of answers given with probability p, the share that is right is p within three binomial standard errors, and the
-    Brier score is that of a calibrated forecast.
-    """
-    rng = np.random.default_rng(11)
-    claimed, right = [], []
-    for _ in range(100):
-        friction, speed = rng.uniform(0.1, 0.3), rng.uniform(0.8, 1.4)
-        start, fitted, sample = fitted_block(friction, speed, rng)
-        values = sample.overrides(40)
-        rollouts = roll_out_members(fitted, member_worlds(start, values, ()), values, 2.0)
-        ends = np.array([r.trajectory.positions[-1, 0, 0] for r in rollouts])
-        line = np.median(ends) + 1.3 * ends.std() * rng.normal()
-        probability = (ends > line).mean()
-        passes = stopping_distance(friction, speed) > line
-        claimed.append(max(probability, 1.0 - probability))
-        right.append(passes == (probability >= 0.5))
-    p, hit = np.array(claimed), np.array(right, dtype=float)
-    for low, high in ((0.5, 0.75), (0.75, 0.95), (0.95, 1.01)):
-        chosen = (p >= low) & (p < high)
-        mean = p[chosen].mean()
-        error = np.sqrt(max(mean * (1.0 - mean), 0.01) / chosen.sum())
-        assert abs(hit[chosen].mean() - mean) < 3.0 * error, f"{low} to {high}"
-    assert ((p - hit) ** 2).mean() == pytest.approx((p * (1.0 - p)).mean(), abs=0.04)
