@@ -28,7 +28,7 @@ from polyworld.estimation.world_fit.sensitivity import sensitivity
 Array = NDArray[np.float64]
 
 MEMBERS = 64
-CANDIDATES = 4  # rollouts for each member that is kept
+CANDIDATES, COUPLED_CANDIDATES = 4, 2  # rollouts for each member kept; those of coupled worlds take seconds
 MOST_MINIMA = 3
 FARTHEST = 6.0  # difference of log-posteriors beyond which a second minimum holds no member
 SWEEPS = 12
@@ -98,7 +98,8 @@ def sample_posterior(
     """Draw `count` parameter vectors from the posterior of a fit; None where the best result diverges.
 
     results: the fit's outcomes, the best first; another minimum takes part by its posterior mass. known: paths that are
-    not drawn though the tracks do not show them. Costs `CANDIDATES` x count rollouts beside the sensitivities.
+    not drawn though the tracks do not show them. Costs `CANDIDATES` (in coupled worlds `COUPLED_CANDIDATES`) x count
+    rollouts, and those of the sensitivities.
     """
     rng = np.random.default_rng([seed, 0x5A])
     space = problem.space
@@ -106,7 +107,7 @@ def sample_posterior(
     if not minima:
         return None
     share = _masses(minima, space.width)
-    total = CANDIDATES * count
+    total = (COUPLED_CANDIDATES if problem.world.coupled else CANDIDATES) * count
     drawn, linearised = [], []
     for minimum, number in zip(minima, rng.multinomial(total, share), strict=True):
         x = draw_truncated(
