@@ -12,6 +12,7 @@ from polyworld.estimation.world_fit import (
     FitProblem,
     FitResult,
     ObjectiveSettings,
+    PosteriorSample,
     SearchProgress,
     SearchSettings,
     Start,
@@ -22,6 +23,7 @@ from polyworld.estimation.world_fit import (
     multistart,
     refine,
     restarts,
+    sample_posterior,
 )
 from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
@@ -127,17 +129,22 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
 
 @dataclass(frozen=True)
 class FitRun:
-    """What a fit did: its result, all its starts (none for a method without them), and the seed that was asked for."""
+    """What a fit did: its result, all its starts (none for a method without them), and the seed that was asked for.
+
+    sample: of the posterior; None where the fit was cancelled or diverges.
+    """
 
     result: FitResult
     starts: tuple[Start, ...] = ()
     seed: int = 0
+    sample: PosteriorSample | None = None
 
 
 def run_fit(
     world: World, tracks: ObservedTracks, parameters: list[Unknown], request: FitRequest, progress: Progress
 ) -> FitRun:
-    """Search. `cem_refined`: the cross-entropy method from several seeds, least squares from each outcome.
+    """Search, then sample the posterior. `cem_refined`: the cross-entropy method from several seeds, least squares from
+    each outcome.
 
     A cancelled search returns the best found so far, with status `cancelled`.
     """
@@ -145,6 +152,16 @@ def run_fit(
     if request.method == "refine":
         parameters = _at_present_values(world, parameters)
     problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=request.holdout_from)
+    run = _run_search(problem, request, progress)
+    if run.result.status == "cancelled":
+        return run
+    progress.note(progress.done, progress.total, "sampling the posterior")
+    fixed = {path for override in request.overrides if override.fixed for path in override.paths}
+    outcomes = [run.result, *(start.best for start in run.starts[1:])]
+    return replace(run, sample=sample_posterior(problem, outcomes, known=fixed, seed=request.seed))
+
+
+def _run_search(problem: FitProblem, request: FitRequest, progress: Progress) -> FitRun:
     if request.method == "refine":
         progress.note(progress.done, progress.total, "refining")
         return FitRun(refine(problem, cancelled=progress.cancelled))

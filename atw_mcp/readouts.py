@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.intervals import Span
+from atw_mcp.periods import periods
 from polyworld.geometry import quaternion_matrix
+from polyworld.motion_quantities import accelerations, mechanical_quantities
 from polyworld.shapes import Plane
 from polyworld.trajectory import Event, Rollout
 from polyworld.world import World
@@ -27,6 +29,7 @@ HAPPENS = {
 }
 
 COLUMNS = ("time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v")
+MECHANICAL = ("ax", "ay", "az", "px", "py", "pz", "kinetic_energy", "potential_energy", "energy")
 
 
 def floors(world: World) -> set[str]:
@@ -179,11 +182,18 @@ def motion(rollout: Rollout, name: str, span: Span) -> dict[str, Any]:
     }
 
 
+def periods_of(rollout: Rollout, name: str, span: Span) -> dict[str, Any] | None:
+    """Period [s] of each coordinate in which an object goes to and fro over a span; None where there is none."""
+    column = rollout.trajectory.index(name)
+    rows = _rows(rollout, column, span)
+    return periods(rollout.trajectory.times[rows], rollout.trajectory.positions[rows, column]) or None
+
+
 def series(world: World, rollout: Rollout, name: str, span: Span, columns: Iterable[str]) -> list[list[Any]]:
-    """Rows of one object's motion at the samples of a span, with some of `COLUMNS`.
+    """Rows of one object's motion at the samples of a span, with some of `COLUMNS` and `MECHANICAL`.
 
     yaw_deg is the heading of the body's x axis about the vertical; u, v is the pixel of its centre, None where
-    the world has no camera or the centre is behind it.
+    the world has no camera or the centre is behind it. Raises ValueError for momentum or energy of a deformable object.
     """
     trajectory = rollout.trajectory
     column = trajectory.index(name)
@@ -202,6 +212,14 @@ def series(world: World, rollout: Rollout, name: str, span: Span, columns: Itera
         "u": pixels[:, 0],
         "v": pixels[:, 1],
     }
+    columns = list(columns)
+    if set(columns) & {"ax", "ay", "az"}:
+        table |= {f"a{axis}": a for axis, a in zip("xyz", accelerations(trajectory, name)[rows].T, strict=True)}
+    if set(columns) & set(MECHANICAL[3:]):
+        found = mechanical_quantities(world, trajectory, name)
+        table |= {f"p{axis}": p for axis, p in zip("xyz", found.momentum[rows].T, strict=True)}
+        table |= {"kinetic_energy": found.kinetic_energy[rows], "potential_energy": found.potential_energy[rows]}
+        table["energy"] = table["kinetic_energy"] + table["potential_energy"]
     values = np.stack([table[key] for key in columns], axis=1)
     return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
 

@@ -82,7 +82,7 @@ def compute_rollout(
         content, _ = app.store.rollouts.get_or_compute(
             KIND,
             _inputs(world, horizon, sample),
-            lambda: _to_content(rollout(world, horizon, sample_interval=sample, progress=progress)),
+            lambda: content_of(rollout(world, horizon, sample_interval=sample, progress=progress)),
         )
     except RuntimeError as error:  # more contacts at once than there is room for
         raise ValueError(f"the rollout could not be finished: {error}") from error
@@ -112,6 +112,12 @@ def stored_rollout(app: App, identifier: str) -> tuple[Case, World, Rollout]:
     return case, app.world(case, result.world_id), result
 
 
+def sample_seconds_of(app: App, identifier: str) -> float | None:
+    """The time between samples that a stored rollout was asked for [s]; None for a frame."""
+    found: float | None = app.store.rollouts.get(identifier).inputs.get("sample_seconds")
+    return found
+
+
 def _inputs(world: World, horizon: float, sample: float | None) -> dict[str, Any]:
     inputs = {"world": world.id, "horizon": horizon, "engine": ENGINE}
     if sample is None or sample == world.time.seconds_per_frame:
@@ -119,7 +125,8 @@ def _inputs(world: World, horizon: float, sample: float | None) -> dict[str, Any
     return {**inputs, "sample_seconds": sample}
 
 
-def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+def content_of(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+    """JSON part and arrays of a rollout, as the store keeps them."""
     document = {
         "world": result.world_id,
         "horizon": result.horizon,
@@ -142,7 +149,11 @@ def _to_content(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[A
 
 
 def _from_content(content: Content) -> Rollout:
-    document, arrays = content.document, content.arrays
+    return rollout_from(content.document, content.arrays)
+
+
+def rollout_from(document: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> Rollout:
+    """The rollout that `content_of` took apart."""
     return Rollout(
         world_id=document["world"],
         horizon=document["horizon"],
@@ -165,7 +176,7 @@ def _from_content(content: Content) -> Rollout:
 
 
 def _motions(arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, PointMotion]:
-    """Points of the deformable objects by name, as `_to_content` keeps them."""
+    """Points of the deformable objects by name, as `content_of` keeps them."""
     found = {}
     for name in [key.split("/")[1] for key in arrays if key.startswith("points/")]:
         first = f"quantities/{name}/"

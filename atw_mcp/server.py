@@ -57,6 +57,7 @@ from atw_mcp.tools import (
     looking,
     measurement,
     observation,
+    querying,
 )
 
 GROUPS: tuple[ToolGroup, ...] = (
@@ -69,6 +70,7 @@ GROUPS: tuple[ToolGroup, ...] = (
     inspection.GROUP,
     looking.GROUP,
     experimentation.GROUP,
+    querying.GROUP,
     control.GROUP,
 )
 

@@ -109,6 +109,20 @@ def height(item: RigidObject, position: Array, orientation: Array, *, highest: b
     return float(up[2] * max(s.support(up) @ up + s.sweep for s in solids))
 
 
+def surface_gaps(world: World, trajectory: Trajectory, a: str, b: str, rows: NDArray[np.intp]) -> Array | None:
+    """Gaps (n,) between the surfaces of object `a` and object or static `b` at some samples, 0 where they touch.
+
+    None where there is no such distance, as for `closest_approach`.
+    """
+    if a in trajectory.deformables or b in trajectory.deformables:
+        soft, other = (a, b) if a in trajectory.deformables else (b, a)
+        return point_gaps(world, trajectory, soft, other, rows)
+    first, second = _place(world, trajectory, a), _place(world, trajectory, b)
+    if first is None or second is None or (world.planar and not _same_height(world, a, b)):
+        return None
+    return np.array([_least(_gap, first(float(t)), second(float(t))) for t in trajectory.times[rows]])
+
+
 def gap_to_statics(world: World, shape: geometry.Solid, position: Array, orientation: Array) -> float:
     """Gap between a solid at a pose (w, x, y, z) and the nearest fixed surface of a spatial world [m].
 

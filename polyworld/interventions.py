@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from polyworld.description import Description, Name, NonNegative, Positive, Quaternion, Vec3
 from polyworld.joints import check_joints_hold, with_stops_kept
-from polyworld.parameters import with_parameters
+from polyworld.parameters import read_parameter, with_parameters
 from polyworld.relocation import moved
 from polyworld.removal import PARTS, without
 from polyworld.representations.attachment import Attachment
@@ -98,6 +98,15 @@ class SetVelocity(Description):
         return self
 
 
+class ScaleVelocity(Description):
+    """Start an object with a multiple of its velocity, of a rigid object or soft body also of its angular velocity."""
+
+    action: Literal["scale_velocity"] = "scale_velocity"
+    object: Name = Field(description="name of the object")
+    factor: float = Field(description="2: twice as fast; 0: at rest; -1: the other way")
+    angular_factor: float | None = Field(default=None, description="of the angular velocity; default: as factor")
+
+
 class SetParameter(Description):
     """Give one parameter another value, by path."""
 
@@ -109,6 +118,14 @@ class SetParameter(Description):
         "the static's where it is dominant"
     )
     value: float = Field(description="new value, in the parameter's unit")
+
+
+class ScaleParameter(Description):
+    """Multiply one parameter's value, by path."""
+
+    action: Literal["scale_parameter"] = "scale_parameter"
+    path: str = Field(description="parameter path, as of set_parameter")
+    factor: float = Field(description="2: twice the value")
 
 
 class ToggleEffect(Description):
@@ -144,7 +161,16 @@ class ChangeEnvironment(Description):
 
 
 Intervention = Annotated[
-    Remove | Add | Move | SetVelocity | SetParameter | ToggleEffect | Release | ChangeEnvironment,
+    Remove
+    | Add
+    | Move
+    | SetVelocity
+    | ScaleVelocity
+    | SetParameter
+    | ScaleParameter
+    | ToggleEffect
+    | Release
+    | ChangeEnvironment,
     Field(discriminator="action"),
 ]
 
@@ -175,10 +201,15 @@ def _edited(world: World, edit: Intervention) -> World:
         return moved(world, edit.object, edit.position, edit.orientation)
     if isinstance(edit, SetVelocity):
         return _restarted(world, edit)
+    if isinstance(edit, ScaleVelocity):
+        return _scaled(world, edit)
     if isinstance(edit, SetParameter):
-        after = with_parameters(world, {edit.path: edit.value})
-        check_joints_hold(world, after)
-        return with_stops_kept(world, after)
+        return _with_value(world, edit.path, edit.value)
+    if isinstance(edit, ScaleParameter):
+        value = read_parameter(world, edit.path)
+        if value is None:
+            raise ValueError(f"{edit.path} has no value of its own to multiply: it is left to the object that touches")
+        return _with_value(world, edit.path, edit.factor * value)
     if isinstance(edit, ToggleEffect):
         return _toggled(world, edit)
     if isinstance(edit, Release):
@@ -237,6 +268,23 @@ def _restarted(world: World, edit: SetVelocity) -> World:
         if getattr(edit, field) is not None:
             item[field] = getattr(edit, field)
     return World.model_validate(data)
+
+
+def _scaled(world: World, edit: ScaleVelocity) -> World:
+    _must_move(world, edit.object)
+    data: dict[str, Any] = world.model_dump()
+    item = next(d for d in (*data["objects"], *data["deformables"]) if d["name"] == edit.object)
+    angular = edit.factor if edit.angular_factor is None else edit.angular_factor
+    for field, factor in (("velocity", edit.factor), ("angular_velocity", angular)):
+        if field in item:
+            item[field] = tuple(factor * value for value in item[field])
+    return World.model_validate(data)
+
+
+def _with_value(world: World, path: str, value: float) -> World:
+    after = with_parameters(world, {path: value})
+    check_joints_hold(world, after)
+    return with_stops_kept(world, after)
 
 
 def _released(world: World, edit: Release) -> World:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.closest_approach import height
+from polyworld.closest_approach import height, surface_gaps
 from polyworld.events import point_speed, share_in_view
 from polyworld.predicates import (
     Above,
@@ -19,6 +19,7 @@ from polyworld.predicates import (
     Holds,
     InsideRegion,
     InView,
+    MovedByMoreThan,
     Moving,
     NearerThan,
     Occupies,
@@ -28,6 +29,7 @@ from polyworld.predicates import (
     ReachesBefore,
     Slack,
     Taut,
+    WithinDistance,
     names_in,
 )
 from polyworld.readouts import Amount, Front, object_mesh, read
@@ -55,11 +57,19 @@ _ABOUT: dict[type, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Margin:
-    """quantity (T,): what a predicate compares, called `label`; margin (T,): positive where it holds."""
+    """quantity (T,): what a predicate compares, called `label`; margin (T,): positive where it holds, in `unit`."""
 
     quantity: Array
     margin: Array
     label: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of the margin, by the label's last word."""
+        if self.label.endswith("_m_per_s"):
+            return "m/s"
+        last = self.label.rpartition("_")[2]
+        return {"m2": "m^2", "m3": "m^3"}.get(last, last if last in ("m", "px", "N") else "1")
 
 
 def why_untold(world: World, trajectory: Trajectory, predicate: Predicate) -> str | None:
@@ -85,6 +95,15 @@ def why_untold(world: World, trajectory: Trajectory, predicate: Predicate) -> st
         return f"the rollout holds no tension of {predicate.object!r}"
     if isinstance(predicate, InView) and world.camera is None and world.region is None:
         return "this world has neither a camera nor a region: there is no view to be in"
+    if isinstance(predicate, WithinDistance) and predicate.b is not None:
+        rows = trajectory.active[:, trajectory.index(predicate.a)].nonzero()[0][:1]
+        if len(rows) and surface_gaps(world, trajectory, predicate.a, predicate.b, rows) is None:
+            return f"the distance of the surfaces of {predicate.a!r} and {predicate.b!r} is not known in this world"
+    if isinstance(predicate, MovedByMoreThan):
+        active = trajectory.times[trajectory.active[:, trajectory.index(predicate.object)]]
+        if not len(active) or not active[0] - 1e-9 <= predicate.since <= active[-1] + 1e-9:
+            covered = f"{active[0]:.6g} to {active[-1]:.6g} s" if len(active) else "no time"
+            return f"where {predicate.object!r} is at {predicate.since:g} s is not covered: it is known for {covered}"
     return None
 
 
@@ -124,6 +143,15 @@ def state_margin(trajectory: Trajectory, world: World, predicate: Predicate) -> 
     if isinstance(predicate, Deformed):
         strain = largest_strain(trajectory, world, name)
         return Margin(strain, strain - predicate.strain, "largest_strain")
+    if isinstance(predicate, MovedByMoreThan):
+        places = trajectory.positions[:, i]
+        origin = np.array([np.interp(predicate.since, trajectory.times, places[:, axis]) for axis in range(3)])
+        moved = np.linalg.norm(places - origin, axis=1)
+        beyond = np.where(trajectory.times >= predicate.since, moved - predicate.distance, -predicate.distance)
+        return Margin(moved, beyond, "displacement_m")
+    if isinstance(predicate, WithinDistance):
+        gap = _target_gap(trajectory, world, predicate)
+        return Margin(gap, predicate.distance - gap, "gap_m" if predicate.place is None else "distance_m")
     assert isinstance(predicate, NearerThan)
     other = trajectory.positions[:, trajectory.index(predicate.b)]
     distance = np.linalg.norm(trajectory.positions[:, i] - other, axis=1)
@@ -263,6 +291,24 @@ def _end(trajectory: Trajectory, world: World, name: str, sign: float) -> Array:
     item, i = world.object(name), trajectory.index(name)
     poses = zip(trajectory.positions[:, i], trajectory.orientations[:, i], strict=True)
     return np.array([height(item, p, q, highest=sign > 0) for p, q in poses])
+
+
+def _target_gap(trajectory: Trajectory, world: World, predicate: WithinDistance) -> Array:
+    """Gap (T,) between the surfaces of a and b, or distance of a's centre from a place [m]."""
+    i = trajectory.index(predicate.a)
+    if predicate.place is not None:
+        distance: Array = np.linalg.norm(trajectory.positions[:, i] - np.asarray(predicate.place), axis=1)
+        return distance
+    assert predicate.b is not None
+    active = trajectory.active[:, i]
+    if predicate.b in trajectory.names:
+        active = active & trajectory.active[:, trajectory.index(predicate.b)]
+    rows = np.flatnonzero(active)
+    gaps = surface_gaps(world, trajectory, predicate.a, predicate.b, rows)
+    assert gaps is not None  # checked by `why_untold`
+    found = np.full(len(trajectory.times), 1e6)  # before both are there
+    found[rows] = np.where(np.isfinite(gaps), gaps, 1e6)
+    return found
 
 
 def _taut_tension(world: World, predicate: Taut | Slack) -> float:

@@ -95,6 +95,46 @@ class NearerThan(Description):
     distance: Positive = Field(description="[m]")
 
 
+class WithinDistance(Description):
+    """The surfaces of a and b are no further apart than `distance`, or a's centre is from `place`."""
+
+    predicate: Literal["within_distance"] = "within_distance"
+    a: Name
+    b: Name | None = Field(default=None, description="an object or a static; else place")
+    place: Vec3 | None = Field(default=None, description="a point [m], instead of b")
+    distance: Positive = Field(description="[m]")
+
+    @model_validator(mode="after")
+    def _one_target(self) -> Self:
+        if (self.b is None) == (self.place is None):
+            raise ValueError("within_distance: give b or place")
+        return self
+
+
+class MovedByMoreThan(Description):
+    """The object's centre is further than `distance` from where it was at time `since`."""
+
+    predicate: Literal["moved_by_more_than"] = "moved_by_more_than"
+    object: Name
+    distance: Positive = Field(description="[m]")
+    since: NonNegative = Field(default=0.0, description="time of the place it is compared with [s]")
+
+
+class ComesToRestBefore(Description):
+    """a comes to rest, after having moved, before `time`, or before b does."""
+
+    predicate: Literal["comes_to_rest_before"] = "comes_to_rest_before"
+    a: Name
+    time: NonNegative | None = Field(default=None, description="[s]; else b")
+    b: Name | None = Field(default=None, description="another object, instead of time")
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> Self:
+        if (self.time is None) == (self.b is None):
+            raise ValueError("comes_to_rest_before: give time or b")
+        return self
+
+
 class PassesBefore(Description):
     """a crosses the plane `axis` = `value` for the first time before b does."""
 
@@ -189,6 +229,9 @@ Predicate = Annotated[
     | Above
     | Below
     | NearerThan
+    | WithinDistance
+    | MovedByMoreThan
+    | ComesToRestBefore
     | PassesBefore
     | ReachesBefore
     | Occupies

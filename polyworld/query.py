@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.closest_approach import ClosestApproach, closest_approach
+from polyworld.events import rest_events
 from polyworld.margins import passing_offset, state_margin, why_untold
 from polyworld.point_approach import point_gaps
 from polyworld.predicates import (
     Collides,
+    ComesToRestBefore,
     Holds,
     InContact,
     NearerThan,
@@ -24,6 +26,7 @@ from polyworld.predicates import (
     PassesBefore,
     Predicate,
     ReachesBefore,
+    WithinDistance,
     names_in,
 )
 from polyworld.representations.fluid import Fluid
@@ -50,7 +53,9 @@ class QueryResult:
     never holds; int for count; 0..1 for fraction. intervals: when the predicate holds, within the covered
     part of the interval asked for. asked: the interval asked for, or the default. evidence: the numbers it was
     decided on. sampled_every [s]: the longest time between the samples it was judged on, None where contact events
-    alone decided.
+    alone decided. margin: of any and all, by how much it is true (positive) or false (negative), in `margin_unit`: the
+    predicate's quantity beyond its threshold, for contacts minus the gap of the surfaces, for an order the lead of a
+    over b; None where there is no such number.
     """
 
     value: bool | int | float | None
@@ -61,6 +66,8 @@ class QueryResult:
     evidence: dict[str, Any]
     asked: Interval | None = None
     sampled_every: float | None = None
+    margin: float | None = None
+    margin_unit: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-ready values."""
@@ -72,6 +79,7 @@ class QueryResult:
             "covered": None if self.covered is None else list(self.covered),
             "asked": None if self.asked is None else list(self.asked),
             "evidence": self.evidence,
+            **({} if self.margin is None else {"margin": self.margin, "margin_unit": self.margin_unit}),
             **({} if self.sampled_every is None else {"sampled_every_s": self.sampled_every}),
         }
 
@@ -92,7 +100,7 @@ def query(
     """
     if rollout.world_id != world.id:
         raise ValueError(f"the rollout is of {rollout.world_id}, the world is {world.id}")
-    if isinstance(predicate, PassesBefore | ReachesBefore) and aggregation != "any":
+    if isinstance(predicate, PassesBefore | ReachesBefore | ComesToRestBefore) and aggregation != "any":
         raise ValueError(f"{predicate.predicate} is an order, not a state: its only aggregation is any")
     if isinstance(predicate, Collides) and aggregation in ("all", "fraction"):
         raise ValueError("collides holds at instants: its aggregations are any, first, last, count")
@@ -143,7 +151,7 @@ def _decided(
 ) -> QueryResult:
     objects = list(world.moving_names)
     statics = [s.name for s in world.statics]
-    may_be_static = isinstance(predicate, InContact | Collides)
+    may_be_static = isinstance(predicate, InContact | Collides | WithinDistance)
     for position, name in enumerate(names_in(predicate)):
         if name not in objects and not (may_be_static and name in statics):
             kind = "static: nothing of the kind is tracked" if name in statics else "not in this world"
@@ -158,16 +166,28 @@ def _decided(
         return _unknown(covered)
     if isinstance(predicate, PassesBefore | ReachesBefore):
         return _order(rollout.trajectory, predicate, covered, asked)
+    if isinstance(predicate, ComesToRestBefore):
+        return _rest_order(rollout.trajectory, predicate, covered, asked)
     if isinstance(predicate, InContact | Collides):
         wet = _wet(rollout.trajectory, world, predicate, covered)
         if isinstance(wet, str):
             return _unknown(wet)
         holds, evidence = _contacts(rollout, predicate, covered) if wet is None else wet
+        extremes, unit = None, "m"
     else:
-        holds, evidence = _states(rollout.trajectory, world, predicate, covered)
+        between = None
+        if isinstance(predicate, WithinDistance) and predicate.b is not None:
+            between = _approach(rollout, world, predicate, covered)
+        holds, evidence, extremes, unit = _states(rollout.trajectory, world, predicate, covered, between)
     if isinstance(predicate, InContact | Collides | NearerThan):
-        evidence = {**evidence, "closest_approach": _approach(rollout, world, predicate, covered)}
-    return _aggregate(aggregation, holds, covered, asked, evidence)
+        nearest = _approach(rollout, world, predicate, covered)
+        evidence = {**evidence, "closest_approach": nearest}
+        if extremes is None and nearest is not None and aggregation == "any":
+            extremes = (-nearest["gap_m"], -nearest["gap_m"])
+    result = _aggregate(aggregation, holds, covered, asked, evidence)
+    if extremes is None or not result.decided or aggregation not in ("any", "all"):
+        return result
+    return replace(result, margin=float(extremes[aggregation == "any"]), margin_unit=unit)
 
 
 def _unknown(
@@ -297,7 +317,7 @@ def _clipped(spans: list[Interval], covered: Interval) -> tuple[Interval, ...]:
 
 
 def _approach(
-    rollout: Rollout, world: World, predicate: InContact | Collides | NearerThan, covered: Interval
+    rollout: Rollout, world: World, predicate: InContact | Collides | NearerThan | WithinDistance, covered: Interval
 ) -> dict[str, Any] | None:
     """How near the surfaces come, to the nearest of all where the predicate names one object alone."""
     starts = start_times(world)
@@ -317,12 +337,20 @@ def _approach(
 
 
 def _states(
-    trajectory: Trajectory, world: World, predicate: Predicate, covered: Interval
-) -> tuple[tuple[Interval, ...], dict[str, Any]]:
-    """Intervals in which the predicate's margin is positive, and the range of the quantity behind it."""
+    trajectory: Trajectory, world: World, predicate: Predicate, covered: Interval, nearest: dict[str, Any] | None
+) -> tuple[tuple[Interval, ...], dict[str, Any], tuple[float, float], str]:
+    """Intervals in which the predicate's margin is positive, the range of the quantity behind it, and the least and the
+    greatest margin with their unit.
+
+    nearest: the closest approach of two surfaces, which may lie between samples.
+    """
     told = state_margin(trajectory, world, predicate)
     quantity, margin, label = told.quantity, told.margin, told.label
     times = trajectory.times
+    if nearest is not None and nearest["time"] not in times:
+        row, gap = int(np.searchsorted(times, nearest["time"])), nearest["gap_m"]
+        times, quantity = np.insert(times, row, nearest["time"]), np.insert(quantity, row, gap)
+        margin = told.margin[0] + told.quantity[0] - quantity  # the distance asked for, less the gap
     inner = (times > covered[0]) & (times < covered[1])
     grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
     q = np.interp(grid, times, quantity)
@@ -335,7 +363,8 @@ def _states(
             "highest_at": float(grid[high]),
         }
     }
-    return _where_positive(times, margin, covered), evidence
+    m = np.interp(grid, times, margin)
+    return _where_positive(times, margin, covered), evidence, (float(m.min()), float(m.max())), told.unit
 
 
 def _where_positive(times: Array, margin: Array, covered: Interval) -> tuple[Interval, ...]:
@@ -377,7 +406,33 @@ def _order(
     value = a is not None and (b is None or a < b)
     first = a if b is None or (a is not None and a < b) else b
     assert first is not None
-    return QueryResult(value, True, None, ((first, first),), covered, evidence)
+    lead = None if a is None or b is None else b - a
+    return QueryResult(value, True, None, ((first, first),), covered, evidence, margin=lead, margin_unit="s")
+
+
+def _rest_order(
+    trajectory: Trajectory, predicate: ComesToRestBefore, covered: Interval, asked: Interval
+) -> QueryResult:
+    """Whether a comes to rest before a time, or before b does."""
+    rests: dict[str, float | None] = {name: None for name in names_in(predicate)}
+    for event in sorted(rest_events(trajectory), key=lambda e: -e.time):
+        if event.participants[0] in rests and covered[0] <= event.time <= covered[1]:
+            rests[event.participants[0]] = event.time
+    evidence = {"comes_to_rest_at_s": rests}
+    own = rests[predicate.a]
+    limit = predicate.time if predicate.b is None else rests[predicate.b]
+    needed = asked[1] if predicate.time is None else min(predicate.time, asked[1])
+    if covered[0] > asked[0] + ROUNDING and own is None:
+        return _unknown(f"what happened before {covered[0]:.6g} s is not covered", (), covered, evidence)
+    if predicate.b is not None and own is None and limit is None:
+        return _unknown("neither comes to rest in the covered part of the interval", (), covered, evidence)
+    if predicate.b is None and own is None and covered[1] < needed - ROUNDING:
+        reason = f"only the time to {covered[1]:.6g} s is covered, in which {predicate.a!r} does not come to rest"
+        return _unknown(reason, (), covered, evidence)
+    value = own is not None and (limit is None or own < limit)
+    lead = None if own is None or limit is None else limit - own
+    holds = () if own is None else ((own, own),)
+    return QueryResult(value, True, None, holds, covered, evidence, margin=lead, margin_unit="s")
 
 
 def _first_crossing(times: Array, offset: Array, covered: Interval) -> float | None:

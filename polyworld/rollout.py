@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -126,6 +126,36 @@ def rollout(
     Samples are taken at 0, one interval, two, ... and at the horizon. progress: as for `simulator`. Raises
     ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples.
     """
+    times = sampled_times(world, horizon, sample_interval)
+    batch = simulator(world, times, record_events=True, threads=1, progress=progress).run()
+    return _rollout_of(world, batch, 0, horizon)
+
+
+def rollouts(
+    world: World,
+    members: Sequence[World],
+    overrides: Mapping[str, Array],
+    horizon: float,
+    *,
+    sample_interval: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Rollout, ...]:
+    """Roll variants of one world out together, as `rollout` does one.
+
+    overrides: parameter path -> values (N,) that make the world into `members`. A member with another
+    seconds_per_frame has a proportional horizon.
+    """
+    times = sampled_times(world, horizon, sample_interval)
+    batch = simulator(world, times, n_worlds=len(members), record_events=True, progress=progress).run(overrides)
+    frame = world.time.seconds_per_frame
+    return tuple(
+        _rollout_of(member, batch, i, horizon * member.time.seconds_per_frame / frame)
+        for i, member in enumerate(members)
+    )
+
+
+def sampled_times(world: World, horizon: float, sample_interval: float | None = None) -> Array:
+    """Return the sample times (T,) of a rollout; raises ValueError where there would be too many, see `rollout`."""
     interval = world.time.seconds_per_frame if sample_interval is None else sample_interval
     if not (np.isfinite(interval) and interval > 0):
         raise ValueError(f"sample_interval must be positive, got {interval}")
@@ -145,16 +175,21 @@ def rollout(
     times: Array = np.arange(whole + 1, dtype=np.float64) * interval
     if horizon - times[-1] > 1e-9 * interval:
         times = np.append(times, horizon)
-    batch = simulator(world, times, record_events=True, threads=1, progress=progress).run()
-    trajectory = batch.world(0)
-    diverged = bool(batch.diverged[0])
+    return times
+
+
+def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float) -> Rollout:
+    """The rollout of one world of a batch whose events were recorded."""
+    trajectory = batch.world(index)
+    diverged = bool(batch.diverged[index])
+    element = batch.diverged_element
     return Rollout(
         world_id=world.id,
         horizon=horizon,
         trajectory=trajectory,
-        events=all_events(world, trajectory, batch.events[0]),
+        events=all_events(world, trajectory, batch.events[index]),
         status="diverged" if diverged else "completed",
-        diverged_time=float(batch.diverged_time[0]) if diverged else None,
-        diverged_object=batch.names[int(batch.diverged_object[0])] if diverged else None,
-        diverged_element=int(batch.diverged_element[0]) if diverged and batch.diverged_element is not None else None,
+        diverged_time=float(batch.diverged_time[index]) if diverged else None,
+        diverged_object=batch.names[int(batch.diverged_object[index])] if diverged else None,
+        diverged_element=int(element[index]) if diverged and element is not None else None,
     )

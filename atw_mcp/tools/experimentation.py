@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
@@ -11,6 +12,8 @@ from pydantic import Field, WithJsonSchema
 
 from atw_mcp import readouts
 from atw_mcp.app import App
+from atw_mcp.ensemble_answers import rollout_answer, rollout_in_words, trajectory_answer, trajectory_in_words
+from atw_mcp.ensembles import EnsembleSize, compute_ensemble, lineage
 from atw_mcp.flat_unions import flat_schema
 from atw_mcp.forms import read_form, tagged
 from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
@@ -18,15 +21,13 @@ from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name, with_own_names
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollout_cost import cost, size_in_words
-from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
+from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
 from atw_mcp.shape_reading import EXAMPLE as READOUT_EXAMPLE
 from atw_mcp.shape_reading import readout_schema, shape_rows
 from atw_mcp.toolbox import ToolGroup
 from evidence_store import Case
-from polyworld.compare import compare
 from polyworld.interventions import Add, Intervention, branch
-from polyworld.predicates import Predicate, names_in
-from polyworld.query import Aggregation, QueryResult, query, sampled_every
+from polyworld.query import sampled_every
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -39,11 +40,32 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
 READOUTS = readout_schema()
 Readout = Annotated[Any, WithJsonSchema(READOUTS)]
-STATEMENTS = flat_schema(Predicate, "predicate")
-Statement = Annotated[Any, WithJsonSchema(STATEMENTS)]
+# Written as `edits`, whose forms a list of tools has room for once.
+EditsOfOne = Annotated[
+    list[Annotated[Any, WithJsonSchema({"type": "object", "description": "as in edits"})]], Field(max_length=32)
+]
+Column = Literal[
+    "time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v",
+    "ax", "ay", "az", "px", "py", "pz", "kinetic_energy", "potential_energy", "energy",
+]  # fmt: skip
 EDIT_EXAMPLE = {"action": "remove", "object": "red"}
-STATEMENT_EXAMPLE = {"predicate": "collides", "a": "red", "b": "blue"}
 PATIENCE = 40.0  # [s]
+ALONE = 0.1  # share of the work that the best fit's own rollout is beside its ensemble's
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """One branch to run. horizon, sample_seconds [s]."""
+
+    world: World
+    edits: tuple[dict[str, Any], ...]
+    horizon: float
+    sample_seconds: float | None
+
+    @property
+    def size(self) -> str:
+        """What makes it long, in words."""
+        return size_in_words(self.world, self.horizon)
 
 
 @GROUP.tool("Rollout", title="Run a world forward", read_only=False)
@@ -56,6 +78,15 @@ def roll_out(
             description="changes made before the start, in order; all that was fitted is kept. Default: none, which "
             "continues the world as it was observed",
             max_length=32,
+        ),
+    ] = None,
+    variants: Annotated[
+        list[EditsOfOne] | None,
+        Field(
+            description="several branches at once, each a list of edits of its own, instead of edits; [] is the world "
+            "as it is. data.variants has the result of each, in order, with its rollout id",
+            min_length=1,
+            max_length=8,
         ),
     ] = None,
     horizon_seconds: Annotated[
@@ -71,58 +102,118 @@ def roll_out(
             description="time between samples [s], finer than a frame for sharper thresholds; default: a frame", gt=0
         ),
     ] = None,
+    ensemble: EnsembleSize = None,
 ) -> Answer | LongWork:
     """Run the committed world forward from time 0 and return a rollout id for ReadEvents, ReadTrajectory, ReadTimeline,
     QueryWorld, CompareWorlds and InspectRollout.
 
     Without edits it replays the observed stretch and, with a horizon beyond it, predicts what comes next. With edits
-    it runs a branch in which they hold from the beginning. The same request is never computed twice.
+    it runs a branch in which they hold from the beginning. The same request is never computed twice. With ensemble=40
+    it also runs 40 worlds that the data allow, edited alike: in how many of them each event happens, and medians with
+    90% intervals of when, where, and of every object's place at the end.
     """
     found, committed = app.case_to_probe(case, "Rollout", None if world == "committed" else world)
     base = committed if world == "committed" else app.world(found, world)
-    wanted = _edits(app, found, base, edits or [])
-    with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
-        branched = branch(base, wanted)
+    if edits is not None and variants is not None:
+        raise ToolError("give edits for one branch or variants for several, not both")
     if horizon_seconds is not None and horizon_frames is not None:
         raise ToolError("give horizon_seconds or horizon_frames, not both")
-    if horizon_frames is not None:
-        horizon_seconds = horizon_frames * branched.time.seconds_per_frame
-    horizon = checked_horizon(branched, horizon_seconds, sample_seconds)
-    edited = [edit.model_dump(mode="json", exclude_none=True) for edit in wanted]
-    if branched.id != base.id:
-        app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": edited})
-    known = find_rollout(app, branched, horizon, sample_seconds)
-    if known is not None:
-        return _rollout_answer(found, base, branched, edited, *known)
-
-    size = size_in_words(branched, horizon)
+    lists = [edits or []] if variants is None else variants
+    plans = []
+    for number, given in enumerate(lists, start=1):
+        where = "" if variants is None else f"variant {number}, "
+        wanted = _edits(app, found, base, given, where)
+        with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
+            branched = branch(base, wanted)
+        seconds = horizon_seconds
+        if horizon_frames is not None:
+            seconds = horizon_frames * branched.time.seconds_per_frame
+        edited = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in wanted)
+        plans.append(_Plan(branched, edited, checked_horizon(branched, seconds, sample_seconds), sample_seconds))
+    for plan in plans:
+        if plan.world.id != base.id:
+            app.keep_world(found, plan.world, how="intervention", parent=base, detail={"edits": list(plan.edits)})
+    if ensemble is not None:
+        lineage(app, found, plans[0].world)  # refused before any work
+    if variants is None and ensemble is None:
+        known = find_rollout(app, plans[0].world, plans[0].horizon, sample_seconds)
+        if known is not None:
+            return _rollout_answer(found, base, plans[0].world, list(plans[0].edits), *known)
 
     def work(progress: Progress) -> Answer:
-        message = f"running {len(branched.moving_names)} objects for {horizon:g} s{size}"
-        progress.report(0, 1, message)
-        with explained():
-            found_or_made = compute_rollout(
-                app, branched, horizon, lambda share: progress.report(share, 1, message), sample_seconds
-            )
-            return _rollout_answer(found, base, branched, edited, *found_or_made)
+        answers = []
+        for number, plan in enumerate(plans):
 
+            def report(share: float, message: str, number: int = number) -> None:
+                progress.report(number + share, len(plans), message)
+
+            answers.append(_run(app, found, base, plan, ensemble, report))
+        return answers[0] if variants is None else _variants_answer(found, base, answers)
+
+    first = plans[0]
     draft = Answer(
-        summary=f"running {branched.id} for {horizon:g} s{size}",
+        summary=f"running {', '.join(plan.world.id for plan in plans)} for {first.horizon:g} s{first.size}",
         data={},
         case=found.id,
-        world=branched.id,
-        objects=branched.moving_names,
-        interval=(0.0, horizon),
+        world=first.world.id if variants is None else base.id,
+        objects=first.world.moving_names,
+        interval=(0.0, first.horizon),
     )
-    return LongWork(f"rollout {branched.id} {horizon!r} {sample_seconds!r}", work, draft, PATIENCE)
+    named = " ".join(f"{plan.world.id} {plan.horizon!r}" for plan in plans)
+    one_or_more = "rollout" if variants is None else "rollouts"
+    return LongWork(f"{one_or_more} {named} {sample_seconds!r} {ensemble}", work, draft, PATIENCE)
 
 
-def _edits(app: App, case: Case, base: World, given: list[Any]) -> list[Intervention]:
+def _run(
+    app: App, case: Case, base: World, plan: _Plan, ensemble: int | None, report: Callable[[float, str], None]
+) -> Answer:
+    """Run one branch, and its ensemble."""
+    message = f"running {len(plan.world.moving_names)} objects for {plan.horizon:g} s{plan.size}"
+    report(0.0, message)
+    alone = 1.0 if ensemble is None else ALONE
+    with explained():
+        made = compute_rollout(
+            app, plan.world, plan.horizon, lambda share: report(alone * share, message), plan.sample_seconds
+        )
+        answer = _rollout_answer(case, base, plan.world, list(plan.edits), *made)
+        if ensemble is None:
+            return answer
+        together = f"running {ensemble} members for {plan.horizon:g} s{plan.size}"
+        report(alone, together)
+        members = compute_ensemble(
+            app,
+            case,
+            plan.world,
+            plan.horizon,
+            plan.sample_seconds,
+            ensemble,
+            lambda share: report(alone + (1.0 - alone) * share, together),
+        )
+    about = rollout_answer(members, plan.horizon)
+    summary = f"{answer.summary}. Of the ensemble, {rollout_in_words(about)}"
+    return replace(answer, summary=summary, data={**answer.data, "ensemble": about})
+
+
+def _variants_answer(case: Case, base: World, answers: list[Answer]) -> Answer:
+    """Several branches as one answer: each with its own rollout id."""
+    return Answer(
+        summary=f"{len(answers)} branches of {base.id}. "
+        + " ".join(f"{i + 1}. {a.summary}" for i, a in enumerate(answers)),
+        data={"variants": [{**answer.data, "summary": answer.summary} for answer in answers]},
+        case=case.id,
+        world=base.id,
+        objects=tuple(dict.fromkeys(name for answer in answers for name in answer.objects)),
+        interval=(0.0, max(answer.interval[1] for answer in answers if answer.interval is not None)),
+        status=next((answer.status for answer in answers if answer.status != "completed"), "completed"),
+    )
+
+
+def _edits(app: App, case: Case, base: World, given: list[Any], where: str) -> list[Intervention]:
     """Edits of `base` as exact types; what one adds, the later ones may name."""
     wanted: list[Intervention] = []
     added: set[str] = set()
     for number, item in enumerate(given, start=1):
-        what = f"edit {number}"
+        what = f"{where}edit {number}"
         edit = tagged(item, Intervention, "action", what=what, example=EDIT_EXAMPLE)
         read = read_form(with_own_names(app, case, base, edit, added), Intervention, "action", what=what)
         if isinstance(read, Add):
@@ -147,7 +238,7 @@ def _told(rows: list[dict[str, Any]], observed: float, span: Span) -> str:
 def _rollout_answer(
     case: Case, base: World, world: World, edits: list[dict[str, Any]], identifier: str, result: Rollout
 ) -> Answer:
-    span = Span(0.0, _end(result), world.time.seconds_per_frame)
+    span = Span(0.0, end_of(result), world.time.seconds_per_frame)
     rows = readouts.timeline(world, result, span)
     what = "the committed world" if not edits else f"a branch with {len(edits)} edit{'s' * (len(edits) > 1)}"
     observed = (world.time.frame_count - 1) * world.time.seconds_per_frame
@@ -232,7 +323,7 @@ def read_events(
     page = wanted[cursor : cursor + limit]
     rest = cursor + limit if cursor + limit < len(wanted) else None
     return Answer(
-        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s{_diverged(result)}",
+        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s{diverged_in_words(result)}",
         data={
             "events": [readouts.event_row(event, span) for event in page],
             "of": len(wanted),
@@ -259,11 +350,13 @@ def read_trajectory(
     frames: FrameRange = None,
     limit: Annotated[int, Field(ge=2, le=500, description="rows shown at most: every k-th sample, and the last")] = 24,
     fields: Annotated[
-        list[Literal["time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v"]] | None,
+        list[Column] | None,
         Field(
             description="columns; x, y, z [m], vx, vy, vz, speed [m/s], yaw_deg: heading about the vertical, "
-            "u, v: pixel of the centre. Default: time, frame, x, y, z, speed",
-            max_length=12,
+            "u, v: pixel of the centre, ax, ay, az: acceleration [m/s^2]; of rigid objects px, py, pz: momentum "
+            "[kg m/s], kinetic_energy, potential_energy (0 at z = 0), energy: their sum [J]. Default: time, frame, "
+            "x, y, z, speed",
+            max_length=21,
         ),
     ] = None,
     readout: Annotated[
@@ -282,31 +375,38 @@ def read_trajectory(
             max_length=64,
         ),
     ] = None,
-) -> Answer:
-    """Where one object is over time in a rollout, and how fast: its centre of mass; of ropes, cloth, soft bodies and
-    fluids also their centreline, extent, tension, stretch, amount in a container, single nodes. Rows are thinned out
-    to `limit`; the resource link leads to all of them."""
+    ensemble: EnsembleSize = None,
+) -> Answer | LongWork:
+    """Where one object is over time in a rollout, and how fast: its centre of mass; its acceleration, momentum, energy
+    and, where it goes to and fro, its period; of ropes, cloth, soft bodies and fluids also their centreline, extent,
+    tension, stretch, amount in a container, single nodes. Rows are thinned out to `limit`; the resource link leads to
+    all of them. With ensemble=40 every column also comes with median and 90% interval over 40 worlds that the data
+    allow, and so do path, speeds and period."""
     case, world, result, span = _read(app, rollout, interval, frames)
     name = object_name(app, case, object, list(result.trajectory.names))
     if readout is not None or nodes is not None:
         if readout is not None and nodes is not None:
             raise ToolError("give readout or nodes, not both")
+        if ensemble is not None:
+            raise ToolError("an ensemble is read for the centre: leave readout and nodes out, or ensemble")
         read = shape_rows(world, result, span, name, readout, nodes, limit)
         return _shape_answer(case, world, rollout, result, span, name, read, limit)
     columns = list(fields or ("time", "frame", "x", "y", "z", "speed"))
     if world.camera is None and {"u", "v"} & set(columns):
         raise ToolError(f"this world has no camera, so no pixels u, v; fields: {[*readouts.COLUMNS[:-2]]}")
-    rows = readouts.series(world, result, name, span, columns)
-    about = readouts.motion(result, name, span)
+    with explained():
+        rows = readouts.series(world, result, name, span, columns)
+    about = {**readouts.motion(result, name, span), "period": readouts.periods_of(result, name, span)}
     data = {"object": name, "columns": columns, "rows": rows, "motion": about, "covers": span.shown(), "of": len(rows)}
     if rows:
         summary = (
             f"{name} goes {about['path_length']:.3g} m between {span.start:.4g} and {span.end:.4g} s, ending "
-            f"{about['displacement']:.3g} m from where it began, at {about['final_speed']:.3g} m/s{_diverged(result)}"
+            f"{about['displacement']:.3g} m from where it began, at {about['final_speed']:.3g} m/s"
+            f"{diverged_in_words(result)}"
         )
     else:
         summary = f"{name} is not in the simulation between {span.start:.4g} and {span.end:.4g} s"
-    return Answer(
+    answer = Answer(
         summary=summary,
         data=data,
         shown={**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None,
@@ -317,6 +417,32 @@ def read_trajectory(
         interval=span.seconds,
         status=result.status,
     )
+    if ensemble is None:
+        return answer
+    lineage(app, case, world)  # refused before any work
+    timed = readouts.series(world, result, name, span, ["time", "frame"])
+
+    def work(progress: Progress) -> Answer:
+        message = f"running {ensemble} members for {result.horizon:g} s"
+        progress.report(0, 1, message)
+        with explained():
+            members = compute_ensemble(
+                app,
+                case,
+                world,
+                result.horizon,
+                sample_seconds_of(app, rollout),
+                ensemble,
+                lambda share: progress.report(share, 1, message),
+            )
+            spread = trajectory_answer(members, name, span, columns, timed)
+        shown = {**(answer.shown or data), "ensemble": {**spread, "rows": readouts.thinned(spread["rows"], limit)}}
+        text = f"{answer.summary}. Of the ensemble, {trajectory_in_words(spread, name)}"
+        return replace(answer, summary=text, data={**data, "ensemble": spread}, shown=shown)
+
+    draft = replace(answer, summary=f"reading {ensemble} members of {world.id}", data={}, shown=None)
+    key = f"trajectory {rollout} {ensemble} {name} {span.seconds} {columns} {limit}"
+    return LongWork(key, work, draft, PATIENCE)
 
 
 def _shape_answer(
@@ -325,12 +451,13 @@ def _shape_answer(
     rows = read["rows"]
     what = f"nodes {read['nodes']}" if "nodes" in read else read["readout"]["kind"]
     data = {"object": name, **read, "covers": span.shown(), "of": len(rows)}
-    summary = f"{what} of {name}, {len(rows)} samples between {span.start:.4g} and {span.end:.4g} s{_diverged(result)}"
+    end = diverged_in_words(result)
+    summary = f"{what} of {name}, {len(rows)} samples between {span.start:.4g} and {span.end:.4g} s{end}"
     numbers = [row[2] for row in rows]
     if numbers and all(isinstance(value, float) for value in numbers):
         summary = (
             f"{what} of {name} [{read['unit']}]: {numbers[0]:.4g} at {rows[0][0]:.4g} s, {numbers[-1]:.4g} at "
-            f"{rows[-1][0]:.4g} s, between {min(numbers):.4g} and {max(numbers):.4g}{_diverged(result)}"
+            f"{rows[-1][0]:.4g} s, between {min(numbers):.4g} and {max(numbers):.4g}{end}"
         )
     return Answer(
         summary=summary,
@@ -364,7 +491,7 @@ def read_timeline(
     if objects is not None:
         rows = [row for row in rows if set(row["objects"]) & set(chosen)]
     return Answer(
-        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{_diverged(result)}",
+        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{diverged_in_words(result)}",
         data={
             "timeline": rows,
             "covers": span.shown(),
@@ -379,178 +506,6 @@ def read_timeline(
     )
 
 
-@GROUP.tool("QueryWorld", title="Ask whether something holds")
-def query_world(
-    app: App,
-    rollout: RolloutId,
-    predicate: Annotated[
-        Statement,
-        Field(description=f"what to decide, e.g. {json.dumps(STATEMENT_EXAMPLE)}. " + STATEMENTS["description"]),
-    ],
-    aggregation: Annotated[
-        Aggregation,
-        Field(
-            description="any: ever; all: throughout; first, last: when; count: how often; fraction: share of the time"
-        ),
-    ] = "any",
-    interval: Annotated[
-        list[float] | None,
-        Field(
-            description="[start, end] in seconds; default: from when all the objects named take part to the end",
-            min_length=2,
-            max_length=2,
-        ),
-    ] = None,
-    frames: FrameRange = None,
-) -> Answer:
-    """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
-    reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
-    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
-    rest is judged on samples, sampled_every_s apart: Rollout with a smaller sample_seconds judges it finer."""
-    case, world, result = stored_rollout(app, rollout)
-    frame = world.time.seconds_per_frame
-    if interval is not None and frames is not None:
-        raise ToolError("give interval (seconds) or frames, not both")
-    asked = interval if interval is not None else None if frames is None else [frames[0] * frame, frames[1] * frame]
-    statement = tagged(predicate, Predicate, "predicate", what="predicate", example=STATEMENT_EXAMPLE)
-    asked_of = read_form(with_own_names(app, case, world, statement), Predicate, "predicate", what="predicate")
-    with explained():
-        answer = query(result, world, asked_of, None if asked is None else (asked[0], asked[1]), aggregation)
-    span = Span(*(answer.covered or (0.0, _end(result))), frame)
-    verdict = "unknown" if not answer.decided else "never" if answer.value is None else answer.value
-    if isinstance(verdict, bool):
-        verdict = "true" if verdict else "false"
-    shown_value = f"{verdict:.5g} s" if aggregation in ("first", "last") and isinstance(verdict, float) else verdict
-    why = f": {answer.reason}" if answer.reason else ""
-    spoken = " ".join([asked_of.predicate, *names_in(asked_of)])
-    return Answer(
-        summary=f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s{_joining(world, asked_of, asked)}): "
-        f"{shown_value}{why}{_how_near(answer)}"
-        + (f" (samples every {answer.sampled_every:.3g} s)" if answer.sampled_every is not None else "")
-        + _diverged(result),
-        data={
-            "verdict": verdict,
-            **answer.to_dict(),
-            "predicate": asked_of.model_dump(mode="json", exclude_none=True),
-            "aggregation": aggregation,
-            "covers": None if answer.covered is None else span.shown(),
-        },
-        case=case.id,
-        world=world.id,
-        rollout=rollout,
-        objects=tuple(names_in(asked_of)),
-        interval=answer.covered,
-        status=result.status,
-    )
-
-
-def _joining(world: World, predicate: Predicate, asked: list[float] | None) -> str:
-    """Why a default stretch does not begin at 0."""
-    starts = {o.name: getattr(o, "start_time", 0.0) for o in (*world.objects, *world.deformables)}
-    late = {name: time for name, time in starts.items() if name in names_in(predicate) and time > 0.0}
-    if asked is not None or not late:
-        return ""
-    return f", from when {max(late, key=lambda name: late[name])} joins"
-
-
-def _how_near(answer: QueryResult) -> str:
-    nearest = answer.evidence.get("closest_approach")
-    if nearest is None or nearest["gap_m"] == 0.0:
-        return ""
-    return f"; closest approach of the surfaces {nearest['gap_m']:.3g} m at {nearest['time']:.4g} s"
-
-
-@GROUP.tool("CompareWorlds", title="Compare two rollouts")
-def compare_worlds(
-    app: App,
-    base: Annotated[RolloutId, Field(description="rollout id of the world as it was, or any other")],
-    edited: Annotated[RolloutId, Field(description="rollout id of the changed world")],
-    objects: Objects = None,
-    tolerance: Annotated[
-        float, Field(gt=0, description="distance from which an object counts as moving differently [m]")
-    ] = 0.01,
-) -> Answer:
-    """What a change altered: how far each object ends up from where it would have been and from when on (of ropes,
-    cloth and soft bodies also the rms distance of their points), and which events are new, gone or shifted. Both
-    rollouts are compared over the time that both cover."""
-    base_case, base_world, first = stored_rollout(app, base)
-    case, world, second = stored_rollout(app, edited)
-    if base_case.content != case.content:
-        raise ToolError(
-            f"{base} belongs to case {base_case.id!r} and {edited} to {case.id!r}: they have nothing to share"
-        )
-    names = list(dict.fromkeys([*first.trajectory.names, *second.trajectory.names]))
-    chosen = chosen_names(app, case, objects, names)
-    with explained():
-        # Told events alone: what stands in one world and drops in the other is a new collision.
-        result = compare(
-            replace(first, events=readouts.told_events(base_world, first)),
-            replace(second, events=readouts.told_events(world, second)),
-            chosen if objects is not None else None,
-            tolerance=tolerance,
-        )
-    span = Span(0.0, result.horizon, world.time.seconds_per_frame)
-    moved = [d for d in result.objects if d.apart_from is not None]
-    rows = {
-        "gone": readouts.in_order(result.events_only_in_base, first, span),
-        "new": readouts.in_order(result.events_only_in_other, second, span),
-    }
-    # where things come to rest differs whenever they move differently: the summary leaves it to the data
-    striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
-    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in striking.items() if found)
-    changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved)
-    bent = [d for d in result.objects if d.apart_from is None and (d.shape_largest or 0.0) > tolerance]
-    if bent:
-        reshaped = ", ".join(f"{d.name} (points up to {d.shape_largest:.3g} m rms apart)" for d in bent)
-        changed = "; ".join(text for text in (changed, f"in shape alone: {reshaped}") if text)
-    data = {
-        "events": {
-            "gone": rows["gone"],
-            "new": rows["new"],
-            "kept": [
-                {"kind": m.base.kind, "objects": list(m.base.participants), "time": m.base.time, "shift": m.shift}
-                for m in result.events_in_both
-            ],
-        },
-        "floor_contacts_included": readouts.floor_contacts_included(base_world, first)
-        and readouts.floor_contacts_included(world, second),
-        "objects": [
-            {
-                "object": d.name,
-                "largest_distance": d.largest,
-                "at": d.largest_time,
-                "final_distance": d.final,
-                "apart_from": d.apart_from,
-                "moves_differently": d.apart_from is not None,
-                **(
-                    {}
-                    if d.shape_largest is None
-                    else {"largest_shape_distance": d.shape_largest, "shape_at": d.shape_largest_time}
-                ),
-            }
-            for d in result.objects
-        ],
-        "only_in_base": list(result.objects_only_in_base),
-        "only_in_edited": list(result.objects_only_in_other),
-        "base": {"rollout": base, "world": base_world.id, "horizon": first.horizon, "status": first.status},
-        "edited": {"rollout": edited, "world": world.id, "horizon": second.horizon, "status": second.status},
-        "covers": span.shown(),
-        "tolerance": tolerance,
-    }
-    return Answer(
-        summary=f"until {span.end:.4g} s: "
-        + (f"displaced: {changed}" if changed else f"nothing displaced by more than {tolerance:g} m")
-        + (f". Events {told}" if told else ". The same events"),
-        data=data,
-        case=case.id,
-        world=world.id,
-        rollout=edited,
-        objects=tuple(chosen),
-        interval=span.seconds,
-        status="diverged" if "diverged" in (first.status, second.status) else "completed",
-    )
-
-
 def _read(
     app: App, rollout: str, interval: list[float] | None, frames: list[int] | None
 ) -> tuple[Case, World, Rollout, Span]:
@@ -558,19 +513,20 @@ def _read(
     span = chosen_span(
         interval,
         frames,
-        covered=(0.0, _end(result)),
+        covered=(0.0, end_of(result)),
         seconds_per_frame=world.time.seconds_per_frame,
         further="Next: Rollout with a longer horizon_seconds covers more",
     )
     return case, world, result, span
 
 
-def _end(result: Rollout) -> float:
+def end_of(result: Rollout) -> float:
     """The last time that was really simulated."""
     return float(result.trajectory.times[-1]) if len(result.trajectory.times) else 0.0
 
 
-def _diverged(result: Rollout) -> str:
+def diverged_in_words(result: Rollout) -> str:
+    """What a summary adds where a rollout diverged."""
     if result.status != "diverged":
         return ""
     return f" (the rollout diverged at {result.diverged_time:.4g} s: nothing after that is known)"

@@ -8,6 +8,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
+from atw_mcp.ensembles import keep_sample, sample_in_words, stored_sample
 from atw_mcp.fit_reading import CONTACTS, doubts, lower_draft, open_questions
 from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, observed_of, run_fit, window
 from atw_mcp.jobs import LongWork, Progress
@@ -102,9 +103,10 @@ def fit_world(
 ) -> Answer | LongWork:
     """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new world,
     its errors on the frames (position_rmse [m], rotation_rmse [rad], shape_rmse), warnings where the minimum is
-    doubtful, every fitted value with its uncertainty, and what the data cannot determine. The same request is never
-    computed twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows the video; else
-    FitWorld again with another seed, more restarts or other parameters."""
+    doubtful, every fitted value with its uncertainty, and what the data cannot determine. It also keeps a sample of
+    the parameter values and initial states that the data allow, which Rollout, QueryWorld and CompareWorlds ask
+    with ensemble=N. The same request is never computed twice. Next: InspectRollout to see it over the frames,
+    CommitWorld when it follows the video; else FitWorld again with another seed, more restarts or other parameters."""
     found = app.case_to_model(case, "FitWorld")
     start = app.world(found, world)
     with explained(f"BuildWorld(case={found.id!r})"):
@@ -180,6 +182,8 @@ def _keep_fit(
     document = plain(digest(run)) | {"position_tolerance": inputs["request"]["position_tolerance"]}
     with app.store.transaction():
         _add_to_case(app, case, start, result.world, inputs, observation)
+        if run.sample is not None:
+            keep_sample(app, result.world, start, run.sample)
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)
     return _fit_answer(app, case, start, result.world, document, tracks, observation, again=False)
@@ -227,6 +231,7 @@ def _fit_answer(
     kept = "" if document["held_out"] is None else f", {_short(document['held_out'])} on the frames held out"
     cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
     whole = "ReadEvidence(evidence=this result's evidence id"
+    sample = stored_sample(app, fitted.id)
     shown = {
         "world": fitted.id,
         "from_world": start.id,
@@ -252,6 +257,7 @@ def _fit_answer(
         "contacts": CONTACTS,
         "undetermined": rows,
         "undetermined_whole": None if count <= len(rows) else f"{count} rows: {whole}, path='undetermined')",
+        "ensemble": None if sample is None else sample_in_words(sample),
         "unobserved": document["unobserved"],
         "not_in_world": document["unmodelled"],
         "rollouts": document["rollouts"],

@@ -255,7 +255,8 @@ def _told(row: dict[str, Any]) -> str:
 
 def _edits(world: World) -> list[str]:
     """The edits that have something to act on in this world."""
-    always = ["remove", "add", "move", "set_velocity", "set_parameter", "environment"]
+    always = ["remove", "add", "move", "set_velocity", "scale_velocity"]
+    always += ["set_parameter", "scale_parameter", "environment"]
     return [*always, *(["toggle_effect"] if world.effects else []), *(["release"] if world.attachments else [])]
 
 
@@ -281,7 +282,7 @@ def _parameters(world: World, names: list[str]) -> dict[str, list[str]]:
 def _predicates(world: World) -> list[str]:
     """The predicates that something in this world can answer."""
     found = ["in_contact", "collides", "moving", "at_rest", "inside_region", "above", "below", "nearer_than"]
-    found += ["passes_before", "reaches_before"]
+    found += ["within_distance", "moved_by_more_than", "comes_to_rest_before", "passes_before", "reaches_before"]
     if world.camera is not None or world.region is not None:
         found.append("in_view")
     kinds = {d.representation.removesuffix("_planar") for d in world.deformables}

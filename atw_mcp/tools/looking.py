@@ -14,10 +14,12 @@ from atw_mcp.app import App
 from atw_mcp.intervals import FrameRange, Seconds, chosen_span
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name
+from atw_mcp.observed_quantities import Quantity, observed_quantities
 from atw_mcp.observing import latest_image_observation, video_file
 from atw_mcp.overlay import Canvas, encoded
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
+from atw_mcp.periods import period_in_words
 from atw_mcp.picture_rows import EVERY_FRAME, observed_rows, simulated_rows
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollout_cost import size_in_words
@@ -107,10 +109,20 @@ def inspect_observed_motion(
     interval: Seconds = None,
     frames: FrameRange = None,
     limit: Annotated[int, Field(ge=2, le=500, description="rows shown, evenly spaced over the interval")] = 24,
+    quantities: Annotated[
+        list[Quantity] | None,
+        Field(
+            description="what to derive from the measured positions, each value with a 90% interval; momentum and "
+            "energies take the mass from the case's world. Default: none",
+            min_length=1,
+            max_length=8,
+        ),
+    ] = None,
 ) -> Answer:
     """What was measured of one object in the video, frame by frame: centroid and visible area of its mask in pixels,
     whether it touches the image border, its status and confidence, and its position in the world where the camera is
-    calibrated. A measurement, not a simulation."""
+    calibrated. With quantities also velocity, acceleration, momentum, energy and the period of a motion to and fro,
+    with 90% intervals. A measurement, not a simulation."""
     found = app.case(case)
     seen, record = latest_image_observation(app, found), case_tracks(app, found, None)
     known = list(dict.fromkeys([*(seen[1].names if seen else ()), *(record.tracks.names if record else ())]))
@@ -138,6 +150,18 @@ def inspect_observed_motion(
     ]
     data = {"object": name, "columns": columns, "rows": rows, "covers": span.shown(), "of": len(rows)}
     told = f"{name}: {len(rows)} frames"
+    shown = {**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None
+    if quantities is not None:
+        if tracks is None:
+            raise ToolError(f"quantities need world positions of {name!r}: CalibrateCamera and BuildWorld give them")
+        world = app.world(found) if app.store.cases.worlds(found.id) else None
+        derived = observed_quantities(tracks, world, name, quantities, *span.seconds)
+        data["derived"] = derived
+        shown = {
+            **(shown or data),
+            "derived": {**derived, "rows": readouts.thinned(derived["rows"], limit)},
+        }
+        told += f"; derived {', '.join(quantities)}{period_in_words(derived)}"
     if image is not None:
         area = [row[columns.index("area")] for row in rows]
         told += f", visible in {sum(a > 0 for a in area)}, touches the border in {sum(bool(row[5]) for row in rows)}"
@@ -146,7 +170,7 @@ def inspect_observed_motion(
     return Answer(
         summary=told,
         data=data,
-        shown={**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None,
+        shown=shown,
         case=found.id,
         observation=record.id if record is not None and tracks is not None else seen[0] if seen else None,
         objects=(name,),

@@ -11,14 +11,17 @@ from polyworld.predicates import (
     AtRest,
     Below,
     Collides,
+    ComesToRestBefore,
     InContact,
     InsideRegion,
     InView,
+    MovedByMoreThan,
     Moving,
     NearerThan,
     Occupies,
     PassesBefore,
     Predicate,
+    WithinDistance,
 )
 from polyworld.query import QueryResult, query
 from polyworld.rollout import rollout
@@ -192,3 +195,63 @@ def test_states_say_how_fine_their_samples_are_and_contacts_are_exact() -> None:
     assert fine.sampled_every == pytest.approx(0.01)
     assert fine.value == pytest.approx(0.3, abs=0.01)
     assert ask(Collides(a="red", b="blue")).sampled_every is None
+
+
+def test_displacement_is_measured_from_where_the_object_was_at_a_time() -> None:
+    assert ask(MovedByMoreThan(object="red", distance=0.5)).value is True  # 0.6 m to the contact
+    assert ask(MovedByMoreThan(object="red", distance=0.7)).value is False
+    since = ask(MovedByMoreThan(object="red", distance=0.3, since=0.1), aggregation="first")
+    assert since.value == pytest.approx(0.1 + 0.3 / 2.0, abs=1e-3)
+    before = ask(MovedByMoreThan(object="red", distance=0.1, since=0.28), (0.0, 0.2))
+    assert before.value is False  # nothing counts before that time
+    unknown = ask(MovedByMoreThan(object="late", distance=0.1))
+    assert not unknown.decided
+    assert "known for 0.5" in (unknown.reason or "")
+
+
+def test_surfaces_come_within_a_distance_before_they_touch() -> None:
+    """Balls of 0.2 m: the gap is 0.6 m at first and closes at 2 m/s; the wall stands 1.01 m from blue's centre."""
+    near = ask(WithinDistance(a="red", b="blue", distance=0.2), aggregation="first")
+    assert near.value == pytest.approx(0.2, abs=1e-3)
+    assert ask(WithinDistance(a="red", b="wall", distance=0.5)).value is False
+    assert ask(WithinDistance(a="blue", b="wall", distance=0.01)).value is True
+    at_a_place = ask(WithinDistance(a="blue", place=(0.5, 0.0, 0.2), distance=0.1), aggregation="first")
+    assert at_a_place.value == pytest.approx(0.3 + 0.4 / 2.0, abs=0.01)
+    with pytest.raises(ValueError, match="give b or place"):
+        WithinDistance(a="red", distance=0.1)
+
+
+def test_coming_to_rest_has_a_time_and_an_order() -> None:
+    """Red stops dead in the contact at 0.3 s; blue never rests."""
+    assert ask(ComesToRestBefore(a="red", time=0.5)).value is True
+    assert ask(ComesToRestBefore(a="red", time=0.2)).value is False
+    assert ask(ComesToRestBefore(a="red", b="blue")).value is True
+    assert ask(ComesToRestBefore(a="blue", b="red")).value is False
+    assert ask(ComesToRestBefore(a="blue", time=0.9)).value is False
+    beyond = ask(ComesToRestBefore(a="blue", time=5.0), (0.0, 6.0))
+    assert not beyond.decided
+    assert "does not come to rest" in (beyond.reason or "")
+
+
+@pytest.mark.parametrize(
+    ("predicate", "aggregation", "margin", "unit"),
+    [
+        (MovedByMoreThan(object="red", distance=0.5), "any", 0.1, "m"),
+        (NearerThan(a="red", b="blue", distance=0.3), "any", -0.1, "m"),
+        (Moving(object="red", speed=0.5), "any", 1.5, "m/s"),
+        (Moving(object="red", speed=0.5), "all", -0.5, "m/s"),
+        (Collides(a="red", b="wall"), "any", None, "m"),
+        (Collides(a="red", b="blue"), "any", 0.0, "m"),
+        (ComesToRestBefore(a="red", time=0.5), "any", 0.2, "s"),
+    ],
+)
+def test_an_answer_has_a_margin_of_its_own_sign(
+    predicate: Predicate, aggregation: Any, margin: float | None, unit: str
+) -> None:
+    answer = ask(predicate, aggregation=aggregation)
+    assert answer.margin is not None
+    assert answer.margin_unit == unit
+    if margin is None:
+        margin = -answer.evidence["closest_approach"]["gap_m"]
+    assert answer.margin == pytest.approx(margin, abs=0.05)
+    assert (answer.value is True) == (answer.margin >= 0.0)

@@ -14,6 +14,7 @@ from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.results import Answer
 from atw_mcp.rollouts import KIND, SERIES
 from atw_mcp.tools import experimentation as tools
+from atw_mcp.tools import querying
 from evidence_store import Binding
 from polyworld.interventions import SetVelocity, branch
 from polyworld.representations.rigid import RigidObject
@@ -57,7 +58,7 @@ def roll(app: App) -> Callable[..., Answer]:
 
 
 def ask(app: App, rollout: str, predicate: dict[str, Any], **arguments: Any) -> dict[str, Any]:
-    return tools.query_world(app, rollout, predicate, **arguments).data
+    return querying.query_world(app, rollout, predicate, **arguments).data
 
 
 def test_rollout_tells_the_collision_and_covers_the_observed_stretch(roll: Callable[..., Answer]) -> None:
@@ -82,7 +83,7 @@ def test_removed_object_lets_the_other_pass(app: App, roll: Callable[..., Answer
 
 def test_comparison_finds_the_lost_collision_and_the_displacement(app: App, roll: Callable[..., Answer]) -> None:
     base, edited = roll().rollout or "", roll([{"action": "remove", "object": "target"}]).rollout or ""
-    data = tools.compare_worlds(app, base, edited).data
+    data = querying.compare_worlds(app, base, edited).data
     assert [row["objects"] for row in data["events"]["gone"] if row["what"] == "collision"] == [["striker", "target"]]
     assert data["events"]["new"] == []
     (striker,) = data["objects"]
@@ -124,7 +125,7 @@ def test_query_is_unknown_beyond_the_horizon_and_false_only_within(app: App, rol
 def test_query_covers_the_stretch_in_which_a_late_object_takes_part(app: App, roll: Callable[..., Answer]) -> None:
     """The third disc joins 2 m beside the striker's path; when the target is gone, the striker is at x = t then."""
     branch = roll([ALONE, {"action": "add", "object": THIRD}]).rollout or ""
-    answer = tools.query_world(app, branch, {"predicate": "collides", "a": "third", "b": "striker"})
+    answer = querying.query_world(app, branch, {"predicate": "collides", "a": "third", "b": "striker"})
     assert answer.data["verdict"] == "false"
     assert answer.data["asked"] == pytest.approx([0.5, END])
     gap = (2.0**2 + 0.5**2) ** 0.5 - 2 * RADIUS
@@ -134,6 +135,18 @@ def test_query_covers_the_stretch_in_which_a_late_object_takes_part(app: App, ro
     early = ask(app, branch, {"predicate": "collides", "a": "third", "b": "striker"}, interval=[0.0, 1.0])
     assert early["verdict"] == "unknown"
     assert "'third' joins at 0.5 s. Asked over [0.5, 1] it is false" in early["reason"]
+
+
+def test_several_branches_run_in_one_call(app: App, roll: Callable[..., Answer]) -> None:
+    slow = [{"action": "scale_velocity", "object": "striker", "factor": 0.5}]
+    answer = roll(variants=[[], [ALONE], slow])
+    rows = answer.data["variants"]
+    assert [row["edits"] for row in rows] == [[], [ALONE], slow]
+    assert [len(row["timeline"]) for row in rows][:2] == [len(roll().data["timeline"]), 0]
+    ends = [{row["object"]: row["end"][0] for row in branch["objects"]}["striker"] for branch in rows]
+    assert ends == pytest.approx([GAP, SPEED * END, 0.5 * SPEED * END], abs=0.005)
+    assert ask(app, rows[1]["rollout"], {"predicate": "moving", "object": "striker"})["verdict"] == "true"
+    assert answer.rollout is None
 
 
 def test_an_edit_may_name_what_an_earlier_one_added(roll: Callable[..., Answer]) -> None:
@@ -231,6 +244,11 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
         (lambda app, _: tools.read_trajectory(app, "rollout-0000", "striker"), "Next: Rollout"),
         (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1e9), "at most 400 s"),
         (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1.0, horizon_frames=5), "not both"),
+        (lambda app, _: tools.roll_out(app, "discs", edits=[], variants=[[]]), "not both"),
+        (
+            lambda app, _: tools.roll_out(app, "discs", variants=[[], [{"action": "remove"}]]),
+            "variant 2, edit 1: remove",
+        ),
         (lambda app, _: tools.roll_out(app, "discs", world="world-0"), "its worlds"),
         (lambda app, _: tools.roll_out(app, "disks"), "no case 'disks'"),
         (
@@ -249,27 +267,27 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
             ),
             "did you mean 'striker'",
         ),
-        (lambda app, r: tools.compare_worlds(app, r, r, ["ghost"]), "no object 'ghost'"),
+        (lambda app, r: querying.compare_worlds(app, r, r, ["ghost"]), "no object 'ghost'"),
         (
-            lambda app, r: tools.query_world(app, r, {"predicate": "collide", "a": "target"}),
+            lambda app, r: querying.query_world(app, r, {"predicate": "collide", "a": "target"}),
             r"no predicate 'collide' \(did you mean 'collides'\?\); there are .*nearer_than",
         ),
         (
-            lambda app, r: tools.query_world(app, r, {"predicate": "collides", "object": "target"}),
+            lambda app, r: querying.query_world(app, r, {"predicate": "collides", "object": "target"}),
             r"collides takes a, \[b\]; not object",
         ),
-        (lambda app, r: tools.query_world(app, r, "collides"), r'for example \{"predicate": "collides", "a"'),
-        (lambda app, r: tools.query_world(app, r, {"a": "target"}), "needs 'predicate', one of in_contact"),
+        (lambda app, r: querying.query_world(app, r, "collides"), r'for example \{"predicate": "collides", "a"'),
+        (lambda app, r: querying.query_world(app, r, {"a": "target"}), "needs 'predicate', one of in_contact"),
         (
-            lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "targte"}),
+            lambda app, r: querying.query_world(app, r, {"predicate": "moving", "object": "targte"}),
             "did you mean 'target'",
         ),
         (
-            lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "target", "speed": "fast"}),
+            lambda app, r: querying.query_world(app, r, {"predicate": "moving", "object": "target", "speed": "fast"}),
             "predicate: moving: speed: .*got 'fast'",
         ),
         (
-            lambda app, r: tools.query_world(app, r, {"predicate": "moving", "object": "big disc"}),
+            lambda app, r: querying.query_world(app, r, {"predicate": "moving", "object": "big disc"}),
             "no object 'big disc'",
         ),
         (
@@ -328,6 +346,6 @@ def test_landing_is_new_where_the_base_stands(tmp_path: Path) -> None:
     (landing,) = (row for row in lands.data["timeline"] if row["what"] == "collision")
     assert landing["time"] == pytest.approx((2 * 0.2 / 9.81) ** 0.5, abs=0.01)
     assert landing["approach_speed"] == pytest.approx((2 * 0.2 * 9.81) ** 0.5, rel=0.02)
-    compared = tools.compare_worlds(app, str(stands.rollout), str(lands.rollout))
+    compared = querying.compare_worlds(app, str(stands.rollout), str(lands.rollout))
     assert ["ball", "floor"] in [row["objects"] for row in compared.data["events"]["new"]]
     assert "ball and floor collide" in compared.summary

@@ -6,6 +6,7 @@ from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
 from polyworld.estimation.world_fit.multistart import Start, in_order, multistart, restarts
 from polyworld.estimation.world_fit.objective import Objective, ObjectiveSettings
+from polyworld.estimation.world_fit.posterior import PosteriorSample, sample_posterior
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import refine
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, Undetermined
@@ -19,6 +20,7 @@ __all__ = [
     "FittedValue",
     "Objective",
     "ObjectiveSettings",
+    "PosteriorSample",
     "SearchProgress",
     "SearchSettings",
     "Start",
@@ -32,4 +34,5 @@ __all__ = [
     "multistart",
     "refine",
     "restarts",
+    "sample_posterior",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -97,6 +97,51 @@ def default_unknowns(
             if emitter.fluid in shown.observed:
                 found.append(_searched(world, (f"emitters.{emitter.name}.rate",), emitter.start))
     return found
+
+
+def unknown_of(world: World, path: str) -> Unknown:
+    """Return the unknown of one physical parameter over the range that a fit searches by default."""
+    if path.endswith(".mass") and path.startswith("objects."):
+        return _within(world, path, MASS_RATIO, MASS_SD)
+    return _searched(world, (path,))
+
+
+def states_at_rest(shown: Shown, fitted: Collection[str]) -> list[Unknown]:
+    """List position and heading of tracked objects that no fit varies because they do not move, each with a prior.
+
+    The prior is the world's own value, with the scatter of the track over the square root of its samples. Along
+    gravity an object rests on something: that component stays, and so does what a joint or a rope holds. fitted: paths
+    that a fit varies.
+    """
+    world = shown.world
+    found: list[Unknown] = []
+    held = {name for joint in world.joints for name in (joint.object, joint.other)} | shown.tied
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    up = int(np.argmax(np.abs(normal if world.planar else np.asarray(world.environment.gravity))))
+    for item in world.objects:
+        state = shown.states.get(item.name)
+        if state is None or state.moves or item.name in held:
+            continue
+        if any(p.startswith(f"objects.{item.name}.position.") for p in fitted):
+            continue
+        column = shown.tracks.index(item.name)
+        seen = shown.tracks.confidence[:, column] > 0.0
+        stated = float(np.median(shown.tracks.position_sigma[seen, column]))
+        scatter = state.noise if np.isfinite(state.noise) else 0.0
+        sd = max(stated, scatter) / np.sqrt(state.samples)
+        found += [_known(world, f"objects.{item.name}.position.{'xyz'[k]}", sd) for k in range(3) if k != up]
+        if state.orientation is not None and shown.tracks.symmetry[column] != 0 and np.isfinite(state.orientation_sd):
+            found.append(_known(world, f"objects.{item.name}.rotation.{'xyz'[up]}", state.orientation_sd))
+    return found
+
+
+def _known(world: World, path: str, sd: float) -> Unknown:
+    """An unknown with a Gaussian prior about the world's value."""
+    spec, value = specification(world, path), read_parameter(world, path) or 0.0
+    sd = max(sd, 1e-9)
+    name = path.removeprefix("objects.")
+    lower, upper = max(spec.lower, value - REACH * sd), min(spec.upper, value + REACH * sd)
+    return Unknown(name, (path,), spec.unit, value, lower, upper, sd, prior=(value, sd))
 
 
 def _check_fields(shared: Sequence[str], each: Sequence[str], materials: Sequence[str] | None) -> None:

@@ -32,7 +32,9 @@ class Sensitivity:
     within the bounds. insensitive (P,): no observation changes with the parameter. undetermined (P,): the data
     leave more than `UNDETERMINED` of the flat belief's spread. combinations: sets of parameter indices of
     which the data fix less than their number, each with its direction. noise_factor: residual variance over
-    the stated one. correlation_time: of the residuals, in samples; both widen the errors.
+    the stated one. correlation_time: of the residuals, in samples; both widen the errors. jacobian (r, P): of the
+    residuals. misfit_weight (r,): robust weight over the variance of each residual, which is the stated one times
+    the reduced chi-square and the correlation time of its series, where their product exceeds 1.
     """
 
     standard_error: Array
@@ -41,6 +43,8 @@ class Sensitivity:
     combinations: tuple[tuple[int, ...], ...]
     noise_factor: float
     correlation_time: float
+    jacobian: Array
+    misfit_weight: Array
 
 
 def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
@@ -85,6 +89,8 @@ def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
         combinations=_combinations(information, insensitive),
         noise_factor=variance,
         correlation_time=correlation_time,
+        jacobian=last,
+        misfit_weight=weights / np.maximum(inflation, 1.0),
     )
 
 

@@ -1,0 +1,366 @@
+"""World experimentation, second part: decide statements about rollouts, and compare rollouts."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field, WithJsonSchema
+
+from atw_mcp import readouts
+from atw_mcp.app import App
+from atw_mcp.ensemble_answers import (
+    compared_members,
+    comparison_answer,
+    comparison_in_words,
+    query_answer,
+    query_in_words,
+    together,
+)
+from atw_mcp.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
+from atw_mcp.flat_unions import flat_schema
+from atw_mcp.forms import read_form, tagged
+from atw_mcp.intervals import FrameRange, Span
+from atw_mcp.jobs import LongWork, Progress
+from atw_mcp.names import chosen_names, with_own_names
+from atw_mcp.results import Answer, explained
+from atw_mcp.rollouts import sample_seconds_of, stored_rollout
+from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.experimentation import PATIENCE, Objects, RolloutId, diverged_in_words, end_of
+from evidence_store import Case
+from polyworld.compare import Comparison, compare
+from polyworld.predicates import Predicate, names_in
+from polyworld.query import Aggregation, QueryResult, query
+from polyworld.trajectory import Rollout
+from polyworld.world import World
+
+GROUP = ToolGroup("world experimentation")
+
+STATEMENTS = flat_schema(Predicate, "predicate")
+Statement = Annotated[Any, WithJsonSchema(STATEMENTS)]
+# The forms are listed at the single predicate: a list of tools has room for them once.
+OneOfSeveral = Annotated[Any, WithJsonSchema({"type": "object", "description": "as predicate"})]
+STATEMENT_EXAMPLE = {"predicate": "collides", "a": "red", "b": "blue"}
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What is asked of every predicate, of the best fit and of each member of an ensemble alike."""
+
+    aggregation: Aggregation
+    interval: list[float] | None
+    frames: list[int] | None
+
+    def asked(self, world: World) -> tuple[float, float] | None:
+        """The interval in seconds of one world, whose frames may last otherwise."""
+        if self.interval is not None:
+            return self.interval[0], self.interval[1]
+        frame = world.time.seconds_per_frame
+        return None if self.frames is None else (self.frames[0] * frame, self.frames[1] * frame)
+
+    def of(self, rollout: Rollout, world: World, predicate: Predicate) -> QueryResult:
+        """Decide one predicate."""
+        return query(rollout, world, predicate, self.asked(world), self.aggregation)
+
+
+@GROUP.tool("QueryWorld", title="Ask whether something holds")
+def query_world(
+    app: App,
+    rollout: RolloutId,
+    predicate: Annotated[
+        Statement | None,
+        Field(description=f"what to decide, e.g. {json.dumps(STATEMENT_EXAMPLE)}. " + STATEMENTS["description"]),
+    ] = None,
+    predicates: Annotated[
+        list[OneOfSeveral] | None,
+        Field(
+            description="several of them at once, instead of predicate; each is answered, and how often all hold",
+            min_length=1,
+            max_length=16,
+        ),
+    ] = None,
+    aggregation: Annotated[
+        Aggregation,
+        Field(
+            description="any: ever; all: throughout; first, last: when; count: how often; fraction: share of the time"
+        ),
+    ] = "any",
+    interval: Annotated[
+        list[float] | None,
+        Field(
+            description="[start, end] in seconds; default: from when all the objects named take part to the end",
+            min_length=2,
+            max_length=2,
+        ),
+    ] = None,
+    frames: FrameRange = None,
+    ensemble: EnsembleSize = None,
+) -> Answer | LongWork:
+    """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
+    reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
+    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
+    rest is judged on samples, sampled_every_s apart: Rollout with a smaller sample_seconds judges it finer.
+    With ensemble=40 it says how sure the answer is: in how many of 40 worlds that the data allow it is true, the
+    distribution of the margin (positive: true), and the parameter that decides it where one clearly does; times come
+    with a median and a 90% interval."""
+    case, world, result = stored_rollout(app, rollout)
+    if interval is not None and frames is not None:
+        raise ToolError("give interval (seconds) or frames, not both")
+    if (predicate is None) == (predicates is None):
+        raise ToolError("give predicate, or predicates for several at once")
+    statements = [
+        _statement(app, case, world, item, "predicate" if predicates is None else f"predicate {number}")
+        for number, item in enumerate([predicate] if predicates is None else predicates, start=1)
+    ]
+    question = _Question(aggregation, interval, frames)
+    with explained():
+        answers = [question.of(result, world, statement) for statement in statements]
+    if ensemble is None:
+        return _query_answer(case, world, rollout, result, question, statements, answers, None)
+    lineage(app, case, world)  # refused before any work
+
+    def work(progress: Progress) -> Answer:
+        members = _members(app, case, world, rollout, result, ensemble, progress)
+        rows = []
+        with explained():
+            for number, statement in enumerate(statements):
+                progress.report(0.5 + 0.5 * number / len(statements), 1, "deciding in every member")
+                rows.append(
+                    [question.of(r, w, statement) for r, w in zip(members.rollouts, members.worlds, strict=True)]
+                )
+        return _query_answer(case, world, rollout, result, question, statements, answers, (members, rows))
+
+    asked = json.dumps([item.model_dump(mode="json") for item in statements], sort_keys=True)
+    return LongWork(
+        f"query {rollout} {ensemble} {aggregation} {interval} {frames} {asked}",
+        work,
+        Answer(
+            summary=f"asking {ensemble} members of {world.id}", data={}, case=case.id, world=world.id, rollout=rollout
+        ),
+        PATIENCE,
+    )
+
+
+def _statement(app: App, case: Case, world: World, given: Any, what: str) -> Predicate:
+    statement = tagged(given, Predicate, "predicate", what=what, example=STATEMENT_EXAMPLE)
+    read: Predicate = read_form(with_own_names(app, case, world, statement), Predicate, "predicate", what=what)
+    return read
+
+
+def _members(
+    app: App, case: Case, world: World, rollout: str, result: Rollout, count: int, progress: Progress
+) -> Ensemble:
+    message = f"running {count} members for {result.horizon:g} s"
+    progress.report(0, 1, message)
+    with explained():
+        return compute_ensemble(
+            app,
+            case,
+            world,
+            result.horizon,
+            sample_seconds_of(app, rollout),
+            count,
+            lambda share: progress.report(0.5 * share, 1, message),
+        )
+
+
+def _query_answer(
+    case: Case,
+    world: World,
+    rollout: str,
+    result: Rollout,
+    question: _Question,
+    statements: list[Predicate],
+    answers: list[QueryResult],
+    ensemble: tuple[Ensemble, list[list[QueryResult]]] | None,
+) -> Answer:
+    texts, rows = [], []
+    for number, (statement, answer) in enumerate(zip(statements, answers, strict=True)):
+        text, row = _answered(world, result, question, statement, answer)
+        if ensemble is not None:
+            row["ensemble"] = query_answer(ensemble[0], ensemble[1][number], question.aggregation)
+            text += f". Of the ensemble: {query_in_words(row['ensemble'], question.aggregation)}"
+        texts.append(text)
+        rows.append(row)
+    data: dict[str, Any] = rows[0] if len(rows) == 1 else {"answers": rows}
+    if len(rows) > 1 and ensemble is not None and question.aggregation in ("any", "all"):
+        data["together"] = together(ensemble[1])
+        texts.append(f"all of them hold in {data['together']['all']['true']} members")
+    covered = [answer.covered for answer in answers if answer.covered is not None]
+    return Answer(
+        summary="; ".join(texts) + diverged_in_words(result),
+        data=data,
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=tuple(dict.fromkeys(name for statement in statements for name in names_in(statement))),
+        interval=(min(a for a, _ in covered), max(b for _, b in covered)) if covered else None,
+        status=result.status,
+    )
+
+
+def _answered(
+    world: World, result: Rollout, question: _Question, statement: Predicate, answer: QueryResult
+) -> tuple[str, dict[str, Any]]:
+    """The answer of one rollout to one predicate, in words and as data."""
+    aggregation = question.aggregation
+    span = Span(*(answer.covered or (0.0, end_of(result))), world.time.seconds_per_frame)
+    verdict = "unknown" if not answer.decided else "never" if answer.value is None else answer.value
+    if isinstance(verdict, bool):
+        verdict = "true" if verdict else "false"
+    shown_value = f"{verdict:.5g} s" if aggregation in ("first", "last") and isinstance(verdict, float) else verdict
+    why = f": {answer.reason}" if answer.reason else ""
+    spoken = " ".join([statement.predicate, *names_in(statement)])
+    text = (
+        f"{spoken} ({aggregation}, {span.start:.4g} to {span.end:.4g} s"
+        f"{_joining(world, statement, question.asked(world))}): {shown_value}{why}{_how_near(answer)}"
+        + (f" (samples every {answer.sampled_every:.3g} s)" if answer.sampled_every is not None else "")
+    )
+    return text, {
+        "verdict": verdict,
+        **answer.to_dict(),
+        "predicate": statement.model_dump(mode="json", exclude_none=True),
+        "aggregation": aggregation,
+        "covers": None if answer.covered is None else span.shown(),
+    }
+
+
+def _joining(world: World, predicate: Predicate, asked: tuple[float, float] | None) -> str:
+    """Why a default stretch does not begin at 0."""
+    starts = {o.name: getattr(o, "start_time", 0.0) for o in (*world.objects, *world.deformables)}
+    late = {name: time for name, time in starts.items() if name in names_in(predicate) and time > 0.0}
+    if asked is not None or not late:
+        return ""
+    return f", from when {max(late, key=lambda name: late[name])} joins"
+
+
+def _how_near(answer: QueryResult) -> str:
+    nearest = answer.evidence.get("closest_approach")
+    if nearest is None or nearest["gap_m"] == 0.0:
+        return ""
+    return f"; closest approach of the surfaces {nearest['gap_m']:.3g} m at {nearest['time']:.4g} s"
+
+
+@GROUP.tool("CompareWorlds", title="Compare two rollouts")
+def compare_worlds(
+    app: App,
+    base: Annotated[RolloutId, Field(description="rollout id of the world as it was, or any other")],
+    edited: Annotated[RolloutId, Field(description="rollout id of the changed world")],
+    objects: Objects = None,
+    tolerance: Annotated[
+        float, Field(gt=0, description="distance from which an object counts as moving differently [m]")
+    ] = 0.01,
+    ensemble: EnsembleSize = None,
+) -> Answer | LongWork:
+    """What a change altered: how far each object ends up from where it would have been and from when on (of ropes,
+    cloth and soft bodies also the rms distance of their points), and which events are new, gone or shifted. Both
+    rollouts are compared over the time that both cover. With ensemble=40 each of 40 worlds that the data allow is
+    compared with its own changed copy: in how many an object is displaced, by how much (median, 90% interval), what
+    decides it, and in how many an event is new or gone."""
+    base_case, base_world, first = stored_rollout(app, base)
+    case, world, second = stored_rollout(app, edited)
+    if base_case.content != case.content:
+        raise ToolError(
+            f"{base} belongs to case {base_case.id!r} and {edited} to {case.id!r}: they have nothing to share"
+        )
+    names = list(dict.fromkeys([*first.trajectory.names, *second.trajectory.names]))
+    chosen = chosen_names(app, case, objects, names)
+    with explained():
+        # Reported events alone: what stands in one world and drops in the other is a new collision.
+        result = compare(
+            replace(first, events=readouts.told_events(base_world, first)),
+            replace(second, events=readouts.told_events(world, second)),
+            chosen if objects is not None else None,
+            tolerance=tolerance,
+        )
+    best = _comparison_answer(case, (base, base_world, first), (edited, world, second), chosen, tolerance, result)
+    if ensemble is None:
+        return best
+    if lineage(app, base_case, base_world).sample.id != lineage(app, case, world).sample.id:
+        raise ToolError(f"{base} and {edited} descend from different fits: their members cannot be compared in pairs")
+
+    def work(progress: Progress) -> Answer:
+        one = _members(app, base_case, base_world, base, first, ensemble, progress)
+        other = _members(app, case, world, edited, second, ensemble, progress)
+        with explained():
+            pairs = compared_members(one, other, chosen if objects is not None else None, tolerance)
+        about = comparison_answer(one, other, pairs)
+        summary = f"{best.summary}. Of the ensemble, {comparison_in_words(about)}"
+        return replace(best, summary=summary, data={**best.data, "ensemble": about})
+
+    draft = replace(best, summary=f"comparing {ensemble} members", data={})
+    return LongWork(f"compare {base} {edited} {ensemble} {objects} {tolerance}", work, draft, PATIENCE)
+
+
+def _comparison_answer(
+    case: Case,
+    before: tuple[str, World, Rollout],
+    after: tuple[str, World, Rollout],
+    chosen: list[str],
+    tolerance: float,
+    result: Comparison,
+) -> Answer:
+    base, base_world, first = before
+    edited, world, second = after
+    span = Span(0.0, result.horizon, world.time.seconds_per_frame)
+    moved = [d for d in result.objects if d.apart_from is not None]
+    rows = {
+        "gone": readouts.in_order(result.events_only_in_base, first, span),
+        "new": readouts.in_order(result.events_only_in_other, second, span),
+    }
+    # where things come to rest differs whenever they move differently: the summary leaves it to the data
+    striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
+    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in striking.items() if found)
+    changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved)
+    bent = [d for d in result.objects if d.apart_from is None and (d.shape_largest or 0.0) > tolerance]
+    if bent:
+        reshaped = ", ".join(f"{d.name} (points up to {d.shape_largest:.3g} m rms apart)" for d in bent)
+        changed = "; ".join(text for text in (changed, f"in shape alone: {reshaped}") if text)
+    data = {
+        "events": {
+            "gone": rows["gone"],
+            "new": rows["new"],
+            "kept": [
+                {"kind": m.base.kind, "objects": list(m.base.participants), "time": m.base.time, "shift": m.shift}
+                for m in result.events_in_both
+            ],
+        },
+        "floor_contacts_included": readouts.floor_contacts_included(base_world, first)
+        and readouts.floor_contacts_included(world, second),
+        "objects": [
+            {
+                "object": d.name,
+                "largest_distance": d.largest,
+                "at": d.largest_time,
+                "final_distance": d.final,
+                "apart_from": d.apart_from,
+                "moves_differently": d.apart_from is not None,
+                **(
+                    {}
+                    if d.shape_largest is None
+                    else {"largest_shape_distance": d.shape_largest, "shape_at": d.shape_largest_time}
+                ),
+            }
+            for d in result.objects
+        ],
+        "only_in_base": list(result.objects_only_in_base),
+        "only_in_edited": list(result.objects_only_in_other),
+        "base": {"rollout": base, "world": base_world.id, "horizon": first.horizon, "status": first.status},
+        "edited": {"rollout": edited, "world": world.id, "horizon": second.horizon, "status": second.status},
+        "covers": span.shown(),
+        "tolerance": tolerance,
+    }
+    return Answer(
+        summary=f"until {span.end:.4g} s: "
+        + (f"displaced: {changed}" if changed else f"nothing displaced by more than {tolerance:g} m")
+        + (f". Events {told}" if told else ". The same events"),
+        data=data,
+        case=case.id,
+        world=world.id,
+        rollout=edited,
+        objects=tuple(chosen),
+        interval=span.seconds,
+        status="diverged" if "diverged" in (first.status, second.status) else "completed",
+    )

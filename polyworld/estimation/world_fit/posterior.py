@@ -1,0 +1,281 @@
+"""Sample the posterior of a fit: Laplace approximations of the minima found, truncated to the bounds, and reweighted.
+
+Around a minimum x0 the log-posterior is -U(x), U = sum of w r(x)^2 / 2, with weights w that admit the reduced
+chi-square and the correlation of the residuals. Its linearisation is a Gaussian truncated to the bounds, flat along
+what the data leave open. Candidates from it are weighted by exp(U_linearised - U), tempered so that enough of them
+count, and resampled (sampling importance resampling, Rubin 1988; tempering as in Neal 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, ndtri_exp
+
+from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.world_fit.default_unknowns import states_at_rest, unknown_of
+from polyworld.estimation.world_fit.determinable import Shown, reasons_undeterminable
+from polyworld.estimation.world_fit.objective import DIVERGED
+from polyworld.estimation.world_fit.problem import FitProblem
+from polyworld.estimation.world_fit.result import FitResult
+from polyworld.estimation.world_fit.search_space import SearchSpace
+from polyworld.estimation.world_fit.sensitivity import sensitivity
+
+Array = NDArray[np.float64]
+
+MEMBERS = 64
+CANDIDATES, COUPLED_CANDIDATES = 4, 2  # rollouts for each member kept; those of coupled worlds take seconds
+MOST_MINIMA = 3
+FARTHEST = 6.0  # difference of log-posteriors beyond which a second minimum holds no member
+SWEEPS = 12
+NARROWEST = 1e-12  # precision in units of the bounds' width: what is flatter counts as flat
+UNFITTED = ("friction", "restitution", "mass")
+
+
+@dataclass(frozen=True)
+class PosteriorSample:
+    """Equally probable parameter values of a fitted world, in random order.
+
+    values (N, P): of the unknowns: those that were fitted, contact parameters and masses that the tracks cannot show,
+    and the places of objects that do not move. from_bounds: names of unknowns that the data do not
+    determine, drawn from their bounds. minima: how many minima the members come from. tempering: exponent of the
+    importance weights, 1 where the linearised misfit describes the simulated one well; effective: number of candidates
+    of equal weight that the `candidates` are worth.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    values: Array
+    from_bounds: tuple[str, ...]
+    minima: int
+    tempering: float
+    effective: float
+    candidates: int
+    seed: int
+
+    def overrides(self, count: int) -> dict[str, Array]:
+        """Parameter path -> values (count,) of the first `count` members."""
+        return {path: self.values[:count, i] for i, u in enumerate(self.unknowns) for path in u.paths}
+
+    def to_dict(self) -> dict[str, Any]:
+        """All but the values, as JSON-ready values."""
+        about = {"from_bounds": list(self.from_bounds), "minima": self.minima, "seed": self.seed}
+        about |= {"tempering": self.tempering, "effective": self.effective, "candidates": self.candidates}
+        return about | {"unknowns": [{"name": u.name, "paths": list(u.paths), "unit": u.unit} for u in self.unknowns]}
+
+
+@dataclass(frozen=True)
+class _Minimum:
+    """Linearisation at search coordinates `centre` (P,): misfit, its gradient (P,) and its curvature (P, P)."""
+
+    centre: Array
+    misfit: float
+    gradient: Array
+    curvature: Array
+    weight: Array
+    undetermined: NDArray[np.bool_]
+
+    def linearised(self, x: Array) -> Array:
+        """Misfit (N,) of candidates (N, P), linearised."""
+        step = x - self.centre
+        quadratic: Array = (
+            self.misfit + step @ self.gradient + 0.5 * np.einsum("ni,ij,nj->n", step, self.curvature, step)
+        )
+        return quadratic
+
+
+def sample_posterior(
+    problem: FitProblem,
+    results: Sequence[FitResult],
+    *,
+    count: int = MEMBERS,
+    known: Collection[str] = (),
+    seed: int = 0,
+) -> PosteriorSample | None:
+    """Draw `count` parameter vectors from the posterior of a fit; None where the best result diverges.
+
+    results: the fit's outcomes, the best first; another minimum takes part by its posterior mass. known: paths that are
+    not drawn though the tracks do not show them. Costs `CANDIDATES` (in coupled worlds `COUPLED_CANDIDATES`) x count
+    rollouts, and those of the sensitivities.
+    """
+    rng = np.random.default_rng([seed, 0x5A])
+    space = problem.space
+    minima = _minima(problem, results)
+    if not minima:
+        return None
+    share = _masses(minima, space.width)
+    total = (COUPLED_CANDIDATES if problem.world.coupled else CANDIDATES) * count
+    drawn, linearised = [], []
+    for minimum, number in zip(minima, rng.multinomial(total, share), strict=True):
+        x = draw_truncated(
+            minimum.centre, minimum.gradient, minimum.curvature, space.lower, space.upper, int(number), rng
+        )
+        drawn.append(x)
+        linearised.append(minimum.linearised(x))
+    candidates, expected = np.concatenate(drawn), np.concatenate(linearised)
+    residuals = problem.residuals(candidates)
+    misfit = 0.5 * np.where(np.isfinite(residuals), residuals, 0.0) ** 2 @ minima[0].weight
+    misfit[~np.isfinite(residuals).all(axis=1)] = np.inf
+    weights, exponent = tempered(expected - misfit, least=count)
+    chosen = rng.permutation(systematic(weights, count, rng))
+    values = space.values(candidates[chosen])
+    fitted = {path for u in space.unknowns for path in u.paths}
+    more = _unfitted(problem, fitted, known)
+    still = states_at_rest(Shown(problem.world, problem.window), fitted) if _varies_states(fitted) else []
+    free = [u.name for u, open_ in zip(space.unknowns, minima[0].undetermined, strict=True) if open_]
+    if more:
+        other = SearchSpace(problem.world, more)
+        flat = other.values(rng.uniform(other.lower, other.upper, (count, len(more))))
+        values = np.concatenate([values, flat], axis=1)
+    for unknown in still:
+        assert unknown.prior is not None
+        own = np.clip(rng.normal(*unknown.prior, count), unknown.lower, unknown.upper)
+        values = np.concatenate([values, own[:, None]], axis=1)
+    return PosteriorSample(
+        unknowns=(*space.unknowns, *more, *still),
+        values=values,
+        from_bounds=(*free, *(u.name for u in more)),
+        minima=len(minima),
+        tempering=exponent,
+        effective=float(1.0 / (weights**2).sum()),
+        candidates=total,
+        seed=seed,
+    )
+
+
+def draw_truncated(
+    centre: Array, gradient: Array, curvature: Array, lower: Array, upper: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """Draw (count, P) from exp(-(g'd + d'A d / 2)), d = x - centre, within bounds (P,), by hit-and-run.
+
+    Every sweep moves all chains along the eigenvectors of A, which for a Gaussian that the bounds do not touch gives an
+    exact draw at once, and along the coordinates, which suits the corners of the box. A may be singular.
+    """
+    width = upper - lower
+    a = curvature * np.outer(width, width)
+    g = gradient * width
+    directions = np.concatenate([np.linalg.eigh(a)[1].T, np.eye(len(width))])
+    start = (np.clip(centre, lower, upper) - lower) / width
+    origin = (centre - lower) / width
+    y = np.repeat(start[None], count, axis=0)
+    for _ in range(SWEEPS):
+        for d in directions:
+            along = a @ d
+            precision = max(float(d @ along), NARROWEST)
+            mean = -(g @ d + (y - origin) @ along) / precision
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ends = np.stack([-y / d, (1.0 - y) / d])
+            ends = np.where(np.isnan(ends), np.inf, ends)
+            least = np.where(d == 0.0, -np.inf, ends.min(axis=0)).max(axis=1)
+            most = np.where(d == 0.0, np.inf, ends.max(axis=0)).min(axis=1)
+            step = _truncated_normal(mean, 1.0 / np.sqrt(precision), np.minimum(least, 0.0), np.maximum(most, 0.0), rng)
+            y = np.clip(y + step[:, None] * d, 0.0, 1.0)
+    drawn: Array = lower + y * width
+    return drawn
+
+
+def _truncated_normal(mean: Array, sd: float, lower: Array, upper: Array, rng: np.random.Generator) -> Array:
+    """Draw from normal distributions (n,) restricted to [lower, upper] (n,), by inversion in the lighter tail."""
+    a, b = (lower - mean) / sd, (upper - mean) / sd
+    flip = a > 0.0  # the distribution function is exact in the lower tail alone
+    a, b = np.where(flip, -b, a), np.where(flip, -a, b)
+    low, high, u = log_ndtr(a), log_ndtr(b), rng.uniform(size=len(mean))
+    z = np.clip(ndtri_exp(high + np.log(u + (1.0 - u) * np.exp(low - high))), a, b)
+    drawn: Array = np.clip(mean + sd * np.where(flip, -z, z), lower, upper)
+    return drawn
+
+
+def tempered(logarithms: Array, least: float) -> tuple[Array, float]:
+    """Return normalised weights exp(t l) of log-weights l (n,), and the largest exponent t <= 1 that leaves an
+    effective sample size, 1 / sum of squared weights, of `least`."""
+
+    def weights(exponent: float) -> Array:
+        scaled = np.where(np.isfinite(logarithms), exponent * logarithms, -np.inf)
+        w = np.exp(scaled - scaled.max())
+        normalised: Array = w / w.sum()
+        return normalised
+
+    if not np.isfinite(logarithms).any():
+        return np.full(len(logarithms), 1.0 / len(logarithms)), 0.0
+    low, high = 0.0, 1.0
+    if 1.0 / (weights(1.0) ** 2).sum() >= least:
+        return weights(1.0), 1.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if 1.0 / (weights(middle) ** 2).sum() >= least else (low, middle)
+    return weights(low), low
+
+
+def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return `count` indices drawn with probabilities `weights` (n,) by systematic resampling.
+
+    Carpenter, Clifford & Fearnhead (1999).
+    """
+    positions = (np.arange(count) + rng.uniform()) / count
+    found: NDArray[np.int64] = np.minimum(np.searchsorted(np.cumsum(weights), positions), len(weights) - 1)
+    return found
+
+
+def _minima(problem: FitProblem, results: Sequence[FitResult]) -> list[_Minimum]:
+    """The best minimum, and others that are neither in its basin nor much worse."""
+    found: list[_Minimum] = []
+    for result in results:
+        if result.loss >= DIVERGED or len(found) == MOST_MINIMA:
+            continue
+        at = problem.space.coordinates(result.by_name)
+        if found:
+            step = at - found[0].centre
+            weight = float(found[0].weight[found[0].weight > 0.0].mean())
+            worse = 0.5 * (result.loss - results[0].loss) * problem.objective.weight(problem.samples) * weight
+            same = any(float((at - m.centre) @ m.curvature @ (at - m.centre)) < 2.0 * len(step) for m in found)
+            if worse > FARTHEST or same:
+                continue
+        found.append(_linearised(problem, at, found[0].weight if found else None))
+    return found
+
+
+def _linearised(problem: FitProblem, at: Array, weight: Array | None) -> _Minimum:
+    laplace = sensitivity(problem, at)
+    w = laplace.misfit_weight if weight is None else weight
+    residual = problem.residuals(at[None])[0]
+    weighted = laplace.jacobian * w[:, None]
+    return _Minimum(
+        centre=at,
+        misfit=float(0.5 * residual**2 @ w),
+        gradient=weighted.T @ residual,
+        curvature=weighted.T @ laplace.jacobian,
+        weight=w,
+        undetermined=laplace.insensitive | laplace.undetermined,
+    )
+
+
+def _masses(minima: Sequence[_Minimum], width: Array) -> Array:
+    """Posterior mass of each minimum, bounds taken for a Gaussian belief of their width."""
+    logs = []
+    for m in minima:
+        scaled = m.curvature * np.outer(width, width) + np.eye(len(width))
+        logs.append(-m.misfit - 0.5 * np.linalg.slogdet(scaled)[1])
+    mass = np.exp(np.asarray(logs) - max(logs))
+    normalised: Array = mass / mass.sum()
+    return normalised
+
+
+def _varies_states(fitted: Collection[str]) -> bool:
+    """Whether a fit varies initial states: else they are given."""
+    return any(".position." in path or ".shift." in path for path in fitted)
+
+
+def _unfitted(problem: FitProblem, fitted: Collection[str], known: Collection[str]) -> tuple[Unknown, ...]:
+    """Unknowns of the contact parameters and masses that were not fitted because the tracks cannot show them."""
+    shown = Shown(problem.world, problem.window)
+    unit = next((f"objects.{o.name}.mass" for o in problem.world.objects if o.name in shown.met), None)
+    paths = [
+        path
+        for path in reasons_undeterminable(problem.world, problem.window)
+        if path.rsplit(".", 1)[1] in UNFITTED and path not in fitted and path not in known and path != unit
+    ]
+    objects = {f"objects.{o.name}" for o in problem.world.objects}
+    return tuple(unknown_of(problem.world, path) for path in paths if path.rsplit(".", 1)[0] in objects)

@@ -1,0 +1,74 @@
+"""A block that slides to rest under Coulomb friction, where everything is known in closed form: it stops after
+v / (mu g) at v^2 / (2 mu g)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.world_fit import FitProblem, PosteriorSample, default_unknowns, refine, sample_posterior
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box
+from polyworld.tracks import ObservedTracks
+from polyworld.world import Environment, MotionPlane, TimeBase, World
+
+GRAVITY, FRAME = 9.81, 0.04
+
+
+def block_world(friction: float, speed: float, frames: int = 8) -> World:
+    """The block on a plane, moving along x from the origin."""
+    block = RigidObject(
+        name="block",
+        representation="rigid_planar",
+        shape=Box(half_extents=(0.05, 0.05, 0.05)),
+        position=(0.0, 0.0, 0.05),
+        velocity=(speed, 0.0, 0.0),
+        friction=friction,
+    )
+    return World(
+        objects=(block,),
+        environment=Environment(motion_plane=MotionPlane()),
+        time=TimeBase(seconds_per_frame=FRAME, frame_count=frames, substep=0.004),
+    )
+
+
+def block_places(friction: float, speed: float, frames: int = 8) -> NDArray[np.float64]:
+    """Where its centre is in each frame (frames, 3) [m]."""
+    t = np.minimum(np.arange(frames) * FRAME, speed / (friction * GRAVITY))
+    x = speed * t - 0.5 * friction * GRAVITY * t**2
+    return np.stack([x, np.zeros(frames), np.full(frames, 0.05)], axis=1)
+
+
+def block_tracks(places: NDArray[np.float64], sigma: float) -> ObservedTracks:
+    """Measured places (T, 3) of the block; its rotation was not observed."""
+    count = len(places)
+    return ObservedTracks(
+        names=("block",),
+        frames=np.arange(count),
+        seconds_per_frame=FRAME,
+        positions=places[:, None],
+        position_sigma=np.full((count, 1), sigma),
+        orientations=np.full((count, 1, 4), np.nan),
+        confidence=np.ones((count, 1)),
+        orientation_confidence=np.zeros((count, 1)),
+        symmetry=(0,),
+    )
+
+
+def stopping_distance(friction: float, speed: float) -> float:
+    """v^2 / (2 mu g) [m]."""
+    return speed**2 / (2.0 * friction * GRAVITY)
+
+
+def fitted_block(
+    friction: float, speed: float, rng: np.random.Generator, *, sigma: float = 0.004, stated: float = 0.004
+) -> tuple[World, World, PosteriorSample]:
+    """The world a fit starts from, the fitted one, and the sample, for noisy tracks of a sliding block."""
+    places = block_places(friction, speed)
+    places[:, :2] += sigma * rng.normal(size=places[:, :2].shape)
+    start, tracks = block_world(0.2, 1.1), block_tracks(places, stated)
+    problem = FitProblem(start, tracks, default_unknowns(start, tracks, shared=(), each=("friction",)))
+    best = refine(problem)
+    sample = sample_posterior(problem, [best], count=40, seed=int(rng.integers(2**31)))
+    assert sample is not None
+    return start, best.world, sample
