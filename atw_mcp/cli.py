@@ -6,9 +6,9 @@ import argparse
 import json
 import os
 import sys
-import textwrap
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,19 @@ import anyio
 from mcp.shared.exceptions import MCPError
 
 from atw_mcp import gap_command
-from atw_mcp.client import Reply, Session, ToolFailed, connected, save_pictures
+from atw_mcp.client import Session, ToolFailed, connected
 from atw_mcp.forms import did_you_mean
+from atw_mcp.printing import ProgressLine, print_reply, tool_line
 from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
+from atw_mcp.shell import HELP, run_shell
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 PICTURES = Path("atw-pictures")
+
+
+class ServerLost(Exception):
+    """The server that a command started has ended before the command."""
+
 
 SCRIPT_HELP = """\
 Call the tools of a script, one call a line: a name for the result and a colon, if it is wanted later; the tool;
@@ -54,6 +61,9 @@ def main(arguments: list[str] | None = None) -> int:
     except ScriptError as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return USAGE
+    except ServerLost as error:  # it has said why on stderr
+        print(f"atw-mcp: the server that this command started is gone ({error})", file=sys.stderr)
+        return FAILED
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -92,6 +102,15 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("pairs", nargs="*", metavar="name=value", help="variables: $name in the script")
     run.set_defaults(command=_run)
 
+    shell = commands.add_parser(
+        "shell",
+        help="call tools line by line, from a prompt or a pipe, over one server that keeps running",
+        description=f"Call tools line by line over one server.\n\n{HELP}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    shell.add_argument("pairs", nargs="*", metavar="name=value", help="variables: $name in the lines")
+    shell.set_defaults(command=_shell)
+
     demo = commands.add_parser(
         "demo",
         help="a video in, an answered what-if question (or, with gap, a better world) out, checked against the truth",
@@ -109,7 +128,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_store(demo)
     demo.set_defaults(command=_demo)
 
-    for command in (call, run):
+    for command in (call, run, shell):
         _add_store(command)
         command.add_argument("--indent", action="store_true", help="print indented JSON")
         command.add_argument(
@@ -173,7 +192,7 @@ def _tools(options: argparse.Namespace) -> int:
     tools = {tool.name: tool for tool in all_tools()}
     if options.tool is None:
         for tool in tools.values():
-            print(f"{tool.name:24}{textwrap.shorten(tool.description or '', 120, placeholder=' ...')}")
+            print(tool_line(tool.name, tool.description))
         return OK
     if options.tool not in tools:
         near = did_you_mean(options.tool, tools)
@@ -188,7 +207,7 @@ def _call(options: argparse.Namespace) -> int:
 
     async def session(server: Session) -> None:
         arguments = read_arguments(pairs, server.schemas, options.tool)
-        _print_reply(await server.call(options.tool, arguments), options)
+        print_reply(await server.call(options.tool, arguments), indent=options.indent, pictures=options.pictures)
 
     return _with_server(options.store, session)
 
@@ -204,9 +223,16 @@ def _run(options: argparse.Namespace) -> int:
 
     async def session(server: Session) -> None:
         async for _, reply in run_script(steps, server, variables, begin):
-            _print_reply(reply, options)
+            print_reply(reply, indent=options.indent, pictures=options.pictures)
 
     return _with_server(options.store, session)
+
+
+def _shell(options: argparse.Namespace) -> int:
+    known = {"folder": str(Path.cwd()), **split_pairs(options.pairs)}
+    show = partial(print_reply, indent=options.indent, pictures=options.pictures)
+    with _lost_server_named():
+        return OK if run_shell(options.store, known, show, ProgressLine()) else FAILED
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -252,15 +278,21 @@ def _with_server(store: Path | None, session: Callable[[Session], Any]) -> int:
                 return FAILED
         return OK
 
-    try:
+    with _lost_server_named():
         return anyio.run(connect)
-    except BaseExceptionGroup as group:  # the SDK's task groups wrap what a session raises
-        error = _innermost(group)
+
+
+@contextmanager
+def _lost_server_named() -> Iterator[None]:
+    """Unwrap what the SDK's task groups wrap; raise ServerLost where the server has ended."""
+    try:
+        yield
+    except (BaseExceptionGroup, MCPError) as raised:
+        error = _innermost(raised)
+        if isinstance(error, MCPError):
+            raise ServerLost(error.message) from raised
         if isinstance(error, ScriptError):
-            raise error from group
-        if isinstance(error, MCPError):  # the server ended: it has said why on stderr
-            print(f"atw-mcp: the server that this command started is gone ({error.message})", file=sys.stderr)
-            return FAILED
+            raise error from raised
         raise
 
 
@@ -268,43 +300,3 @@ def _innermost(error: BaseException) -> BaseException:
     while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
         error = error.exceptions[0]
     return error
-
-
-def _print_reply(reply: Reply, options: argparse.Namespace) -> None:
-    body = dict(reply.body)
-    paths = save_pictures(reply, options.pictures)
-    if paths:
-        body["pictures"] = [str(path) for path in paths]
-    if options.indent:
-        print(json.dumps(body, indent=2, ensure_ascii=False))
-    else:
-        print(json.dumps(body, separators=(",", ":"), ensure_ascii=False), flush=True)
-
-
-class ProgressLine:
-    """Progress on stderr: one line that changes on a terminal, a new line every few seconds elsewhere."""
-
-    QUIET = 5.0  # [s] between lines where lines cannot be replaced
-
-    def __init__(self) -> None:
-        self._last = time.monotonic()
-        self._width = 0
-
-    def show(self, done: float, total: float | None, message: str) -> None:
-        """Show how far the work is."""
-        share = f"{100 * done / total:3.0f} % " if total else ""
-        line = f"  {share}{message}".rstrip()
-        if sys.stderr.isatty():
-            sys.stderr.write("\r" + line[:100].ljust(self._width))
-            sys.stderr.flush()
-            self._width = min(len(line), 100)
-        elif time.monotonic() - self._last >= self.QUIET:
-            print(line, file=sys.stderr, flush=True)
-            self._last = time.monotonic()
-
-    def clear(self) -> None:
-        """Remove the line."""
-        if self._width:
-            sys.stderr.write("\r" + " " * self._width + "\r")
-            sys.stderr.flush()
-            self._width = 0

@@ -17,7 +17,7 @@ import anyio
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 from mcp.shared.exceptions import MCPError
-from mcp_types import CallToolResult, ImageContent, TextContent, Tool
+from mcp_types import CONNECTION_CLOSED, CallToolResult, ImageContent, TextContent, Tool
 
 NO_GPU = "Warp CUDA warning:"  # Warp's native code writes it whatever the log level
 LOOK_AGAIN = 1.0  # [s] between two looks at work that outlived its call
@@ -76,7 +76,7 @@ class Session:
     async def call(self, tool: str, arguments: dict[str, Any]) -> Reply:
         """Call a tool and wait for its result, also when the call itself returns before the work is done.
 
-        Raises ToolFailed with the tool's own words.
+        Raises ToolFailed with the tool's own words, MCPError where the server is gone.
         """
         try:
             return await self._followed(tool, arguments)
@@ -102,6 +102,8 @@ class Session:
         try:
             result = await self._client.call_tool(tool, arguments, progress_callback=report)
         except MCPError as error:
+            if error.code == CONNECTION_CLOSED:
+                raise
             raise ToolFailed(error.message) from error
         return reply_of(tool, result)
 

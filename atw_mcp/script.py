@@ -22,7 +22,7 @@ import json
 import re
 import shlex
 from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,22 @@ def read_script(path: Path) -> list[Step]:
     return steps
 
 
+def read_line(line: str) -> Step | None:
+    """Parse one line of the text form; None for an empty line or a comment. Raises ScriptError."""
+    try:
+        words = shlex.split(line, comments=True)
+    except ValueError as error:
+        raise ScriptError(str(error)) from error
+    if not words:
+        return None
+    name = words.pop(0)[:-1] if words[0].endswith(":") else None
+    if name is not None and not re.fullmatch(NAME, name):
+        raise ScriptError(f"{name!r} cannot name a result")
+    if not words:
+        raise ScriptError("a tool name is missing")
+    return Step(words[0], dict(split_pairs(words[1:])), name, as_text=True)
+
+
 async def run_script(
     steps: list[Step], caller: ToolCaller, variables: Mapping[str, Any], begin: Callable[[Step, str | None], None]
 ) -> AsyncIterator[tuple[Step, Reply]]:
@@ -71,13 +87,16 @@ async def run_script(
     known: dict[str, Any] = dict(variables)
     for step in steps:
         begin(step, None if step.say is None else str(resolved(step.say, known)))
-        arguments = {key: resolved(value, known) for key, value in step.arguments.items()}
-        if step.as_text:
-            arguments = read_arguments(arguments, caller.schemas, step.tool)
-        reply = await caller.call(step.tool, arguments)
+        reply = await caller.call(step.tool, step_arguments(step, known, caller.schemas))
         if step.name is not None:
             known[step.name] = reply.body
         yield step, reply
+
+
+def step_arguments(step: Step, known: Mapping[str, Any], schemas: Mapping[str, Any]) -> dict[str, Any]:
+    """Resolve a step's references and read its text arguments by the tool's schema; raises ScriptError."""
+    arguments = {key: resolved(value, known) for key, value in step.arguments.items()}
+    return read_arguments(arguments, schemas, step.tool) if step.as_text else arguments
 
 
 def resolved(value: Any, known: Mapping[str, Any]) -> Any:
@@ -192,18 +211,12 @@ def _from_text(text: str) -> list[Step]:
             said.append(line.lstrip()[1:].strip())
             continue
         try:
-            words = shlex.split(line, comments=True)
-            if not words:
-                continue
-            name = words.pop(0)[:-1] if words[0].endswith(":") else None
-            if name is not None and not re.fullmatch(NAME, name):
-                raise ScriptError(f"{name!r} cannot name a result")
-            if not words:
-                raise ScriptError("a tool name is missing")
-            arguments: dict[str, Any] = dict(split_pairs(words[1:]))
-        except (ScriptError, ValueError) as error:
+            step = read_line(line)
+        except ScriptError as error:
             raise ScriptError(f"line {at}: {error}") from error
-        steps.append(Step(words[0], arguments, name, "\n".join(said) or None, as_text=True))
+        if step is None:
+            continue
+        steps.append(replace(step, say="\n".join(said) or None))
         said = []
     if pending.strip():
         raise ScriptError(f"line {first}: the last line ends in a backslash")

@@ -56,6 +56,7 @@ from atw_mcp.tools import (
     inspection,
     looking,
     measurement,
+    modelling,
     observation,
     querying,
 )
@@ -65,6 +66,7 @@ GROUPS: tuple[ToolGroup, ...] = (
     measurement.GROUP,
     construction.GROUP,
     identification.GROUP,
+    modelling.GROUP,
     discrepancy.GROUP,
     commitment.GROUP,
     inspection.GROUP,
@@ -77,7 +79,8 @@ GROUPS: tuple[ToolGroup, ...] = (
 INSTRUCTIONS = """\
 Answer physical questions about a video by building a small executable world that behaves like it, then \
 experimenting on that world. World Modeling: OpenCase, ObserveObjects, CalibrateCamera, BuildWorld, FitWorld, \
-look at InspectFrames and InspectRollout, CommitWorld. Where the fitted world still disagrees with the data: \
+look at InspectFrames and InspectRollout, CommitWorld. Where the objects and the camera are known, ModelVideo makes \
+all these steps up to FitWorld in one call. Where the fitted world still disagrees with the data: \
 FindDiscrepancy, ProposeEffects, AddEffect. World Probing: Rollout (with interventions), ReadEvents, \
 CompareWorlds, QueryWorld, then Finish with the evidence ids that decide the question. SI units, z up; \
 frames are numbered from 0."""

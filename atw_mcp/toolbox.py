@@ -44,7 +44,7 @@ class WorldTool(Tool):
         """
         del convert_result
         app: App = context.request_context.lifespan_context
-        checked = self._check(arguments)
+        checked = self.checked(arguments)
         try:
             outcome = await anyio.to_thread.run_sync(lambda: self.fn(app, **checked))
             if isinstance(outcome, CallToolResult):
@@ -64,7 +64,8 @@ class WorldTool(Tool):
                 "Nothing stored was lost: other tools still work, and ReadEvidence returns earlier results."
             ) from error
 
-    def _check(self, arguments: dict[str, Any]) -> dict[str, Any]:
+    def checked(self, arguments: dict[str, Any]) -> dict[str, Any]:
+        """Validate and convert arguments as given; raises ToolError naming what is wrong."""
         known = list(self.parameters.get("properties", {}))
         for name in arguments:
             if name not in known:

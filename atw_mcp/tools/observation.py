@@ -335,7 +335,7 @@ def _case_answer(app: App, case: Case) -> Answer:
     elif observations:
         step = f"BuildWorld(case={case.id!r})"
     elif case.kind == "video":
-        step = f"ObserveObjects(case={case.id!r})"
+        step = f"ObserveObjects(case={case.id!r}), or ModelVideo(case={case.id!r}, ...) to model it in one call"
     else:
         step = f"ImportObservation(case={case.id!r}, kind='tracks' (or 'recording': several runs), path={case.path!r})"
     stage = "World Modeling" if case.committed_world is None else "World Probing"

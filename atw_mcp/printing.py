@@ -1,0 +1,57 @@
+"""Output of the command line: replies as JSON, tools as lines, progress on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+from atw_mcp.client import Reply, save_pictures
+
+
+def tool_line(name: str, description: str | None) -> str:
+    """Format a tool as one line: its name and the start of its description."""
+    return f"{name:24}{textwrap.shorten(description or '', 120, placeholder=' ...')}"
+
+
+def print_reply(reply: Reply, *, indent: bool, pictures: Path) -> None:
+    """Print a reply as JSON, on one line unless `indent`; write its pictures to the folder `pictures`."""
+    body = dict(reply.body)
+    paths = save_pictures(reply, pictures)
+    if paths:
+        body["pictures"] = [str(path) for path in paths]
+    if indent:
+        print(json.dumps(body, indent=2, ensure_ascii=False))
+    else:
+        print(json.dumps(body, separators=(",", ":"), ensure_ascii=False), flush=True)
+
+
+class ProgressLine:
+    """Progress on stderr: one line that changes on a terminal, a new line every few seconds elsewhere."""
+
+    QUIET = 5.0  # [s] between lines where lines cannot be replaced
+
+    def __init__(self) -> None:
+        self._last = time.monotonic()
+        self._width = 0
+
+    def show(self, done: float, total: float | None, message: str) -> None:
+        """Show how far the work is."""
+        share = f"{100 * done / total:3.0f} % " if total else ""
+        line = f"  {share}{message}".rstrip()
+        if sys.stderr.isatty():
+            sys.stderr.write("\r" + line[:100].ljust(self._width))
+            sys.stderr.flush()
+            self._width = min(len(line), 100)
+        elif time.monotonic() - self._last >= self.QUIET:
+            print(line, file=sys.stderr, flush=True)
+            self._last = time.monotonic()
+
+    def clear(self) -> None:
+        """Remove the line."""
+        if self._width:
+            sys.stderr.write("\r" + " " * self._width + "\r")
+            sys.stderr.flush()
+            self._width = 0

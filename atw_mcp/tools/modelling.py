@@ -1,0 +1,197 @@
+"""World construction in one call: from a video and what is known about it to a fitted world."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field
+
+from atw_mcp.app import App
+from atw_mcp.importing import mesh_of
+from atw_mcp.jobs import LongWork
+from atw_mcp.matching import Known
+from atw_mcp.observing import latest_camera
+from atw_mcp.results import Answer, explained, plain
+from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.measurement import LengthArgument, PointArgument
+from atw_mcp.tools.observation import open_case
+from atw_mcp.tools.world_arguments import Argument, Name, Patience, Pixel, PlaneArgument, Point, ShapeArgument
+from atw_mcp.video_model import VideoRequest, model_video
+from evidence_store import Case, to_json
+
+GROUP = ToolGroup("world construction")
+
+
+class KnownObject(Argument):
+    """One rigid object of the scene. The more is known, the surer it is found; what is left out is observed or
+    fitted."""
+
+    name: Name = Field(description="what it is to be called, e.g. red_ball; colour and shape in the name are hints")
+    shape: ShapeArgument | None = Field(default=None, description="shape and size; default: as its outline looks")
+    color: str | None = Field(default=None, max_length=32, description="e.g. red")
+    material: str | None = Field(default=None, max_length=32, description="e.g. metal, rubber")
+    mass: float | None = Field(default=None, gt=0, le=1e9, description="[kg]; not fitted if given")
+    friction: float | None = Field(default=None, ge=0, le=10, description="not fitted if given")
+    restitution: float | None = Field(default=None, ge=0, le=1, description="not fitted if given")
+    pixel: Pixel | None = Field(default=None, description="u, v of a point on it in the first frame that shows it")
+    position: Point | None = Field(default=None, description="its centre, used if the video does not show it [m]")
+
+
+@GROUP.tool("ModelVideo", title="Model a video in one call", read_only=False)
+def model_video_tool(
+    app: App,
+    video: Annotated[
+        str | None, Field(description="path of a video on the server's machine, opened as a case; or give case")
+    ] = None,
+    case: Annotated[
+        str | None, Field(description="case id: goes on with what was observed and calibrated in it")
+    ] = None,
+    name: Annotated[
+        str | None,
+        Field(description="id of the case that video opens", pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$"),
+    ] = None,
+    objects: Annotated[
+        list[KnownObject] | None,
+        Field(min_length=1, max_length=64, description="every object of the scene; default: all that is observed"),
+    ] = None,
+    unlisted: Annotated[
+        Literal["leave_out", "model"],
+        Field(description="what to do with tracks that fit none of objects; they are named in the result"),
+    ] = "leave_out",
+    points: Annotated[
+        list[PointArgument] | None,
+        Field(min_length=4, max_length=200, description="camera: known points, 4 in one plane or 6 in space"),
+    ] = None,
+    known_length: Annotated[
+        LengthArgument | None, Field(description="camera: one known length, for a flat view")
+    ] = None,
+    seconds_per_frame: Annotated[
+        float | None, Field(gt=0, le=1e4, description="physical time between frames [s]; default: the file's")
+    ] = None,
+    gravity: Annotated[Point | None, Field(description="[m/s^2]; default 0, 0, -9.81")] = None,
+    motion_plane: Annotated[
+        PlaneArgument | None,
+        Field(description="plane of motion, where it is neither the floor nor a side view's"),
+    ] = None,
+    floor: Annotated[
+        float | Literal["none"] | None, Field(description="z of the floor [m], or 'none'; default 0, a side view none")
+    ] = None,
+    first_frame: Annotated[int | None, Field(ge=0, description="first frame modelled")] = None,
+    last_frame: Annotated[int | None, Field(ge=0, description="last frame fitted")] = None,
+    observe: Annotated[
+        dict[str, Any] | None,
+        Field(description="further arguments of ObserveObjects, e.g. {'min_area': 50}; {} observes a case again"),
+    ] = None,
+    calibrate: Annotated[
+        dict[str, Any] | None,
+        Field(description="further arguments of CalibrateCamera, e.g. {'homography': [[..]], 'plane_z': 0.2}"),
+    ] = None,
+    build: Annotated[
+        dict[str, Any] | None,
+        Field(description="further arguments of BuildWorld, e.g. {'walls': [..], 'effects': [..], 'parts': [..]}"),
+    ] = None,
+    fit: Annotated[
+        dict[str, Any] | None,
+        Field(description="further arguments of FitWorld, e.g. {'each': ['mass'], 'shared': ['friction']}"),
+    ] = None,
+    patience_seconds: Patience = 50.0,
+) -> Answer | LongWork:
+    """From a video and what is known about it to a fitted world in one call: OpenCase, ObserveObjects, CalibrateCamera,
+    known objects matched to tracks, BuildWorld, FitWorld. Every step has evidence of its own, listed with its doubts
+    and how to correct it; corrected steps are not repeated by a next call. The verdict gives errors in pixels and
+    metres beside body size and noise, matches and how sure they are, parameters at bounds, what is undetermined. Next:
+    InspectRollout, CommitWorld."""
+    if (video is None) == (case is None):
+        raise ToolError("ModelVideo takes one of video=PATH and case=ID")
+    if video is None and name is not None:
+        raise ToolError("name is given to a video that is opened: ModelVideo(video=PATH, name=...)")
+    found = _opened(app, video, name) if case is None else app.case(case)
+    found = app.case_to_model(found.id, "ModelVideo")
+    if found.kind != "video":
+        raise ToolError(f"case {found.id!r} is measured data: ImportObservation, BuildWorld and FitWorld model it")
+    known_points = None if points is None else [item.model_dump() for item in points]
+    given = _given({"points": known_points, "known_length": _dumped(known_length)})
+    calibration = _merged(given, calibrate, "calibrate")
+    if not calibration and latest_camera(app, found) is None:
+        raise ToolError(
+            f"nothing says how the image of case {found.id!r} maps to the world. Next: ModelVideo(case={found.id!r}, "
+            "...) with points, known_length or calibrate"
+        )
+    bodies = {item.name: item for item in objects or []}
+    if len(bodies) < len(objects or []):
+        raise ToolError("two of objects have the same name: each needs one of its own")
+    own = {
+        "seconds_per_frame": seconds_per_frame,
+        "gravity": gravity,
+        "motion_plane": _dumped(motion_plane),
+        "floor": floor,
+        "first_frame": first_frame,
+    }
+    listed: dict[str, Any] = {"objects": [], "only": []} if objects else {}
+    building = _merged({**_given(own), **listed}, build, "build")
+    frames = _given({"first_frame": first_frame, "last_frame": last_frame})
+    with explained():
+        request = VideoRequest(
+            known=tuple(_known(app, found, item) for item in bodies.values()),
+            bodies={key: item.model_dump(exclude={"name", "pixel"}, exclude_none=True) for key, item in bodies.items()},
+            unlisted=unlisted,
+            observe=observe,
+            calibrate=calibration or None,
+            build={key: value for key, value in building.items() if key not in listed},
+            fit=_merged(frames, fit, "fit"),
+            plane=None if motion_plane is None else motion_plane.to_plane(),
+            floor=floor if isinstance(floor, float) else 0.0,
+        )
+    _check_steps(app, found, request)
+    return LongWork(
+        key="ModelVideo" + found.id + to_json(plain({**vars(request), "known": repr(request.known)})),
+        work=partial(model_video, app, found, request),
+        draft=Answer(summary=f"modelling {found.path}", data={}, case=found.id, objects=tuple(bodies)),
+        patience=patience_seconds,
+    )
+
+
+def _opened(app: App, video: str | None, name: str | None) -> Case:
+    answer = open_case(app, video=video, name=name)
+    assert isinstance(answer, Answer)
+    assert answer.case is not None
+    app.store.evidence.add(answer.to_evidence("OpenCase", _given({"video": video, "name": name})))
+    return app.case(answer.case)
+
+
+def _known(app: App, case: Case, item: KnownObject) -> Known:
+    shape = None if item.shape is None else item.shape.to_shape(partial(mesh_of, app, case))
+    pixel = None if item.pixel is None else (item.pixel[0], item.pixel[1])
+    return Known(item.name, shape, item.color, item.material, pixel)
+
+
+def _check_steps(app: App, case: Case, request: VideoRequest) -> None:
+    """Raise ToolError for arguments that a later step would refuse, before the first takes its time."""
+    steps = {
+        "ObserveObjects": request.observe,
+        "CalibrateCamera": request.calibrate,
+        "BuildWorld": request.build,
+        "FitWorld": request.fit,
+    }
+    for tool in app.tools:
+        arguments = steps.get(tool.name)
+        if arguments:
+            tool.checked({"case": case.id, **arguments})
+
+
+def _merged(own: dict[str, Any], further: dict[str, Any] | None, name: str) -> dict[str, Any]:
+    """Join a step's arguments; raises ToolError for one that is given in both places."""
+    twice = sorted(set(own) & set(further or {}))
+    if twice:
+        raise ToolError(f"{', '.join(twice)} of {name} is an argument of ModelVideo itself: give it once, there")
+    return {**own, **(further or {})}
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _dumped(argument: Argument | None) -> dict[str, Any] | None:
+    return None if argument is None else argument.model_dump(exclude_none=True)

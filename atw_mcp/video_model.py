@@ -1,0 +1,177 @@
+"""From a video and what is known about it to a fitted world: observe, calibrate, match, build, fit, judge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from atw_mcp.app import App
+from atw_mcp.fit_errors import object_errors
+from atw_mcp.jobs import Progress
+from atw_mcp.matching import Known, matched
+from atw_mcp.observing import derivation, latest_image_observation, modelled_tracks
+from atw_mcp.perception.observation import ImageObservation, ObservedObject
+from atw_mcp.perception.tracks import estimate_sizes
+from atw_mcp.results import Answer
+from atw_mcp.steps import Step, StepFailed, Steps
+from atw_mcp.video_report import MATCHING, VideoModel, failure_report, fit_report
+from evidence_store import Case, StoreError
+from polyworld.camera import Camera
+from polyworld.world import MotionPlane
+
+SHARES = {"ObserveObjects": 0.35, "CalibrateCamera": 0.36, "BuildWorld": 0.5, "FitWorld": 0.98}
+MOVED = 0.5  # of its own size in the image, by which a track has moved
+
+
+@dataclass(frozen=True)
+class VideoRequest:
+    """What is known of a video, as arguments of the tools that use it.
+
+    known: names, shapes and hints for the matching; bodies: what BuildWorld is given of each, by name. unlisted: what
+    becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used.
+    """
+
+    known: tuple[Known, ...]
+    bodies: dict[str, dict[str, Any]]
+    unlisted: Literal["leave_out", "model"]
+    observe: dict[str, Any] | None
+    calibrate: dict[str, Any] | None
+    build: dict[str, Any]
+    fit: dict[str, Any]
+    plane: MotionPlane | None = None
+    floor: float = 0.0
+
+
+def model_video(app: App, case: Case, request: VideoRequest, progress: Progress) -> Answer:
+    """Run the steps of World Modeling in order, each recorded as a call of its own tool, and judge the fitted world.
+
+    A step that fails ends the work with status `failed`; the steps before it stay and are not repeated by a next call.
+    """
+    steps, model = Steps(app, progress, SHARES), VideoModel()
+    try:
+        seen = _observe(app, case, request, steps)
+        if request.calibrate is not None:
+            steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+        names = _match(app, case, request, seen, steps, model, progress)
+        built = steps.call("BuildWorld", case=case.id, **_build_arguments(request, model, names))
+        fitted = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
+        _compare(app, case, fitted, model, progress)
+    except StepFailed as error:
+        return failure_report(case, error, steps, model)
+    return fit_report(case, fitted, steps, model)
+
+
+def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> ImageObservation:
+    latest = latest_image_observation(app, case)
+    if latest is None or request.observe is not None:
+        steps.call("ObserveObjects", case=case.id, **(request.observe or {}))
+        latest = latest_image_observation(app, case)
+    if latest is None or not latest[1].objects:
+        raise StepFailed("ObserveObjects", "no object was found in the video")
+    return latest[1]
+
+
+def _match(
+    app: App,
+    case: Case,
+    request: VideoRequest,
+    seen: ImageObservation,
+    steps: Steps,
+    model: VideoModel,
+    progress: Progress,
+) -> list[str]:
+    """Match known objects to tracks and give the tracks their names; returns the names of the tracks to model."""
+    if not request.known:
+        return list(seen.names)
+    try:
+        how = derivation(app, case, {}, request.plane, request.floor)
+        if how is None:
+            raise StepFailed(MATCHING, "the case's latest tracks were imported: BuildWorld and FitWorld model those")
+        camera = Camera.model_validate(app.store.observations.get(how.camera).document["camera"])
+        estimates = estimate_sizes(
+            seen,
+            camera,
+            how.plane,
+            progress=lambda _, what: progress.note(progress.done, 1.0, what),
+            cancelled=progress.cancelled,
+        )
+    except (ValueError, StoreError) as error:
+        raise StepFailed(MATCHING, str(error)) from error
+    elevation = float(np.arcsin(np.clip(-np.asarray(camera.rotation)[2, 2], -1.0, 1.0)))
+    model.matching = matched(request.known, seen.objects, estimates, elevation)
+    if not model.matching.matches:
+        raise StepFailed(MATCHING, f"none of {', '.join(item.name for item in request.known)} fits a track")
+    names = {match.track: match.known for match in model.matching.matches}
+    model.tracks = [_track_row(seen.object(name)) for name in model.matching.unlisted]
+    renames = list(_renames(names, seen.names))
+    if renames:
+        steps.call("ObserveObjects", case=case.id, corrections=renames)
+    if request.unlisted == "leave_out":
+        return list(names.values())
+    latest = latest_image_observation(app, case)
+    return list(names.values()) if latest is None else list(latest[1].names)
+
+
+def _renames(names: dict[str, str], tracks: tuple[str, ...]) -> Iterator[dict[str, str]]:
+    """Yield corrections that rename tracks, by way of free names where one is taken by another track."""
+    changed = {track: name for track, name in names.items() if track != name}
+    taken = set(tracks) & set(changed.values())
+    used = {*tracks, *changed.values()}
+    aside: dict[str, str] = {}
+    for track in tracks:
+        if track in taken:
+            free = next(f"{track}_{n}" for n in range(2, 1000) if f"{track}_{n}" not in used)
+            used.add(free)
+            aside[track] = free
+            yield {"kind": "rename", "object": track, "name": free}
+    for track, name in changed.items():
+        yield {"kind": "rename", "object": aside.get(track, track), "name": name}
+
+
+def _track_row(track: ObservedObject) -> dict[str, Any]:
+    seen = np.isfinite(track.centroid).all(axis=1)
+    extent = float(np.median(np.sqrt(track.area[seen]))) if seen.any() else 0.0
+    moved = float(np.linalg.norm(np.ptp(track.centroid[seen], axis=0))) if seen.any() else 0.0
+    about = track.summary()
+    return {
+        "track": track.name,
+        "colour": about["colour"],
+        "shape": about["shape"],
+        "frames": int(seen.sum()),
+        "moves": moved > MOVED * extent,
+        "mean_confidence": about["mean_confidence"],
+    }
+
+
+def _build_arguments(request: VideoRequest, model: VideoModel, names: list[str]) -> dict[str, Any]:
+    described = [name for name, body in request.bodies.items() if name in names or "position" in body]
+    objects = []
+    for name in described:
+        fields = {key: value for key, value in request.bodies[name].items() if name not in names or key != "position"}
+        objects.append({"name": name, **fields})
+    chosen = {"only": names} if model.matching is not None else {}
+    return {**({"objects": objects} if objects else {}), **chosen, **request.build}
+
+
+def _fit_arguments(request: VideoRequest, names: list[str]) -> dict[str, Any]:
+    """Arguments of FitWorld in which what is known of a body is not searched."""
+    given = list(request.fit.get("parameters") or [])
+    asked = {path for item in given if isinstance(item, dict) for path in item.get("paths", [])}
+    for name in names:
+        for key in ("mass", "friction", "restitution"):
+            path = f"objects.{name}.{key}"
+            if key in request.bodies.get(name, {}) and path not in asked:
+                given.append({"paths": [path], "fixed": True})
+    return {**request.fit, **({"parameters": given} if given else {})}
+
+
+def _compare(app: App, case: Case, fitted: Step, model: VideoModel, progress: Progress) -> None:
+    world = app.world(case, fitted.evidence.world)
+    first, last = fitted.data["fitted_frames"]
+    try:
+        model.errors = object_errors(app, world, modelled_tracks(app, case, world), (first, last), progress)
+    except ValueError as error:
+        model.diverged = str(error)
