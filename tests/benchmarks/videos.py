@@ -1,0 +1,123 @@
+"""What perception makes of rendered clips: `python -m tests.benchmarks.videos`.
+
+Clips of moving bodies are drawn and rendered by MuJoCo (`tests.benchmarks.video_clips`, written without knowledge of
+the perception code): ten kinds of motion, fourteen kinds of looks. Every clip is observed as it is, without hints, and
+scored against true masks: bodies found, objects that are none, intersection over union, distance of centroids.
+Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
+[--pictures DIR] writes outlines over frames; [--json] prints all figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import secrets
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from atw_mcp.perception.observation import ImageObservation
+from atw_mcp.perception.observe import observe
+from atw_mcp.perception.video import load
+from tests.benchmarks.video_scores import ClipScore, score_masks
+
+COUNT, QUICK = 60, 10
+COLOURS = [(0, 0, 255), (0, 255, 255), (255, 0, 255), (255, 255, 0), (0, 255, 0), (255, 128, 0)]
+
+
+def observed_masks(observation: ImageObservation, frames: int) -> dict[str, Any]:
+    """Masks (T, H, W) of the first frames by object."""
+    shape = (observation.video.height, observation.video.width)
+    return {
+        o.name: np.stack([np.zeros(shape, bool) if m is None else m.decode() for m in o.masks[:frames]])
+        for o in observation.objects
+    }
+
+
+def judge(public: Path, private: Path, pictures: Path | None = None) -> tuple[ClipScore, dict[str, Any]]:
+    """Observe a clip and score it; with its kind, style and the seconds it took."""
+    file = next(public.glob("clip.*"))
+    truth = np.load(private / f"{public.name}_masks.npz")
+    hidden = json.loads((private / f"{public.name}.json").read_text())
+    begin = time.process_time()
+    observation = observe(file)
+    spent = time.process_time() - begin
+    frames = min(len(truth["labels"]), len(observation.frames))
+    masks = observed_masks(observation, frames)
+    score = score_masks(truth["labels"][:frames], [str(n) for n in truth["names"]], masks)
+    if pictures is not None:
+        _picture(file, masks, pictures / f"{public.name}.png")
+    return score, {"clip": public.name, "kind": hidden["kind"], "style": hidden["style"], "seconds": spent}
+
+
+def summary(scores: Sequence[ClipScore]) -> dict[str, Any]:
+    """Figures over all clips."""
+    bodies = [b for s in scores for b in s.bodies]
+    found = [b for b in bodies if b.observed is not None]
+    return {
+        "clips": len(scores),
+        "complete": sum(s.complete for s in scores),
+        "bodies": len(bodies),
+        "found": len(found),
+        "ghosts": sum(len(s.ghosts) for s in scores),
+        "iou_median": float(np.median([b.iou for b in bodies])) if bodies else None,
+        "off_median": float(np.median([b.off for b in found])) if found else None,
+    }
+
+
+def _picture(file: Path, masks: dict[str, Any], to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    _, frames = load(file)
+    tiles = []
+    for t in np.linspace(0, len(frames) - 1, 4).astype(int):
+        tile = frames[t].copy()
+        for k, own in enumerate(masks.values()):
+            if t < len(own):
+                outlines, _ = cv2.findContours(own[t].astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+                cv2.drawContours(tile, outlines, -1, COLOURS[k % len(COLOURS)], 1)
+        tiles.append(tile)
+    cv2.imwrite(str(to), np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])]))
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--clips", type=Path, metavar="DIR", help="folder with public and private, drawn before")
+    parser.add_argument("--count", type=int, help=f"clips to draw (default: {COUNT})")
+    parser.add_argument("--seed", type=int, help="default: from the operating system")
+    parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
+    parser.add_argument("--pictures", type=Path, metavar="DIR")
+    parser.add_argument("--json", action="store_true")
+    chosen = parser.parse_args()
+    seed = secrets.randbits(32) if chosen.seed is None else chosen.seed
+    with tempfile.TemporaryDirectory() as made:
+        folder = chosen.clips or Path(made)
+        if chosen.clips is None:
+            count = chosen.count or (QUICK if chosen.quick else COUNT)
+            draw = [sys.executable, "-m", "tests.benchmarks.video_clips", "--out", made, "--seed", str(seed)]
+            subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[2])
+        scores, rows = [], []
+        for public in sorted((folder / "public").iterdir()):
+            score, about = judge(public, folder / "private", chosen.pictures)
+            scores.append(score)
+            rows.append(about | score.to_dict())
+            found = sum(b.observed is not None for b in score.bodies)
+            text = f"{public.name} {about['kind']} {about['style']}: {found} of {len(score.bodies)} found"
+            print(f"{text}, {len(score.ghosts)} ghosts, {about['seconds']:.1f} s", file=sys.stderr, flush=True)
+    figures = summary(scores) | {"seed": seed}
+    if chosen.json:
+        print(json.dumps(figures | {"rows": rows}))
+    else:
+        print("\t".join(figures))
+        print("\t".join(str(v) for v in figures.values()))
+
+
+if __name__ == "__main__":
+    main()
