@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
 from polyworld.estimation.run_parts import in_parts
 from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
-from polyworld.gap.decide import Verdict
+from polyworld.gap.decide import Kind, Verdict
 from polyworld.gap.outlying import (
     OutlyingRun,
     event_runs,
@@ -87,6 +89,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
             if not further:
                 break
             aside = (*aside, *further)
+        found = _without_unsupported(work, found)
         best, kind = found.verdict.best, found.verdict.kind
         if aside and best is not None and kind != "unexplained" and not found.limited:
             others = tuple(o.run for o in aside if o.run not in influential)
@@ -128,12 +131,38 @@ def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:
     if found.limited or found.verdict.kind not in ("identified", "ambiguous") or named is None:
         return ()
     for fewer in (found.ground, *_one_effect_less(named, found.pool)):
-        further = [p for p in named.hypothesis.parts if p.candidate.name not in fewer.hypothesis.names]
-        if not any(p.candidate.local for p in further):
-            alone = supporting_run(fewer, named, work.outliers, work.decision.decisive)
-            if alone is not None:
-                return (alone,)
+        alone = _alone(work, fewer, named)
+        # Beside other effects, one that a single run supports may as well be a chance of that run.
+        if alone is not None and (fewer is found.ground or _is_outlier(work, fewer, alone)):
+            return (alone,)
     return ()
+
+
+def _alone(work: Work, fewer: FittedHypothesis, named: FittedHypothesis) -> OutlyingRun | None:
+    """Return the run that alone supports what effects add to fewer, where none of these is local."""
+    further = [p for p in named.hypothesis.parts if p.candidate.name not in fewer.hypothesis.names]
+    if any(p.candidate.local for p in further):
+        return None
+    return supporting_run(fewer, named, work.outliers, work.decision.decisive)
+
+
+def _is_outlier(work: Work, trial: FittedHypothesis, run: OutlyingRun) -> bool:
+    """Return whether a hypothesis explains a run far worse than the others."""
+    misfits = dict(zip((r.run.part_of or r.run.name for r in trial.context.design.runs), trial.misfits, strict=True))
+    others = [m for name, m in misfits.items() if name != run.run]
+    return bool(misfits[run.run] > work.outliers.excess * max(float(np.median(others)), 1.0))
+
+
+def _without_unsupported(work: Work, found: Searched) -> Searched:
+    """Take back an effect that a single run supports beside others: one run is no evidence of a law."""
+    named = found.verdict.best
+    if found.limited or found.verdict.kind != "identified" or named is None:
+        return found
+    for fewer in _one_effect_less(named, found.pool):
+        if _alone(work, fewer, named) is not None:
+            kind: Kind = "identified" if fewer.passes else "unexplained"
+            return replace(found, verdict=Verdict(kind, fewer, (fewer,) if fewer.passes else ()))
+    return found
 
 
 def _one_effect_less(named: FittedHypothesis, pool: Sequence[FittedHypothesis]) -> list[FittedHypothesis]:
