@@ -1,0 +1,77 @@
+"""Objects at rest on texture, the factor of cast shadows, and the motion of a camera held by hand, on drawn scenes."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from atw_mcp.perception.background import model_background
+from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
+from atw_mcp.perception.segmentation import shadows_of
+from atw_mcp.perception.still_colours import rare_colour_regions
+
+HEIGHT, WIDTH = 180, 240
+
+
+def checker(rng: np.random.Generator) -> NDArray[np.float64]:
+    """A floor of two greys in tiles of 20 pixels, with noise."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    tiles = np.where((x // 20 + y // 20) % 2, 150.0, 95.0)
+    return np.repeat(tiles[..., None], 3, axis=2) + rng.normal(0.0, 1.5, (HEIGHT, WIDTH, 3))
+
+
+def test_a_red_box_on_a_checked_floor_is_found_and_no_tile_is() -> None:
+    image = checker(np.random.default_rng(0))
+    truth = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    truth[70:100, 110:150] = True
+    image[truth] = (40.0, 40.0, 190.0)
+    found = rare_colour_regions(image.astype(np.float32), 40)
+    assert (found & truth).sum() / (found | truth).sum() > 0.9
+    assert not rare_colour_regions(checker(np.random.default_rng(1)).astype(np.float32), 40).any()
+
+
+@pytest.mark.parametrize("factor", [0.45, 0.6])
+def test_the_factor_of_shadows_is_read_from_two_bodies_that_cast_them(factor: float) -> None:
+    """Two bodies of different greys, each with a shadow beside it, slide over a plain floor."""
+    rng = np.random.default_rng(2)
+    frames = []
+    for t in range(16):
+        image = np.full((HEIGHT, WIDTH, 3), 160.0)
+        for level, row, start in ((70.0, 50, 30), (230.0, 120, 60)):
+            x = start + 7 * t
+            image[row : row + 14, x + 18 : x + 34] *= factor
+            shading = np.linspace(0.8, 1.1, 18)[:, None, None]
+            image[row - 2 : row + 16, x : x + 18] = level * shading
+        frames.append(np.clip(image + rng.normal(0.0, 1.0, image.shape), 0, 255).astype(np.uint8))
+    film = np.stack(frames)
+    found = shadows_of(film, model_background(film))
+    assert found == pytest.approx(factor, abs=0.03)
+
+
+def test_a_shaking_camera_is_steadied_and_masks_come_back_to_its_pixels() -> None:
+    rng = np.random.default_rng(3)
+    scene = np.clip(checker(rng), 0, 255).astype(np.uint8)
+    scene = cv2.GaussianBlur(scene, (0, 0), 1.0)
+    shifts = np.concatenate([[[0.0, 0.0]], rng.uniform(-2.0, 2.0, (11, 2))])
+    maps = [np.array([[1.0, 0.0, dx], [0.0, 1.0, dy]]) for dx, dy in shifts]
+    film = np.stack([cv2.warpAffine(scene, m, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REPLICATE) for m in maps])
+    motion = camera_motion(film)
+    assert motion is not None
+    np.testing.assert_allclose(motion[:, :, 2], shifts, atol=0.15)
+    inner = stabilised(film, motion)[:, 20:-20, 20:-20].astype(float)
+    assert np.abs(inner - inner[0]).mean() < 0.3 * np.abs(film.astype(float) - film[0]).mean()
+    mask = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    mask[80:100, 100:130] = True
+    y, x = np.nonzero(as_filmed(mask, motion[5]))
+    assert (x.mean() - 114.5, y.mean() - 89.5) == pytest.approx(tuple(shifts[5]), abs=0.5)  # whole pixels
+
+
+def test_bodies_that_move_before_a_plain_wall_are_no_motion_of_the_camera() -> None:
+    film = np.full((12, HEIGHT, WIDTH, 3), 140, dtype=np.uint8)
+    for t in range(12):
+        cv2.circle(film[t], (60 + 4 * t, 90), 15, (30, 30, 200), -1)
+        cv2.circle(film[t], (180 - 4 * t, 60), 15, (200, 30, 30), -1)
+    assert camera_motion(film) is None
+    assert camera_motion(np.repeat(film[:1], 6, axis=0)) is None
