@@ -104,8 +104,8 @@ def observe(
         )
     if not background.smooth:
         warnings.append(
-            f"the background is textured (residual {background.texture:.1f} grey levels): objects that never move "
-            "cannot be told from it"
+            f"the background is textured (residual {background.texture:.1f} grey levels): objects that never move are "
+            "found there only by a colour that occurs nowhere else"
         )
     if motion is not None:
         warnings.append(
