@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 
-def require_positive(settings: object) -> None:
+def require_positive(settings: DataclassInstance) -> None:
     """Raise ValueError, naming the first field of a dataclass that is not positive."""
-    for entry in fields(settings):  # type: ignore[arg-type]
+    for entry in fields(settings):
         value = getattr(settings, entry.name)
         if not all(v > 0 for v in (value if isinstance(value, tuple) else (value,))):
             raise ValueError(f"{entry.name} must be positive, got {value!r}")

@@ -29,7 +29,8 @@ def rare_colour_regions(image: Array32, min_area: int) -> Mask:
     Regions smaller than `min_area` [px] are left out, and so are those that differ little from their surroundings.
     """
     height, width = image.shape[:2]
-    lab = cv2.cvtColor(np.clip(cv2.medianBlur(image.astype(np.uint8), 3), 0, 255), cv2.COLOR_BGR2LAB).astype(np.float32)
+    levels = cv2.medianBlur(np.clip(image, 0, 255).astype(np.uint8), 3)
+    lab = cv2.cvtColor(levels, cv2.COLOR_BGR2LAB).astype(np.float32)
     features = lab * np.array([LIGHTNESS * 100.0 / 255.0, 1.0, 1.0], dtype=np.float32)
     labels = _clusters(features)
     found = np.zeros((height, width), dtype=bool)

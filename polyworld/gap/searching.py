@@ -339,8 +339,8 @@ def _explained(
 def _from_states_of(trial: FittedHypothesis, ground: FittedHypothesis) -> FittedHypothesis:
     """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
     values = trial.values[: len(ground.values)]
-    begun = trial.context.fit(ground.hypothesis, values, trial.fit.states, iterations=BASE.barely)
-    return refitted(begun, trial.context)
+    fitted = trial.context.fit(ground.hypothesis, values, trial.fit.states, iterations=BASE.barely)
+    return refitted(fitted, trial.context)
 
 
 def _renoise(search: Search, effects: int) -> None:

@@ -1,25 +1,23 @@
 """Checks the generator of clips against geometry, mechanics and itself."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
-mujoco = pytest.importorskip("mujoco")
-
-from dataclasses import replace  # noqa: E402
-
-from tests.benchmarks.video_clips.bodies import Body, Scene  # noqa: E402
-from tests.benchmarks.video_clips.camera import look_at  # noqa: E402
-from tests.benchmarks.video_clips.clip import Clip, draw_clip  # noqa: E402
-from tests.benchmarks.video_clips.looks import draw_look  # noqa: E402
-from tests.benchmarks.video_clips.physics import simulate  # noqa: E402
-from tests.benchmarks.video_clips.render import Film, Studio, render  # noqa: E402
-from tests.benchmarks.video_clips.textures import floor_png  # noqa: E402
-from tests.benchmarks.video_clips.truth import intervals, truth  # noqa: E402
-from tests.benchmarks.video_clips.write import write_clip  # noqa: E402
+from tests.benchmarks.video_clips.bodies import Body, Scene
+from tests.benchmarks.video_clips.camera import look_at
+from tests.benchmarks.video_clips.clip import Clip, draw_clip
+from tests.benchmarks.video_clips.looks import draw_look
+from tests.benchmarks.video_clips.physics import simulate
+from tests.benchmarks.video_clips.render import Film, Studio, render
+from tests.benchmarks.video_clips.textures import floor_png
+from tests.benchmarks.video_clips.truth import intervals, truth
+from tests.benchmarks.video_clips.write import write_clip
 
 
 def _has_gl() -> bool:
