@@ -57,6 +57,7 @@ from atw_mcp.tools import (
     looking,
     measurement,
     modelling,
+    models,
     observation,
     querying,
 )
@@ -64,6 +65,7 @@ from atw_mcp.tools import (
 GROUPS: tuple[ToolGroup, ...] = (
     observation.GROUP,
     measurement.GROUP,
+    models.GROUP,
     construction.GROUP,
     identification.GROUP,
     modelling.GROUP,

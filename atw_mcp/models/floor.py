@@ -61,8 +61,8 @@ def camera_over_floor(depth: DepthMaps, focal: float, objects: Mask | None = Non
     rms = float(np.sqrt(np.mean((points[inside] @ normal - offset) ** 2)))
     tilt = float(np.degrees(np.arcsin(np.clip(-normal[2], -1.0, 1.0))))
     warnings = (
-        f"the largest plane ({100 * share:.0f}% of the image, {rms:.2g} m rms, looked down upon at {tilt:.0f} degrees) is "
-        "taken for the floor; a wall would be taken for it too",
+        f"the largest plane ({100 * share:.0f}% of the image, {rms:.2g} m rms, looked down upon at {tilt:.0f} degrees) "
+        "is taken for the floor; a wall would be taken for it too",
         "the scale is the model's own: an object or distance of known size should confirm it",
     )
     return Calibration(made.camera, (), None, "floor seen in predicted depth", warnings)

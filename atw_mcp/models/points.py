@@ -97,7 +97,12 @@ def follow_points(
             for back in (False, True):
                 turned = count - 1 - rows[own] if back else rows[own]
                 found, seen = _chained(
-                    program, scaled[::-1] if back else scaled, turned, (start[own] + 0.5) * scale - 0.5, device, cancelled
+                    program,
+                    scaled[::-1] if back else scaled,
+                    turned,
+                    (start[own] + 0.5) * scale - 0.5,
+                    device,
+                    cancelled,
                 )
                 found, seen = (found[::-1], seen[::-1]) if back else (found, seen)
                 later = np.arange(count)[:, None] >= rows[own][None]
@@ -139,9 +144,7 @@ def _load(model: ModelFolder, device: str) -> _Program:
     except Exception as error:  # whatever its readers of archives, JSON and tensors raise
         raise ModelError(f"{file.name}: not a program saved by torch.export.save: {error}") from error
     if device != "cpu":
-        from torch.export.passes import move_to_device_pass  # only there where the extra is
-
-        exported = move_to_device_pass(exported, device)
+        exported = extra("torch.export.passes").move_to_device_pass(exported, device)
     names = exported.graph_signature.user_inputs
     nodes = [n for n in exported.graph.nodes if n.op == "placeholder" and n.name in names]
     shapes = [tuple(d if isinstance(d, int) else None for d in n.meta["val"].shape) for n in nodes]

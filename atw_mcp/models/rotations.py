@@ -63,9 +63,7 @@ def rotations(
         weight = np.exp(-((error[known] / TRUSTED) ** 2))
         confidence[known, column] = np.round(tracks.confidence[known, column] * weight, 4)
         symmetry[column] = 1
-    return replace(
-        tracks, orientations=orientations, orientation_confidence=confidence, symmetry=tuple(symmetry)
-    )
+    return replace(tracks, orientations=orientations, orientation_confidence=confidence, symmetry=tuple(symmetry))
 
 
 def _on_ball(pixels: Floats, centres: Floats, radius: float, camera: Camera) -> Floats:
@@ -125,7 +123,9 @@ def _fitted(seen: Floats, body: Floats, axis: Floats | None) -> tuple[Rotation, 
     for _ in range(3):
         rotation = _least_squares(seen[keep], body[keep], axis)
         angle = np.arccos(np.clip((rotation.apply(body) * seen).sum(axis=1), -1.0, 1.0))
-        limit = np.median(angle) + OUTLIER * max(1.4826 * float(np.median(np.abs(angle - np.median(angle)))), ANGLE_FLOOR)
+        limit = np.median(angle) + OUTLIER * max(
+            1.4826 * float(np.median(np.abs(angle - np.median(angle)))), ANGLE_FLOOR
+        )
         if (angle <= limit).sum() < LEAST_POINTS:
             break
         keep = angle <= limit

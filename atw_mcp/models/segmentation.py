@@ -216,7 +216,10 @@ def _point_inputs(torch: Any, prompt: Prompt, frames: Frames, size: int) -> dict
     labels += [1] * len(prompt.positive) + [0] * len(prompt.negative)
     scale = np.array([size / frames.shape[2], size / frames.shape[1]])
     coordinates = torch.tensor(np.asarray(points) * scale, dtype=torch.float32)
-    return {"point_coords": coordinates[None, None], "point_labels": torch.tensor(labels, dtype=torch.int32)[None, None]}
+    return {
+        "point_coords": coordinates[None, None],
+        "point_labels": torch.tensor(labels, dtype=torch.int32)[None, None],
+    }
 
 
 def _groups(prompts: Sequence[Prompt], batch: int) -> Iterator[dict[str, list[Prompt]]]:

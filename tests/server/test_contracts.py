@@ -13,7 +13,7 @@ from tests.server.contract_snapshots import FOLDER, served_contracts
 CONTRACTS = served_contracts()
 NAMES = {
     "OpenCase", "ObserveObjects", "ImportObservation", "CalibrateCamera", "BuildWorld", "FitWorld", "CommitWorld",
-    "ModelVideo",
+    "ModelVideo", "RunModel",
     "FindDiscrepancy", "ProposeEffects", "AddEffect",
     "InspectWorld", "ReadProperty", "InspectFrames", "InspectObservedMotion", "InspectRollout",
     "Rollout", "ReadEvents", "ReadTrajectory", "ReadTimeline", "QueryWorld", "CompareWorlds",

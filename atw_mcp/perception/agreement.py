@@ -1,0 +1,183 @@
+"""How far two observations of one video agree, object by object and frame by frame, and which to believe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from atw_mcp.perception.masks import Mask, RunLengthMask
+from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
+
+Floats = NDArray[np.float64]
+
+SAME = 0.1  # mean IoU from which two objects are taken to be one
+AGREE = 0.7  # IoU from which two masks of one object are taken to agree
+
+
+@dataclass(frozen=True)
+class ObjectAgreement:
+    """One object as two observations have it; None where one has it not.
+
+    iou (T,): of its masks in the frames both observed, 0 where one alone sees it, NaN where neither does. steadiness:
+    how alike an observation's own masks of neighbouring frames are once their motion is taken out (0..1), times the
+    share, of the frames in which either sees the object, in which this one does.
+    """
+
+    first: str | None
+    second: str | None
+    frames: tuple[int, ...]
+    iou: Floats
+    steadiness: tuple[float, float]
+
+    @property
+    def mean(self) -> float:
+        """Mean IoU over the frames in which either sees the object."""
+        return float(np.nanmean(self.iou)) if np.isfinite(self.iou).any() else 0.0
+
+    @property
+    def better(self) -> str:
+        """Which observation has it more steadily: "first" or "second"."""
+        return "first" if self.steadiness[0] >= self.steadiness[1] else "second"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        apart = [f for f, v in zip(self.frames, self.iou, strict=True) if np.isfinite(v) and v < AGREE]
+        return {
+            "first": self.first,
+            "second": self.second,
+            "mean_iou": round(self.mean, 3),
+            "frames_agreeing": int((self.iou >= AGREE).sum()),
+            "frames_disagreeing": _spans(apart),
+            "steadiness": {"first": round(self.steadiness[0], 3), "second": round(self.steadiness[1], 3)},
+            "steadier": self.better,
+        }
+
+
+def agreement(first: ImageObservation, second: ImageObservation) -> tuple[ObjectAgreement, ...]:
+    """Compare two observations of one video over the frames both have.
+
+    Objects are matched one to one by mean IoU; those without a partner come last. Raises ObservationError where the
+    videos differ or no frame is common.
+    """
+    if first.video.sha256 != second.video.sha256:
+        raise ObservationError(f"{first.video.path} and {second.video.path} are not the same video")
+    frames = tuple(f for f in first.frames if f in set(second.frames))
+    if not frames:
+        raise ObservationError("the two observations have no frame in common")
+    rows = [[o.row(f) for f in frames] for o in (first, second)]
+    ious = np.full((len(first.objects), len(second.objects), len(frames)), np.nan)
+    for i, one in enumerate(first.objects):
+        for j, other in enumerate(second.objects):
+            ious[i, j] = [_iou(one.masks[a], other.masks[b]) for a, b in zip(*rows, strict=True)]
+    mean = np.array([[np.nanmean(v) if np.isfinite(v).any() else 0.0 for v in row] for row in ious])
+    pairs = list(zip(*linear_sum_assignment(-mean), strict=True)) if mean.size else []
+    matched = [(int(i), int(j)) for i, j in pairs if mean[i, j] >= SAME]
+    found = [_matched(first.objects[i], second.objects[j], frames, rows, ious[i, j]) for i, j in matched]
+    for k, item in enumerate(first.objects):
+        if k not in {i for i, _ in matched}:
+            found.append(
+                ObjectAgreement(item.name, None, frames, _alone(item, rows[0]), (_steadiness(item, rows[0]), 0.0))
+            )
+    for k, item in enumerate(second.objects):
+        if k not in {j for _, j in matched}:
+            found.append(
+                ObjectAgreement(None, item.name, frames, _alone(item, rows[1]), (0.0, _steadiness(item, rows[1])))
+            )
+    return tuple(found)
+
+
+def by_agreement(
+    first: ImageObservation, second: ImageObservation
+) -> tuple[ImageObservation, tuple[ObjectAgreement, ...]]:
+    """`first` with each object as the steadier of the two has it, and how far they agree.
+
+    `first` says which objects there are and what they are called, and must have every frame of the result. Where the
+    two disagree in a frame, the confidence there is multiplied by their IoU, so that a fit leans on frames in which
+    two independent methods see the same. Objects of `second` alone are left out and named in the warnings, as are
+    those of `first` that `second` does not see, whose confidence is halved.
+    """
+    compared = agreement(first, second)
+    partner = {item.first: item for item in compared if item.first is not None}
+    objects, notes = [], []
+    for item in first.objects:
+        found = partner[item.name]
+        if found.second is None:
+            notes.append(f"{item.name} is seen by one method only: its confidence is halved")
+            objects.append(replace(item, confidence=np.round(0.5 * item.confidence, 4)))
+            continue
+        taken = item
+        if found.better == "second" and second.frames == first.frames:
+            taken = replace(second.object(found.second), name=item.name)
+        weight = np.ones(len(first.frames))
+        for frame, value in zip(found.frames, found.iou, strict=True):
+            if np.isfinite(value) and value < AGREE:
+                weight[first.row(frame)] = value
+        objects.append(replace(taken, confidence=np.round(taken.confidence * weight, 4)))
+        if found.mean < AGREE:
+            notes.append(
+                f"{item.name}: two methods disagree about it (mean IoU {found.mean:.2f}): look at its outlines"
+            )
+    alone = [item.second for item in compared if item.first is None]
+    if alone:
+        notes.append(f"left out, since one method alone sees them: {', '.join(str(name) for name in alone)}")
+    return replace(first, objects=tuple(objects), warnings=(*first.warnings, *notes)), compared
+
+
+def _matched(
+    one: ObservedObject, other: ObservedObject, frames: tuple[int, ...], rows: list[list[int]], iou: Floats
+) -> ObjectAgreement:
+    either = max(int(np.isfinite(iou).sum()), 1)
+    shares = [
+        sum(item.masks[t] is not None for t in own) / either for item, own in zip((one, other), rows, strict=True)
+    ]
+    steady = (_steadiness(one, rows[0]) * shares[0], _steadiness(other, rows[1]) * shares[1])
+    return ObjectAgreement(one.name, other.name, frames, iou, steady)
+
+
+def _alone(item: ObservedObject, rows: list[int]) -> Floats:
+    return np.array([np.nan if item.masks[t] is None else 0.0 for t in rows])
+
+
+def _iou(one: RunLengthMask | None, other: RunLengthMask | None) -> float:
+    if one is None and other is None:
+        return float("nan")
+    if one is None or other is None:
+        return 0.0
+    a, b = one.decode(), other.decode()
+    return float((a & b).sum() / max((a | b).sum(), 1))
+
+
+def _steadiness(item: ObservedObject, rows: list[int]) -> float:
+    """Median IoU of an object's masks of neighbouring rows, each moved to the other's centroid."""
+    values = []
+    for a, b in pairwise(rows):
+        one, other = item.masks[a], item.masks[b]
+        if one is not None and other is not None and item.status[a] == item.status[b] == "visible":
+            values.append(_moved_iou(one.decode(), other.decode(), item.centroid[b] - item.centroid[a]))
+    return float(np.median(values)) if values else 0.0
+
+
+def _moved_iou(one: Mask, other: Mask, shift: Floats) -> float:
+    """IoU of `other` with `one` moved by a shift (x, y) [px], to the nearest pixel."""
+    y, x = np.nonzero(one)
+    dx, dy = np.round(shift).astype(int)
+    y, x = y + dy, x + dx
+    inside = (y >= 0) & (x >= 0) & (y < one.shape[0]) & (x < one.shape[1])
+    both = int(other[y[inside], x[inside]].sum())
+    return both / max(len(y) + int(other.sum()) - both, 1)
+
+
+def _spans(frames: list[int]) -> list[list[int]]:
+    """Frame numbers as [first, last] of runs without a gap."""
+    spans: list[list[int]] = []
+    for frame in frames:
+        if spans and frame == spans[-1][1] + 1:
+            spans[-1][1] = frame
+        else:
+            spans.append([frame, frame])
+    return spans
