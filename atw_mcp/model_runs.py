@@ -116,7 +116,7 @@ def prepare(app: App, case: Case, request: RunRequest) -> Prepared:
 
 
 def _segmentation(app: App, case: Case, request: RunRequest) -> Prepared:
-    latest = latest_image_observation(app, case)
+    latest = _by_others(app, case, request.model)
     if not request.prompts and latest is None:
         raise ModelError(
             f"{request.model.name} follows what it is shown: give prompts, or let "
@@ -473,6 +473,15 @@ def _shape(
 
 def _inputs(case: Case, request: RunRequest) -> dict[str, Any]:
     return {"video": case.content, "model": request.model.name, "weights": request.model.sha256()}
+
+
+def _by_others(app: App, case: Case, model: ModelFolder) -> tuple[str, ImageObservation] | None:
+    """The latest observation that these weights did not make: what a model is compared with is not itself."""
+    for _, identifier in app.store.cases.observations(case.id, "objects"):
+        content = app.store.observations.get(identifier)
+        if content.inputs.get("weights") != model.sha256():
+            return identifier, image_observation(content)
+    return None
 
 
 def _observed(app: App, case: Case, request: RunRequest) -> tuple[str, ImageObservation]:

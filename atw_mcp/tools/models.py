@@ -21,7 +21,7 @@ NAME = r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$"
 
 
 class PromptArgument(Argument):
-    """Where an object is in one frame: a box, points, or both. Several frames of one object refine each other."""
+    """Where an object is in a frame: box, points, or both. Several frames of one object refine each other."""
 
     object: str = Field(pattern=NAME, description="its name from now on")
     frame: int = Field(ge=0, description="frame number")
@@ -42,24 +42,21 @@ class ModelledObject(Argument):
     """An observed object the model is asked about."""
 
     name: str = Field(min_length=1, max_length=64)
-    size: float | None = Field(default=None, gt=0, le=1e4, description="mesh: its greatest extent, if known [m]")
-    mesh: str | None = Field(default=None, max_length=64, description="pose: id of its mesh in the case")
+    size: float | None = Field(default=None, gt=0, le=1e4, description="mesh: greatest extent [m]")
+    mesh: str | None = Field(default=None, max_length=64, description="pose: id of its mesh")
 
 
 @GROUP.tool("RunModel", title="Run a learned model", read_only=False)
 def run_model(
     app: App,
-    model: Annotated[
-        str | None, Field(max_length=200, description="name of a model; without it, the models there are are listed")
-    ] = None,
+    model: Annotated[str | None, Field(max_length=200, description="its name; without it, models are listed")] = None,
     case: Annotated[str | None, Field(description="case id, as OpenCase returned it")] = None,
     prompts: Annotated[
         list[PromptArgument] | None,
         Field(
             min_length=1,
             max_length=200,
-            description="segmentation: the objects to follow; default: those of the latest observation, each shown by "
-            "its box where it is seen best",
+            description="segmentation: the objects to follow; default: those observed, by their boxes",
         ),
     ] = None,
     objects: Annotated[
@@ -69,19 +66,17 @@ def run_model(
     use: Annotated[
         Literal["model", "agreement", "report"],
         Field(
-            description="model: the result becomes the case's latest, in place of what ObserveObjects or "
-            "CalibrateCamera gave. agreement (masks): each object from whichever of the model and the latest "
-            "observation follows it more steadily, with less confidence where they disagree. report: compare only"
+            description="model: the result becomes the case's latest. agreement (masks): each object from whichever of "
+            "model and latest observation is steadier, less sure where they disagree. report: compare only"
         ),
     ] = "model",
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Let a learned model observe the video, where ObserveObjects fails or to check it: masks of objects you point at
-    (segmentation), rotations from points on bodies (points), metric depth, focal length and a camera (depth), poses of
-    bodies of known shape (pose), triangle meshes (mesh). Only models whose weights lie on the server's machine:
-    RunModel without a model lists them with their licences. Masks are compared with the latest observation, object by
-    object. Next: InspectFrames, then CalibrateCamera or BuildWorld."""
+    (segmentation), rotations from points on bodies (points), depth, focal length and camera (depth), poses of bodies of
+    known shape (pose), meshes (mesh). Without a model it lists those whose weights are here, with licences. Masks are
+    compared with the latest observation. Next: InspectFrames, then CalibrateCamera or BuildWorld."""
     if model is None:
         return _listed()
     if case is None:

@@ -4,7 +4,9 @@ Clips of moving bodies are drawn and rendered by MuJoCo (`tests.benchmarks.video
 the perception code): ten kinds of motion, fourteen kinds of looks. Every clip is observed as it is, without hints, and
 scored against true masks: bodies found, objects that are none, intersection over union, distance of centroids.
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
-[--pictures DIR] writes outlines over frames; [--json] prints all figures.
+[--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
+ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
+steadier of the two.
 """
 
 from __future__ import annotations
@@ -16,13 +18,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
+from atw_mcp.models import Limits, ModelError, ModelFolder, find_model, follow, prompts_from
+from atw_mcp.perception.agreement import by_agreement
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
@@ -41,13 +46,29 @@ def observed_masks(observation: ImageObservation, frames: int) -> dict[str, Any]
     }
 
 
-def judge(public: Path, private: Path, pictures: Path | None = None) -> tuple[ClipScore, dict[str, Any]]:
+def observe_with(model: ModelFolder, agreement: bool, file: Path) -> ImageObservation:
+    """What a segmentation model makes of a clip whose objects OpenCV points out to it."""
+    plain = observe(file)
+    if not plain.objects:
+        return plain
+    info, frames = load(file)
+    found = follow(model, frames, prompts_from(plain), Limits.from_environment())
+    seen = found.observation(info, frames, plain.frames)
+    return by_agreement(seen, plain)[0] if agreement else seen
+
+
+def judge(
+    public: Path,
+    private: Path,
+    pictures: Path | None = None,
+    look: Callable[[Path], ImageObservation] = observe,
+) -> tuple[ClipScore, dict[str, Any]]:
     """Observe a clip and score it; with its kind, style and the seconds it took."""
     file = next(public.glob("clip.*"))
     truth = np.load(private / f"{public.name}_masks.npz")
     hidden = json.loads((private / f"{public.name}.json").read_text())
     begin = time.process_time()
-    observation = observe(file)
+    observation = look(file)
     spent = time.process_time() - begin
     frames = min(len(truth["labels"]), len(observation.frames))
     masks = observed_masks(observation, frames)
@@ -95,7 +116,20 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--model", metavar="NAME", help="a segmentation model under ATW_MODELS")
+    parser.add_argument("--agreement", action="store_true", help="with --model: the steadier of model and OpenCV")
     chosen = parser.parse_args()
+    if chosen.agreement and chosen.model is None:
+        parser.error("--agreement needs --model NAME")
+    look: Callable[[Path], ImageObservation] = observe
+    if chosen.model is not None:
+        try:
+            model = find_model(chosen.model)
+        except ModelError as error:
+            parser.error(str(error))
+        if model.task != "segmentation":
+            parser.error(f"{model.name} gives {model.task}; clips are scored by masks")
+        look = partial(observe_with, model, chosen.agreement)
     seed = secrets.randbits(32) if chosen.seed is None else chosen.seed
     with tempfile.TemporaryDirectory() as made:
         folder = chosen.clips or Path(made)
@@ -105,13 +139,13 @@ def main() -> None:
             subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[2])
         scores, rows = [], []
         for public in sorted((folder / "public").iterdir()):
-            score, about = judge(public, folder / "private", chosen.pictures)
+            score, about = judge(public, folder / "private", chosen.pictures, look)
             scores.append(score)
             rows.append(about | score.to_dict())
             found = sum(b.observed is not None for b in score.bodies)
             text = f"{public.name} {about['kind']} {about['style']}: {found} of {len(score.bodies)} found"
             print(f"{text}, {len(score.ghosts)} ghosts, {about['seconds']:.1f} s", file=sys.stderr, flush=True)
-    figures = summary(scores) | {"seed": seed}
+    figures = summary(scores) | {"seed": seed, "model": chosen.model, "agreement": chosen.agreement}
     if chosen.json:
         print(json.dumps(figures | {"rows": rows}))
     else:
