@@ -187,7 +187,8 @@ K = request["intrinsics"]
 entries = {}
 for name in request["objects"]:
     entries[name] = [
-        {"frame": f, "pose": [[1, 0, 0, 0.01 * f], [0, 1, 0, 0], [0, 0, 1, 50.0], [0, 0, 0, 1]]} for f in request["frames"]
+        {"frame": f, "pose": [[1, 0, 0, 0.01 * f], [0, 1, 0, 0], [0, 0, 1, 50.0], [0, 0, 0, 1]]}
+        for f in request["frames"]
     ]
 (target / "poses.json").write_text(json.dumps({"objects": entries}))
 """
