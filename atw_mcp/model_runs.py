@@ -163,9 +163,9 @@ def _segment(
         rows = tuple(Prompt(p.object, p.row // stride, p.box, p.positive, p.negative) for p in prompts)
         found = follow(request.model, frames, rows, request.limits, **_told(progress))
         seen = found.observation(info, frames, tuple(range(0, stride * len(frames), stride)))
-        rated = None if latest is None else agreement(seen, latest[1])
+        rated = None if latest is None else agreement(seen, latest[1], frames)
         if request.use == "agreement" and latest is not None:
-            seen, rated = by_agreement(seen, latest[1])
+            seen, rated = by_agreement(seen, latest[1], frames)
         document = {
             "names": list(seen.names),
             "observation": seen.to_dict(),

@@ -6,33 +6,38 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
+from atw_mcp.perception.video import Frames
 
 Floats = NDArray[np.float64]
 
 SAME = 0.1  # mean IoU from which two objects are taken to be one
 AGREE = 0.7  # IoU from which two masks of one object are taken to agree
+LOOKS = 12  # frames in which colours are looked at
+RING = 0.15  # width of the ring around an object, of the square root of its area
 
 
 @dataclass(frozen=True)
 class ObjectAgreement:
     """One object as two observations have it; None where one has it not.
 
-    iou (T,): of its masks in the frames both observed, 0 where one alone sees it, NaN where neither does. steadiness:
-    how alike an observation's own masks of neighbouring frames are once their motion is taken out (0..1), times the
-    share, of the frames in which either sees the object, in which this one does.
+    iou (T,): of its masks in the frames both observed, 0 where one alone sees it, NaN where neither does. merit (0..1),
+    of the first and the second: how alike its masks of neighbouring frames are once their motion is taken out, times
+    the share, of the frames in which either sees the object, in which this one does, times how far the colours inside
+    differ from those around it.
     """
 
     first: str | None
     second: str | None
     frames: tuple[int, ...]
     iou: Floats
-    steadiness: tuple[float, float]
+    merit: tuple[float, float]
 
     @property
     def mean(self) -> float:
@@ -41,8 +46,8 @@ class ObjectAgreement:
 
     @property
     def better(self) -> str:
-        """Which observation has it more steadily: "first" or "second"."""
-        return "first" if self.steadiness[0] >= self.steadiness[1] else "second"
+        """Which observation has the greater merit: "first" or "second"."""
+        return "first" if self.merit[0] >= self.merit[1] else "second"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -53,16 +58,16 @@ class ObjectAgreement:
             "mean_iou": round(self.mean, 3),
             "frames_agreeing": int((self.iou >= AGREE).sum()),
             "frames_disagreeing": _spans(apart),
-            "steadiness": {"first": round(self.steadiness[0], 3), "second": round(self.steadiness[1], 3)},
-            "steadier": self.better,
+            "merit": {"first": round(self.merit[0], 3), "second": round(self.merit[1], 3)},
+            "better": self.better,
         }
 
 
-def agreement(first: ImageObservation, second: ImageObservation) -> tuple[ObjectAgreement, ...]:
-    """Compare two observations of one video over the frames both have.
+def agreement(first: ImageObservation, second: ImageObservation, images: Frames) -> tuple[ObjectAgreement, ...]:
+    """Compare two observations of one video over the frames both have. images (T, H, W, 3): the frames of `first`.
 
-    Objects are matched one to one by mean IoU; those without a partner come last. Raises ObservationError where the
-    videos differ or no frame is common.
+    Objects of one name are matched, the others one to one by mean IoU; those without a partner come last. Raises
+    ObservationError where the videos differ or no frame is common.
     """
     if first.video.sha256 != second.video.sha256:
         raise ObservationError(f"{first.video.path} and {second.video.path} are not the same video")
@@ -75,33 +80,41 @@ def agreement(first: ImageObservation, second: ImageObservation) -> tuple[Object
         for j, other in enumerate(second.objects):
             ious[i, j] = [_iou(one.masks[a], other.masks[b]) for a, b in zip(*rows, strict=True)]
     mean = np.array([[np.nanmean(v) if np.isfinite(v).any() else 0.0 for v in row] for row in ious])
-    pairs = list(zip(*linear_sum_assignment(-mean), strict=True)) if mean.size else []
-    matched = [(int(i), int(j)) for i, j in pairs if mean[i, j] >= SAME]
-    found = [_matched(first.objects[i], second.objects[j], frames, rows, ious[i, j]) for i, j in matched]
-    for k, item in enumerate(first.objects):
-        if k not in {i for i, _ in matched}:
-            found.append(
-                ObjectAgreement(item.name, None, frames, _alone(item, rows[0]), (_steadiness(item, rows[0]), 0.0))
-            )
-    for k, item in enumerate(second.objects):
-        if k not in {j for _, j in matched}:
-            found.append(
-                ObjectAgreement(None, item.name, frames, _alone(item, rows[1]), (0.0, _steadiness(item, rows[1])))
-            )
+    named = np.array([[one.name == other.name for other in second.objects] for one in first.objects])
+    pairs = list(zip(*linear_sum_assignment(-mean - 2.0 * named), strict=True)) if mean.size else []
+    matched = {int(i): int(j) for i, j in pairs if named[i, j] or mean[i, j] >= SAME}
+    shown = images[rows[0]]
+    found = []
+    for i, one in enumerate(first.objects):
+        if i in matched:
+            other = second.objects[matched[i]]
+            either = float(np.isfinite(ious[i, matched[i]]).sum())
+            merit = (_merit(one, rows[0], shown, either), _merit(other, rows[1], shown, either))
+            found.append(ObjectAgreement(one.name, other.name, frames, ious[i, matched[i]], merit))
+    for i, one in enumerate(first.objects):
+        if i not in matched:
+            alone = _alone(one, rows[0])
+            merit = (_merit(one, rows[0], shown, float(np.isfinite(alone).sum())), 0.0)
+            found.append(ObjectAgreement(one.name, None, frames, alone, merit))
+    for j, other in enumerate(second.objects):
+        if j not in matched.values():
+            alone = _alone(other, rows[1])
+            merit = (0.0, _merit(other, rows[1], shown, float(np.isfinite(alone).sum())))
+            found.append(ObjectAgreement(None, other.name, frames, alone, merit))
     return tuple(found)
 
 
 def by_agreement(
-    first: ImageObservation, second: ImageObservation
+    first: ImageObservation, second: ImageObservation, images: Frames
 ) -> tuple[ImageObservation, tuple[ObjectAgreement, ...]]:
-    """`first` with each object as the steadier of the two has it, and how far they agree.
+    """`first` with each object as the one of greater merit has it, and how far they agree.
 
     `first` says which objects there are and what they are called, and must have every frame of the result. Where the
     two disagree in a frame, the confidence there is multiplied by their IoU, so that a fit leans on frames in which
     two independent methods see the same. Objects of `second` alone are left out and named in the warnings, as are
     those of `first` that `second` does not see, whose confidence is halved.
     """
-    compared = agreement(first, second)
+    compared = agreement(first, second, images)
     partner = {item.first: item for item in compared if item.first is not None}
     objects, notes = [], []
     for item in first.objects:
@@ -128,15 +141,9 @@ def by_agreement(
     return replace(first, objects=tuple(objects), warnings=(*first.warnings, *notes)), compared
 
 
-def _matched(
-    one: ObservedObject, other: ObservedObject, frames: tuple[int, ...], rows: list[list[int]], iou: Floats
-) -> ObjectAgreement:
-    either = max(int(np.isfinite(iou).sum()), 1)
-    shares = [
-        sum(item.masks[t] is not None for t in own) / either for item, own in zip((one, other), rows, strict=True)
-    ]
-    steady = (_steadiness(one, rows[0]) * shares[0], _steadiness(other, rows[1]) * shares[1])
-    return ObjectAgreement(one.name, other.name, frames, iou, steady)
+def _merit(item: ObservedObject, rows: list[int], images: Frames, either: float) -> float:
+    share = sum(item.masks[t] is not None for t in rows) / max(either, 1.0)
+    return _steadiness(item, rows) * share * _distinctness(item, rows, images)
 
 
 def _alone(item: ObservedObject, rows: list[int]) -> Floats:
@@ -170,6 +177,34 @@ def _moved_iou(one: Mask, other: Mask, shift: Floats) -> float:
     inside = (y >= 0) & (x >= 0) & (y < one.shape[0]) & (x < one.shape[1])
     both = int(other[y[inside], x[inside]].sum())
     return both / max(len(y) + int(other.sum()) - both, 1)
+
+
+def _distinctness(item: ObservedObject, rows: list[int], images: Frames) -> float:
+    """Median distance of the colours inside an object's masks and in a ring around them (Bhattacharyya, 0..1).
+
+    A mask that has no surroundings, as one that fills the frame, stands out from nothing: 0.
+    """
+    seen = [k for k, t in enumerate(rows) if item.masks[t] is not None]
+    values = []
+    for k in sorted({seen[round(v)] for v in np.linspace(0, len(seen) - 1, min(LOOKS, len(seen)))}):
+        stored = item.masks[rows[k]]
+        assert stored is not None
+        inside = stored.decode().astype(np.uint8)
+        width = max(round(RING * float(np.sqrt(inside.sum()))), 2)
+        around = cv2.dilate(inside, np.ones((2 * width + 1, 2 * width + 1), np.uint8)) - inside
+        if not around.any():
+            values.append(0.0)
+            continue
+        inner, outer = (_colours(images[k], mask) for mask in (inside, around))
+        values.append(float(np.sqrt(max(1.0 - np.sqrt(inner * outer).sum(), 0.0))))
+    return float(np.median(values)) if values else 0.0
+
+
+def _colours(image: Frames, mask: NDArray[np.uint8]) -> Floats:
+    """Share of the mask's pixels in each of 8 x 8 x 8 cells of colour."""
+    counts = np.asarray(cv2.calcHist([image], [0, 1, 2], mask, [8, 8, 8], [0, 256] * 3), dtype=float)
+    shares: Floats = counts / counts.sum()
+    return shares
 
 
 def _spans(frames: list[int]) -> list[list[int]]:

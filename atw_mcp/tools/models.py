@@ -67,7 +67,7 @@ def run_model(
         Literal["model", "agreement", "report"],
         Field(
             description="model: the result becomes the case's latest. agreement (masks): each object from whichever of "
-            "model and latest observation is steadier, less sure where they disagree. report: compare only"
+            "model and latest observation is steadier and stands out more. report: compare only"
         ),
     ] = "model",
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,

@@ -6,7 +6,7 @@ scored against true masks: bodies found, objects that are none, intersection ove
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
-steadier of the two.
+better of the two.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def observe_with(model: ModelFolder, agreement: bool, file: Path) -> ImageObserv
     info, frames = load(file)
     found = follow(model, frames, prompts_from(plain), Limits.from_environment())
     seen = found.observation(info, frames, plain.frames)
-    return by_agreement(seen, plain)[0] if agreement else seen
+    return by_agreement(seen, plain, frames)[0] if agreement else seen
 
 
 def judge(
@@ -117,7 +117,7 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--model", metavar="NAME", help="a segmentation model under ATW_MODELS")
-    parser.add_argument("--agreement", action="store_true", help="with --model: the steadier of model and OpenCV")
+    parser.add_argument("--agreement", action="store_true", help="with --model: the better of model and OpenCV")
     chosen = parser.parse_args()
     if chosen.agreement and chosen.model is None:
         parser.error("--agreement needs --model NAME")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +76,11 @@ def test_a_missing_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(importlib, "import_module", absent)
     with pytest.raises(ModelError, match=r"torch.*pip install 'atw-mcp\[models\]'"):
         extra("torch")
+
+
+def test_a_server_starts_without_loading_the_extra() -> None:
+    check = "import sys, atw_mcp.server; sys.exit(any(m in sys.modules for m in ('torch', 'transformers')))"
+    assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
 
 
 def test_limits_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, root: Path) -> None:

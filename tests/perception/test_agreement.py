@@ -43,7 +43,7 @@ def jittered(masks: Masks) -> Masks:
 def test_objects_are_matched_by_overlap_whatever_their_names(clip: Clip) -> None:
     one = seen(clip, {"a": clip.truth[0], "b": clip.truth[1]})
     other = seen(clip, {"x": clip.truth[1], "y": jittered(clip.truth[0])})
-    found = {item.first: item for item in agreement(one, other)}
+    found = {item.first: item for item in agreement(one, other, clip.frames)}
     assert found["b"].second == "x"
     assert found["b"].mean == pytest.approx(1.0)
     assert found["a"].second == "y"
@@ -56,7 +56,7 @@ def test_objects_are_matched_by_overlap_whatever_their_names(clip: Clip) -> None
 def test_the_steadier_of_two_outlines_is_taken(clip: Clip) -> None:
     prompted = seen(clip, {"red": jittered(clip.truth[0]), "blue": clip.truth[1]})
     other = seen(clip, {"p": clip.truth[0], "q": jittered(clip.truth[1]), "ghost": np.roll(clip.truth[0], 60, axis=1)})
-    joined, _ = by_agreement(prompted, other)
+    joined, _ = by_agreement(prompted, other, clip.frames)
     assert joined.names == ("red", "blue")
     for k, name in enumerate(joined.names):
         for t in range(COUNT):
@@ -70,15 +70,26 @@ def test_an_object_that_one_method_loses_comes_from_the_other(clip: Clip) -> Non
     lost = clip.truth[0].copy()
     lost[6:] = False
     prompted = seen(clip, {"red": lost, "blue": clip.truth[1]})
-    joined, compared = by_agreement(prompted, seen(clip, {"red": clip.truth[0]}))
+    joined, compared = by_agreement(prompted, seen(clip, {"red": clip.truth[0]}), clip.frames)
     assert (joined.mask("red", COUNT - 1) == clip.truth[0][-1]).all()
     assert next(c for c in compared if c.first == "red").better == "second"
     assert joined.object("blue").confidence[3] == pytest.approx(0.97 / 2, abs=1e-3)
     assert any("blue" in text and "one method" in text for text in joined.warnings)
 
 
+def test_a_mask_of_nothing_in_particular_loses_however_steady_it_is(clip: Clip) -> None:
+    shape = clip.truth[0].shape
+    whole, corner = np.ones(shape, bool), np.zeros(shape, bool)
+    corner[:, 5:45, 100:150] = True  # bare floor
+    other = seen(clip, {"red": clip.truth[0], "blue": clip.truth[1]})
+    joined, compared = by_agreement(seen(clip, {"red": whole, "blue": corner}), other, clip.frames)
+    assert {c.first: c.better for c in compared} == {"red": "second", "blue": "second"}
+    assert (joined.mask("red", 5) == clip.truth[0][5]).all()
+    assert (joined.mask("blue", 5) == clip.truth[1][5]).all()
+
+
 def test_other_videos_are_refused(clip: Clip) -> None:
     one = seen(clip, {"red": clip.truth[0]})
     other = replace(one, video=replace(one.video, sha256="0" * 64))
     with pytest.raises(ObservationError, match="not the same video"):
-        agreement(one, other)
+        agreement(one, other, clip.frames)
