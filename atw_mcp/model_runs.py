@@ -165,7 +165,7 @@ def _segment(
         seen = found.observation(info, frames, tuple(range(0, stride * len(frames), stride)))
         rated = None if latest is None else agreement(seen, latest[1], frames)
         if request.use == "agreement" and latest is not None:
-            seen, rated = by_agreement(seen, latest[1], frames)
+            seen, rated = by_agreement(seen, latest[1], frames, [p.object for p in prompts])
         document = {
             "names": list(seen.names),
             "observation": seen.to_dict(),

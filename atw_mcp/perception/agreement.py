@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -105,14 +106,14 @@ def agreement(first: ImageObservation, second: ImageObservation, images: Frames)
 
 
 def by_agreement(
-    first: ImageObservation, second: ImageObservation, images: Frames
+    first: ImageObservation, second: ImageObservation, images: Frames, names: Sequence[str]
 ) -> tuple[ImageObservation, tuple[ObjectAgreement, ...]]:
     """`first` with each object as the one of greater merit has it, and how far they agree.
 
-    `first` says which objects there are and what they are called, and must have every frame of the result. Where the
-    two disagree in a frame, the confidence there is multiplied by their IoU, so that a fit leans on frames in which
-    two independent methods see the same. Objects of `second` alone are left out and named in the warnings, as are
-    those of `first` that `second` does not see, whose confidence is halved.
+    Objects are those of `first`, and those of `second` whose names are in `names`: of what is known to be there. The
+    frames are those of `first`. Where the two disagree in a frame, the confidence there is multiplied by their IoU, so
+    that a fit leans on frames in which two independent methods see the same. An object that one method alone sees has
+    its confidence halved; others of `second` alone are left out. The warnings name both.
     """
     compared = agreement(first, second, images)
     partner = {item.first: item for item in compared if item.first is not None}
@@ -135,9 +136,15 @@ def by_agreement(
             notes.append(
                 f"{item.name}: two methods disagree about it (mean IoU {found.mean:.2f}): look at its outlines"
             )
-    alone = [item.second for item in compared if item.first is None]
+    alone = [item.second for item in compared if item.first is None and item.second is not None]
+    if second.frames == first.frames:
+        for name in [n for n in alone if n in names]:
+            item = second.object(name)
+            objects.append(replace(item, confidence=np.round(0.5 * item.confidence, 4)))
+            notes.append(f"{name} is seen by one method only: its confidence is halved")
+            alone.remove(name)
     if alone:
-        notes.append(f"left out, since one method alone sees them: {', '.join(str(name) for name in alone)}")
+        notes.append(f"left out, since one method alone sees them: {', '.join(alone)}")
     return replace(first, objects=tuple(objects), warnings=(*first.warnings, *notes)), compared
 
 

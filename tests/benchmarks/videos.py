@@ -27,6 +27,7 @@ import cv2
 import numpy as np
 
 from atw_mcp.models import Limits, ModelError, ModelFolder, find_model, follow, prompts_from
+from atw_mcp.models.running import chosen_device
 from atw_mcp.perception.agreement import by_agreement
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
@@ -54,7 +55,7 @@ def observe_with(model: ModelFolder, agreement: bool, file: Path) -> ImageObserv
     info, frames = load(file)
     found = follow(model, frames, prompts_from(plain), Limits.from_environment())
     seen = found.observation(info, frames, plain.frames)
-    return by_agreement(seen, plain, frames)[0] if agreement else seen
+    return by_agreement(seen, plain, frames, plain.names)[0] if agreement else seen
 
 
 def judge(
@@ -125,6 +126,7 @@ def main() -> None:
     if chosen.model is not None:
         try:
             model = find_model(chosen.model)
+            chosen_device(Limits.from_environment())
         except ModelError as error:
             parser.error(str(error))
         if model.task != "segmentation":

@@ -56,7 +56,7 @@ def test_objects_are_matched_by_overlap_whatever_their_names(clip: Clip) -> None
 def test_the_steadier_of_two_outlines_is_taken(clip: Clip) -> None:
     prompted = seen(clip, {"red": jittered(clip.truth[0]), "blue": clip.truth[1]})
     other = seen(clip, {"p": clip.truth[0], "q": jittered(clip.truth[1]), "ghost": np.roll(clip.truth[0], 60, axis=1)})
-    joined, _ = by_agreement(prompted, other, clip.frames)
+    joined, _ = by_agreement(prompted, other, clip.frames, ["red", "blue"])
     assert joined.names == ("red", "blue")
     for k, name in enumerate(joined.names):
         for t in range(COUNT):
@@ -70,7 +70,7 @@ def test_an_object_that_one_method_loses_comes_from_the_other(clip: Clip) -> Non
     lost = clip.truth[0].copy()
     lost[6:] = False
     prompted = seen(clip, {"red": lost, "blue": clip.truth[1]})
-    joined, compared = by_agreement(prompted, seen(clip, {"red": clip.truth[0]}), clip.frames)
+    joined, compared = by_agreement(prompted, seen(clip, {"red": clip.truth[0]}), clip.frames, ["red"])
     assert (joined.mask("red", COUNT - 1) == clip.truth[0][-1]).all()
     assert next(c for c in compared if c.first == "red").better == "second"
     assert joined.object("blue").confidence[3] == pytest.approx(0.97 / 2, abs=1e-3)
@@ -82,10 +82,20 @@ def test_a_mask_of_nothing_in_particular_loses_however_steady_it_is(clip: Clip) 
     whole, corner = np.ones(shape, bool), np.zeros(shape, bool)
     corner[:, 5:45, 100:150] = True  # bare floor
     other = seen(clip, {"red": clip.truth[0], "blue": clip.truth[1]})
-    joined, compared = by_agreement(seen(clip, {"red": whole, "blue": corner}), other, clip.frames)
+    joined, compared = by_agreement(seen(clip, {"red": whole, "blue": corner}), other, clip.frames, [])
     assert {c.first: c.better for c in compared} == {"red": "second", "blue": "second"}
     assert (joined.mask("red", 5) == clip.truth[0][5]).all()
     assert (joined.mask("blue", 5) == clip.truth[1][5]).all()
+
+
+def test_a_known_object_that_the_first_method_never_finds_is_kept(clip: Clip) -> None:
+    other = seen(clip, {"red": clip.truth[0], "blue": clip.truth[1]})
+    joined, _ = by_agreement(seen(clip, {"red": clip.truth[0]}), other, clip.frames, ["red", "blue"])
+    assert joined.names == ("red", "blue")
+    assert (joined.mask("blue", 5) == clip.truth[1][5]).all()
+    assert joined.object("blue").confidence[5] == pytest.approx(0.97 / 2, abs=1e-3)
+    fewer, _ = by_agreement(seen(clip, {"red": clip.truth[0]}), other, clip.frames, ["red"])
+    assert fewer.names == ("red",)
 
 
 def test_other_videos_are_refused(clip: Clip) -> None:
