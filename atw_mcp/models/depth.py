@@ -48,7 +48,7 @@ def predict_depth(
     device = chosen_device(limits)
     torch = extra("torch")
     preparation = _preparation(model)
-    check_memory(model, limits, 16.0 * limits.batch * 3 * preparation.height * preparation.width)
+    check_memory(model, limits, limits.batch * preparation.height * preparation.width)
     network = pretrained(model, _CLASSES[model.family], device)
     maps, focals = [], []
     size = (int(frames.shape[1]), int(frames.shape[2]))

@@ -82,7 +82,7 @@ def follow_points(
     program = _load(model, device)
     count, height, width = frames.shape[:3]
     high, wide = program.size or (height, width)
-    check_memory(model, limits, 16.0 * 3 * min(program.frames or count, count) * high * wide)
+    check_memory(model, limits, min(program.frames or count, count) * high * wide)
     scaled = frames if (high, wide) == (height, width) else _resized(frames, high, wide)
     scale = np.array([wide / width, high / height])
     start = np.array([[q.x, q.y] for q in queries])

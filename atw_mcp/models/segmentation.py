@@ -76,7 +76,7 @@ def follow(
     device = chosen_device(limits)
     network, session_class = _load(model, device)
     size = _input_size(network)
-    check_memory(model, limits, 24.0 * limits.batch * size * size)
+    check_memory(model, limits, size * size)
     record = stated(model.path)
     mean, std = mean_and_std(record, IMAGENET if model.family == "sam2_video" else HALF)
     preparation = Preparation(size, size, mean, std)

@@ -91,8 +91,10 @@ def test_limits_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, root:
     assert limits == Limits("cpu", 2, 1e-6)
     model = open_folder(folder(root, "sam", {"model_type": "sam2_video"}))
     with pytest.raises(ModelError, match="ATW_MODELS_MEMORY_GB"):
-        check_memory(model, limits)
-    check_memory(model, Limits("cpu", 2, 1.0))
+        check_memory(model, limits, 0)
+    check_memory(model, Limits("cpu", 2, 1.0), 1024 * 1024)
+    with pytest.raises(ModelError, match=r"0\.84 GB"):
+        check_memory(model, Limits("cpu", 2, 0.5), 1024 * 1024)
     monkeypatch.setenv("ATW_MODELS_BATCH", "0")
     with pytest.raises(ModelError, match="ATW_MODELS_BATCH"):
         Limits.from_environment()
