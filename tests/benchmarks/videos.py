@@ -4,7 +4,8 @@ Clips of moving bodies are drawn and rendered by MuJoCo (`tests.benchmarks.video
 the perception code): ten kinds of motion, fourteen kinds of looks. Every clip is observed as it is, without hints, and
 scored against true masks: bodies found, objects that are none, intersection over union, distance of centroids.
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
-[--pictures DIR] writes outlines over frames; [--json] prints all figures.
+[--pictures DIR] writes outlines over frames; [--json] prints all figures. [--seeded box|point] gives one box or point
+per body in one frame, and follows it from there instead of finding it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
 from tests.benchmarks.video_scores import ClipScore, score_masks
+from tests.benchmarks.video_seeds import Seeded, observe_seeded
 
 COUNT, QUICK = 60, 10
 COLOURS = [(0, 0, 255), (0, 255, 255), (255, 0, 255), (255, 255, 0), (0, 255, 0), (255, 128, 0)]
@@ -41,17 +43,20 @@ def observed_masks(observation: ImageObservation, frames: int) -> dict[str, Any]
     }
 
 
-def judge(public: Path, private: Path, pictures: Path | None = None) -> tuple[ClipScore, dict[str, Any]]:
-    """Observe a clip and score it; with its kind, style and the seconds it took."""
+def judge(
+    public: Path, private: Path, pictures: Path | None = None, seeded: Seeded | None = None
+) -> tuple[ClipScore, dict[str, Any]]:
+    """Observe a clip, or follow its bodies from seeds, and score it; with its kind, style and the seconds it took."""
     file = next(public.glob("clip.*"))
     truth = np.load(private / f"{public.name}_masks.npz")
     hidden = json.loads((private / f"{public.name}.json").read_text())
+    bodies = [str(n) for n in truth["names"]]
     begin = time.process_time()
-    observation = observe(file)
+    observation = observe(file) if seeded is None else observe_seeded(file, truth["labels"], bodies, seeded)
     spent = time.process_time() - begin
     frames = min(len(truth["labels"]), len(observation.frames))
     masks = observed_masks(observation, frames)
-    score = score_masks(truth["labels"][:frames], [str(n) for n in truth["names"]], masks)
+    score = score_masks(truth["labels"][:frames], bodies, masks)
     if pictures is not None:
         _picture(file, masks, pictures / f"{public.name}.png")
     return score, {"clip": public.name, "kind": hidden["kind"], "style": hidden["style"], "seconds": spent}
@@ -68,6 +73,7 @@ def summary(scores: Sequence[ClipScore]) -> dict[str, Any]:
         "found": len(found),
         "ghosts": sum(len(s.ghosts) for s in scores),
         "iou_median": float(np.median([b.iou for b in bodies])) if bodies else None,
+        "iou_mean": float(np.mean([b.iou for b in bodies])) if bodies else None,
         "off_median": float(np.median([b.off for b in found])) if found else None,
     }
 
@@ -93,6 +99,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, help=f"clips to draw (default: {COUNT})")
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
+    parser.add_argument("--seeded", choices=("box", "point"), help="follow each body from one seed")
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
     chosen = parser.parse_args()
@@ -105,7 +112,7 @@ def main() -> None:
             subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[2])
         scores, rows = [], []
         for public in sorted((folder / "public").iterdir()):
-            score, about = judge(public, folder / "private", chosen.pictures)
+            score, about = judge(public, folder / "private", chosen.pictures, chosen.seeded)
             scores.append(score)
             rows.append(about | score.to_dict())
             found = sum(b.observed is not None for b in score.bodies)
