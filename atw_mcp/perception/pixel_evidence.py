@@ -26,6 +26,7 @@ LIGHT_WIDTH, TONE_WIDTH = 4, 6  # levels of luminance and chroma a bin
 CELL = LIGHT_WIDTH * TONE_WIDTH**2  # levels cubed
 ANY_OBJECT = 3e-5  # probability per bin that the object shows a colour its seeds do not
 ANY_GROUND = 1e-5  # the same of the background
+BESIDE = 0.3  # share of what surrounds an object that looks as its surroundings did where it was given
 SHADOW_PRIOR = 0.3  # share of background near an object that is in shadow
 SOFTEST = 0.72  # factor down to which there may be soft shadows where no factor is known
 NEAR_FACTOR = 0.03  # standard deviation of the factor of shadows
@@ -34,21 +35,28 @@ STRONGEST = 4.0  # bound of a log-likelihood ratio
 
 @dataclass(frozen=True)
 class Look:
-    """Colours of an object: log_share (bins,), logarithm of the probability of each colour bin."""
+    """Colours of an object and of what is beside it where it is given: its shadow, its reflection, bodies it touches.
+
+    log_share (bins,): logarithm of the probability of each colour bin; beside (bins,): probability of each colour bin
+    in the surroundings.
+    """
 
     log_share: Array32
+    beside: Array32
 
     @classmethod
     def of(cls, ycc: Frames, rows: Sequence[int], masks: Sequence[Mask]) -> Look:
-        """The colours under masks (h, w) in rows of a clip (T, h, w, 3)."""
-        counts = np.zeros(LIGHT_BINS * TONE_BINS**2)
+        """The colours under masks (h, w), and around them, in rows of a clip (T, h, w, 3)."""
+        own, around = np.zeros(LIGHT_BINS * TONE_BINS**2), np.zeros(LIGHT_BINS * TONE_BINS**2)
         for row, mask in zip(rows, masks, strict=True):
-            inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1) > 0
-            own = inner if inner.sum() > 40 else mask
-            values = np.bincount(bins_of(ycc[row][own][None])[0], minlength=len(counts))
-            counts += values / max(int(values.sum()), 1)
-        share = _spread(counts.reshape(LIGHT_BINS, TONE_BINS, TONE_BINS)).ravel() / max(len(rows), 1)
-        return cls(np.log(0.95 * share + ANY_OBJECT).astype(np.float32))
+            byte = mask.astype(np.uint8)
+            inner = cv2.erode(byte, np.ones((3, 3), np.uint8), borderValue=1) > 0
+            own += _counted(ycc[row], inner if inner.sum() > 40 else mask)
+            wide = 2 * max(round(0.35 * float(np.sqrt(mask.sum()))), 4) + 1
+            near, far = np.ones((5, 5), np.uint8), np.ones((wide, wide), np.uint8)
+            around += _counted(ycc[row], (cv2.dilate(byte, far) > 0) & (cv2.dilate(byte, near) == 0))
+        share, beside = _spread(own) / max(len(rows), 1), _spread(around) / max(len(rows), 1)
+        return cls(np.log(0.95 * share + ANY_OBJECT).astype(np.float32), (BESIDE * beside).astype(np.float32))
 
 
 def bins_of(ycc: Frames) -> NDArray[np.int32]:
@@ -60,13 +68,20 @@ def bins_of(ycc: Frames) -> NDArray[np.int32]:
     return found
 
 
-def _spread(counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Counts given to neighbouring bins too: shading changes luminance widely, hue little."""
+def _counted(image: Frames, where: Mask) -> NDArray[np.float64]:
+    """Share (bins,) of each colour bin in the chosen pixels of an image."""
+    values = np.bincount(bins_of(image[where][None])[0], minlength=LIGHT_BINS * TONE_BINS**2)
+    return values / max(int(values.sum()), 1)
+
+
+def _spread(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares (bins,) given to neighbouring bins too: shading changes luminance widely, hue little."""
+    counts = shares.reshape(LIGHT_BINS, TONE_BINS, TONE_BINS)
     narrow = convolve1d(counts, np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9.0, axis=0, mode="constant")
     wide = convolve1d(counts, np.ones(13) / 13.0, axis=0, mode="constant")
     light = 0.85 * narrow + 0.15 * wide
     tone = np.array([0.2, 0.6, 0.2])
-    return np.asarray(convolve1d(convolve1d(light, tone, axis=1, mode="constant"), tone, axis=2, mode="constant"))
+    return np.asarray(convolve1d(convolve1d(light, tone, axis=1, mode="constant"), tone, axis=2, mode="constant")).ravel()
 
 
 class PixelEvidence:
@@ -86,7 +101,9 @@ class PixelEvidence:
 
     def ratio(self, look: Look, row: int, view: View) -> Array32:
         """Log-likelihood ratio (h, w) of an object with this look to the background, in a window of a row."""
-        found = look.log_share[bins_of(self.models.ycc[row][view])] - self.ground(row, view)
+        bins = bins_of(self.models.ycc[row][view])
+        beside = np.logaddexp(self.ground(row, view), np.log(look.beside[bins] + 1e-12))
+        found = look.log_share[bins] - beside
         return np.clip(found, -STRONGEST, STRONGEST).astype(np.float32)
 
     def apart(self, row: int, view: View) -> Array32:

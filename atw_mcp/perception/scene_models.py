@@ -22,7 +22,8 @@ LEAST_NOISE = 2.0  # levels: compression alone changes pixels by that much
 MISALIGNED = 0.3  # pixels by which edges of the background may be off, from shake and resampling
 ALIKE = 2.5  # standard deviations within which a pixel is the background's
 BAKED = 0.6  # share of a seed that looks like the background from which the background may show the object itself
-AWAY = 8.0  # levels (mean) by which a region differs once the object has left it
+AWAY = 8.0  # levels by which a pixel differs once the object has left it
+GONE, LEAST_GONE = 0.9, 3  # share of an object's pixels that differ once it has left, and frames that show it
 SAMPLES = 28  # frames looked at for what is under a seed
 COVER = 7  # pixels: width of the disc by which a seed is grown before the background under it is filled in
 
@@ -81,8 +82,9 @@ class SceneModels:
     def uncover(self, seeds: Sequence[tuple[int, Mask]]) -> None:
         """Remove objects given by masks (row, working mask) from the background where it shows them.
 
-        Where an object has left its place in some frames these show what is under it; else the surroundings are
-        continued. What the background shows of an object is seen by its likeness to the object's own pixels.
+        What is under an object is seen in the frames in which a pixel differs from it, as long as the rest of the
+        object has left too: a pixel that merely shows another part of the object is none; else the surroundings are
+        continued. What the background shows of an object is known by its likeness to the object's own pixels.
         """
         picks = np.unique(np.linspace(0, self.count - 1, min(SAMPLES, self.count)).round().astype(int))
         hidden = np.zeros(self.size, dtype=bool)
@@ -92,11 +94,10 @@ class SceneModels:
             disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (COVER, COVER))
             cover = cv2.dilate(mask.astype(np.uint8), disc) > 0
             own = self.ycc[row][mask].astype(np.float32)
-            values = self.ycc[picks][:, cover].astype(np.float32)
-            apart = np.abs(self.ycc[picks][:, mask].astype(np.float32) - own).max(axis=2).mean(axis=1)
-            left = apart > AWAY
-            if left.sum() >= 3:
-                self.background[cover] = np.median(values[left], axis=0)
+            apart = np.abs(self.ycc[picks][:, mask].astype(np.float32) - own).max(axis=2)
+            gone = (apart > AWAY).mean(axis=1) > GONE
+            if gone.sum() >= LEAST_GONE:
+                self.background[cover] = np.median(self.ycc[picks[gone]][:, cover].astype(np.float32), axis=0)
             else:
                 hidden |= cover
         if hidden.any():
