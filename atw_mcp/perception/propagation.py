@@ -28,12 +28,13 @@ Floats = NDArray[np.float64]
 LEAST = 8  # pixels of a mask
 SURE = 0.55  # confidence from which an outline renews shape and appearance
 UNLIKE = 0.25  # confidence below which the object is not taken to be there
-AGAIN = 0.4  # confidence from which an object that was missing is taken up again
-MISSING = 10  # frames for which an object that is nowhere seen is searched
+AGAIN = 0.5  # confidence from which an object that was missing is taken up again
+MISSING = 15  # frames for which an object that is nowhere seen is searched
+SLOWING = 0.93  # of the velocity from row to row while nothing is seen
 COVERED = 60  # the same where something else may cover it
 LEFT = 0.1  # share of the outline inside the image below which it has left
 DIFFERENCE = 25.0  # levels by which an object's own appearance may differ from frame to frame
-REACH = 24.0  # pixels: farthest a first step is searched for
+REACH = 60.0  # pixels: farthest a first step is searched for
 FARTHEST = 90  # pixels: the farthest search
 FINE_SIDE = 40  # pixels: longer outlines are placed on reduced images first
 AGREED, AGREED_FRAMES = 0.75, 3  # overlap with what was known before, and for how long, from which that is kept
@@ -170,14 +171,8 @@ class Follower:
     def _find(self, state: _State, row: int) -> tuple[Mask | None, float]:
         """The object's mask in a row, and how sure it is; None where it is not seen."""
         steps = abs(row - state.row)
-        expected = state.template.moved(*(float(v) for v in state.velocity * steps))
-        h, w = state.template.mask.shape
-        speed = float(np.hypot(*state.velocity))
-        if state.steps == 0:
-            reach = min(max(1.5 * max(h, w), 6.0), REACH)
-        else:
-            reach = 3.0 + 0.15 * max(h, w) + 0.6 * speed
-        reach = int(min(reach * (1.0 + 0.5 * (steps - 1)), FARTHEST))
+        expected = _expected(state, steps)
+        reach = self._reach(state, steps)
         view = self._view(expected, reach)
         if view is None:
             return None, 0.0
@@ -193,6 +188,15 @@ class Follower:
         whole = np.zeros(self.models.size, dtype=bool)
         whole[view] = mask
         return whole, sure
+
+    def _reach(self, state: _State, steps: int) -> int:
+        """How far [px] from the place expected the object may be: bounces turn its velocity round."""
+        size = float(max(state.template.mask.shape))
+        if state.steps == 0:
+            reach = min(6.0 + (0.5 + 1.5 * self.trust) * size, REACH)
+        else:
+            reach = 3.0 + 0.2 * size + (0.6 + 1.6 * self.trust) * float(np.hypot(*state.velocity))
+        return int(min(reach * (1.0 + 0.5 * (steps - 1)), FARTHEST))
 
     def _ratio(self, row: int, view: View) -> Array32:
         """Evidence for the object in a window: neutral under other bodies, against it where it cannot be."""
@@ -313,8 +317,7 @@ class Follower:
 
     def _outside(self, state: _State, row: int) -> bool:
         height, width = self.models.size
-        steps = abs(row - state.row)
-        there = state.template.moved(*(float(v) for v in state.velocity * steps)).drawn(0, 0, width, height)
+        there = _expected(state, abs(row - state.row)).drawn(0, 0, width, height)
         return bool(there.sum() < max(LEFT * state.template.area, 2))
 
     def _hidden(self, state: _State, row: int) -> bool:
@@ -323,9 +326,14 @@ class Follower:
         if covered is None:
             return False
         height, width = self.models.size
-        steps = abs(row - state.row)
-        there = state.template.moved(*(float(v) for v in state.velocity * steps)).drawn(0, 0, width, height)
+        there = _expected(state, abs(row - state.row)).drawn(0, 0, width, height)
         return bool((covered & there).sum() > 0.3 * max(int(there.sum()), 1))
+
+
+def _expected(state: _State, steps: int) -> Template:
+    """The outline some rows on: what is not seen is expected to slow down, so that it is not lost far away."""
+    way = state.velocity * (1.0 - SLOWING**steps) / (1.0 - SLOWING)
+    return state.template.moved(float(way[0]), float(way[1]))
 
 
 def _best_shift(
