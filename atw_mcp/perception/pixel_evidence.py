@@ -81,7 +81,9 @@ def _spread(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     wide = convolve1d(counts, np.ones(13) / 13.0, axis=0, mode="constant")
     light = 0.85 * narrow + 0.15 * wide
     tone = np.array([0.2, 0.6, 0.2])
-    return np.asarray(convolve1d(convolve1d(light, tone, axis=1, mode="constant"), tone, axis=2, mode="constant")).ravel()
+    return np.asarray(
+        convolve1d(convolve1d(light, tone, axis=1, mode="constant"), tone, axis=2, mode="constant")
+    ).ravel()
 
 
 class PixelEvidence:
@@ -104,12 +106,12 @@ class PixelEvidence:
         bins = bins_of(self.models.ycc[row][view])
         beside = np.logaddexp(self.ground(row, view), np.log(look.beside[bins] + 1e-12))
         found = look.log_share[bins] - beside
-        return np.clip(found, -STRONGEST, STRONGEST).astype(np.float32)
+        return np.asarray(np.clip(found, -STRONGEST, STRONGEST), dtype=np.float32)
 
     def apart(self, row: int, view: View) -> Array32:
         """Log-likelihood ratio (h, w) of anything at all to the background and its shadows, in a window of a row."""
         found = np.log(1e-3) - self.ground(row, view)
-        return np.clip(found, -STRONGEST, STRONGEST).astype(np.float32)
+        return np.asarray(np.clip(found, -STRONGEST, STRONGEST), dtype=np.float32)
 
     def ground(self, row: int, view: View) -> Array32:
         """Log-probability (h, w) of a window's pixels to be background or shadow on it, per colour bin."""

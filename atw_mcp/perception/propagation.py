@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.background import Array32, Mask
 from atw_mcp.perception.partition import Template, template_of
-from atw_mcp.perception.pixel_evidence import STRONGEST, Look, PixelEvidence, View
+from atw_mcp.perception.pixel_evidence import STRONGEST, Look, PixelEvidence, View, bins_of
 from atw_mcp.perception.rims import half_covered
 from atw_mcp.perception.segmentation import fill_holes
 
@@ -40,6 +41,7 @@ FINE_SIDE = 40  # pixels: longer outlines are placed on reduced images first
 AGREED, AGREED_FRAMES = 0.75, 3  # overlap with what was known before, and for how long, from which that is kept
 MOST_AREA = 1.15  # times the area expected that an outline may have at most
 AREA_PACE = 0.015  # share by which the area expected may change from frame to frame
+OWN_COLOUR = -6.0  # logarithm of the least probability (per bin) of a colour that is the object's own
 OVERLAP_BONUS = 3.0  # frames of confidence that a smooth change from one side to the other is worth
 
 
@@ -100,7 +102,7 @@ class Follower:
         first, last = self.given.span
         self._take(result, self._way(rows[0], first - 1))
         self._take(result, self._way(rows[-1], last + 1))
-        for a, b in zip(rows, rows[1:], strict=False):
+        for a, b in pairwise(rows):
             if b > a + 1:
                 self._take(result, self._between(a, b))
         return result
@@ -176,8 +178,8 @@ class Follower:
         view = self._view(expected, reach)
         if view is None:
             return None, 0.0
-        ratio = self._ratio(row, view)
-        placed, likeness = self._place(state, row, view, ratio, expected, reach)
+        placing, ratio = self._ratio(row, view)
+        placed, likeness = self._place(state, row, view, placing, expected, reach)
         drawn = placed.drawn(view[1].start, view[0].start, ratio.shape[1], ratio.shape[0])
         mask = self._drawn_again(row, view, ratio, drawn, state.area, touching=_touches(view, drawn, self.models.size))
         if mask.sum() < LEAST:
@@ -198,15 +200,20 @@ class Follower:
             reach = 3.0 + 0.2 * size + (0.6 + 1.6 * self.trust) * float(np.hypot(*state.velocity))
         return int(min(reach * (1.0 + 0.5 * (steps - 1)), FARTHEST))
 
-    def _ratio(self, row: int, view: View) -> Array32:
-        """Evidence for the object in a window: neutral under other bodies, against it where it cannot be."""
+    def _ratio(self, row: int, view: View) -> tuple[Array32, Array32]:
+        """Evidence for the object in a window, for placing it and for drawing it: what other bodies cover says nothing
+        of where it is, and is its own only where it has the object's colours."""
         ratio = self.evidence.ratio(self.look, row, view)
+        placing = ratio.copy()
         covered, barred = self.given.covered(row), self.given.barred(row)
         if covered is not None:
-            ratio[covered[view]] = -1.0
+            foreign = covered[view] & (self.look.log_share[bins_of(self.models.ycc[row][view])] < OWN_COLOUR)
+            placing[covered[view]] = 0.0
+            ratio[covered[view]] = 0.0
+            ratio[foreign] = -STRONGEST
         if barred is not None:
-            ratio[barred[view]] = -STRONGEST
-        return ratio
+            ratio[barred[view]] = placing[barred[view]] = -STRONGEST
+        return placing, ratio
 
     def _place(
         self, state: _State, row: int, view: View, ratio: Array32, expected: Template, reach: int
@@ -259,14 +266,14 @@ class Follower:
                 mask &= ~barred[view]
         return mask
 
-    def _sureness(
-        self, state: _State, ratio: Array32, mask: Mask, drawn: Mask, likeness: float, view: View
-    ) -> float:
+    def _sureness(self, state: _State, ratio: Array32, mask: Mask, drawn: Mask, likeness: float, view: View) -> float:
         """How sure a mask is: 1 where colours, appearance and area are as they were."""
         gap = self.inside - self.beside
         inside = float(ratio[mask].mean())
         colours = float(np.clip((inside - self.beside) / gap, 0.0, 1.0)) if gap > 0.7 else 0.6
-        expected = min(state.area, max(float(drawn.sum()), 1.0)) if _touches(view, drawn, self.models.size) else state.area
+        expected = (
+            min(state.area, max(float(drawn.sum()), 1.0)) if _touches(view, drawn, self.models.size) else state.area
+        )
         area = float(mask.sum())
         share = min(area / expected, expected / area)
         return float(np.sqrt(share) * (0.55 * colours + 0.45 * likeness))
@@ -450,4 +457,3 @@ def _touches(view: View, mask: Mask, size: tuple[int, int]) -> bool:
 
 def _at_border(mask: Mask) -> bool:
     return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
-Propagation = None

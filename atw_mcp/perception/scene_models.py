@@ -142,7 +142,10 @@ def model_scene(frames: Frames, tick: Callable[[], None] | None = None) -> Scene
 def _sigma(ground: Array32, noise: float) -> Array32:
     """Standard deviations (h, w, 2) of luminance and chroma: noise, and edges that are not quite in place."""
     slopes = [
-        np.hypot(cv2.Sobel(ground[..., c], cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(ground[..., c], cv2.CV_32F, 0, 1, scale=0.125))
+        np.hypot(
+            cv2.Sobel(ground[..., c], cv2.CV_32F, 1, 0, scale=0.125),
+            cv2.Sobel(ground[..., c], cv2.CV_32F, 0, 1, scale=0.125),
+        )
         for c in range(3)
     ]
     luminance = np.sqrt(noise**2 + (MISALIGNED * slopes[0]) ** 2)

@@ -87,13 +87,14 @@ def _candidates(
         first &= cv2.dilate(hint.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     chosen = _parts(first, hint)
     if chosen.sum() >= LEAST:
-        yield chosen, 0.35
+        yield chosen, 0.35 if not hint.outside else -1.0
         whole = np.zeros(evidence.models.size, dtype=bool)
         whole[view] = chosen
         look = Look.of(evidence.models.ycc, [row], [whole])
         again = cv2.GaussianBlur(evidence.ratio(look, row, view), (0, 0), 0.8) > 0
-        yield _clean(again & allowed), 0.25
+        yield _clean(again & allowed), 0.25 if not hint.outside else -1.0
         # Bodies that touch are one region: of a point's own colour there is only its own body.
+        # Where some point is outside, what it belongs to stands out as well: only learned colours tell the two apart.
         if hint.inside or hint.mask is not None:
             yield grab_cut(image, _guess(shape, hint, chosen, ~allowed)), 0.1
     yield grab_cut(image, _guess(shape, hint, np.zeros(shape, dtype=bool), ~allowed)), 0.0
@@ -151,6 +152,8 @@ def _agreeing(image: Frames, mask: Mask, allowed: Mask, hint: Hint) -> Mask | No
         kept = _parts(half_covered(image, kept) & allowed, hint)
     if kept.sum() < LEAST:
         return None
+    if any(kept[_at(p, mask.shape)] for p in hint.outside):
+        return None
     if hint.inside and not any(kept[_at(p, mask.shape)] for p in hint.inside):
         return None
     if hint.box is None and hint.mask is None:
@@ -178,7 +181,10 @@ def _filling(mask: Mask, box: Box) -> float:
     """Overlap of a mask's own box with a given one (intersection over union), which may be a little loose."""
     y, x = np.nonzero(mask)
     across, down = max(LOOSE * box[2], LOOSE_PIXELS), max(LOOSE * box[3], LOOSE_PIXELS)
-    left, right = min(x.min(), max(x.min() - across, box[0])), max(x.max() + 1, min(x.max() + 1 + across, box[0] + box[2]))
+    left, right = (
+        min(x.min(), max(x.min() - across, box[0])),
+        max(x.max() + 1, min(x.max() + 1 + across, box[0] + box[2])),
+    )
     top, bottom = min(y.min(), max(y.min() - down, box[1])), max(y.max() + 1, min(y.max() + 1 + down, box[1] + box[3]))
     wide = min(right, box[0] + box[2]) - max(left, box[0])
     tall = min(bottom, box[1] + box[3]) - max(top, box[1])
@@ -189,7 +195,9 @@ def _filling(mask: Mask, box: Box) -> float:
 def _slope(image: Frames) -> NDArray[np.float32]:
     """Strength of edges relative to that of a typical edge of the window (h, w)."""
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 0.8)
-    strength = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125))
+    strength = np.hypot(
+        cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125)
+    )
     strongest = strength.max(axis=2)
     return np.asarray(strongest / max(float(np.percentile(strongest, 95)), 2.0), dtype=np.float32)
 

@@ -13,7 +13,8 @@ from atw_mcp import cases
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import image_observation, keep_image_observation, latest_image_observation, video_file
-from atw_mcp.perception.correction import correct, correction_of
+from atw_mcp.perception.correction import correct
+from atw_mcp.perception.corrections import correction_of
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.correction import Outline, correct
+from atw_mcp.perception.correction import correct
+from atw_mcp.perception.corrections import Outline
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import load
 from tests.benchmarks.video_scores import SEEN
