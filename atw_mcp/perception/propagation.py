@@ -32,6 +32,7 @@ UNLIKE = 0.25  # confidence below which the object is not taken to be there
 AGAIN = 0.5  # confidence from which an object that was missing is taken up again
 MISSING = 15  # frames for which an object that is nowhere seen is searched
 SLOWING = 0.93  # of the velocity from row to row while nothing is seen
+SURER = 0.15  # by which a find farther away has to be surer
 COVERED = 60  # the same where something else may cover it
 LEFT = 0.1  # share of the outline inside the image below which it has left
 DIFFERENCE = 25.0  # levels by which an object's own appearance may differ from frame to frame
@@ -173,8 +174,17 @@ class Follower:
     def _find(self, state: _State, row: int) -> tuple[Mask | None, float]:
         """The object's mask in a row, and how sure it is; None where it is not seen."""
         steps = abs(row - state.row)
-        expected = _expected(state, steps)
         reach = self._reach(state, steps)
+        found, sure = self._search(state, row, reach)
+        if sure < SURE and reach < REACH:  # it may have been struck: a start from rest is not foreseen
+            other, surer = self._search(state, row, int(min(4 * reach, REACH)))
+            if surer > sure + SURER:
+                found, sure = other, surer
+        return (None, sure) if sure < (UNLIKE if steps == 1 else AGAIN) else (found, sure)
+
+    def _search(self, state: _State, row: int, reach: int) -> tuple[Mask | None, float]:
+        """The mask drawn where the object fits best within reach of the place expected, and how sure it is."""
+        expected = _expected(state, abs(row - state.row))
         view = self._view(expected, reach)
         if view is None:
             return None, 0.0
@@ -185,8 +195,6 @@ class Follower:
         if mask.sum() < LEAST:
             return None, 0.0
         sure = self._sureness(state, ratio, mask, drawn, likeness, view)
-        if sure < (UNLIKE if steps == 1 else AGAIN):
-            return None, sure
         whole = np.zeros(self.models.size, dtype=bool)
         whole[view] = mask
         return whole, sure

@@ -65,7 +65,7 @@ def inspect_frames(
     plain: Annotated[bool, Field(description="the frames as they are, without outlines and names")] = False,
     observation: ObservationId = None,
     crop: Annotated[
-        list[int] | None,
+        list[Annotated[int, Field(ge=0, le=16384)]] | None,
         Field(min_length=4, max_length=4, description="part of the frames to show: left, top, width, height [px]"),
     ] = None,
     zoom: Annotated[float | None, Field(gt=0, le=32, description="how many times as large; default: legible")] = None,

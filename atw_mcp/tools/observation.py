@@ -109,8 +109,8 @@ class CorrectionArgument(Argument):
     """One correction. outline: object, frame and box, positive, negative or mask say where a known object is, add: the
     same for one that was missed; both are followed to all frames. place: object's centre is at position in frame.
     exclude: in frame..last_frame nothing of object (or of any) is in box or mask, or object is nowhere. shadow: box or
-    mask is shadow in frame. rest: object does not move in frame..last_frame. merge: first, second are one; split: object
-    is another one called name from frame on; rename: object, name; drop: object is none."""
+    mask is shadow in frame. rest: object does not move in frame..last_frame. merge: first, second are one; split:
+    object is another one called name from frame on; rename: object, name; drop: object is none."""
 
     kind: Literal["outline", "add", "place", "exclude", "shadow", "rest", "merge", "split", "rename", "drop"]
     object: str | None = Field(default=None, max_length=64, description="the object concerned")
