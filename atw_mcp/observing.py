@@ -17,6 +17,7 @@ from atw_mcp.perception.depth_tracks import depth_tracks
 from atw_mcp.perception.import_images import import_depth
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observation import ObservedObject as SeenObject
+from atw_mcp.perception.places import unplaced, with_given_places
 from atw_mcp.perception.tracks import estimate_sizes, world_tracks
 from atw_mcp.shape_records import ShapeRecord, latest_shapes, shapes_in_world
 from atw_mcp.track_records import TrackRecord, read_record, to_document
@@ -70,6 +71,23 @@ def latest_image_observation(app: App, case: Case) -> tuple[str, ImageObservatio
     if not found:
         return None
     return found[0][1], image_observation(app.store.observations.get(found[0][1]))
+
+
+def chosen_image_observation(app: App, case: Case, identifier: str | None) -> tuple[str, ImageObservation]:
+    """An observation of the case's video with its id, default the latest.
+
+    Raises ValueError naming the observations there are, latest first, or what to call where there is none."""
+    known = [found for _, found in app.store.cases.observations(case.id, "objects")]
+    if not known:
+        raise ValueError(
+            f"case {case.id!r} has no observation of its video yet. Next: ObserveObjects(case={case.id!r})"
+        )
+    if identifier is not None and identifier not in known:
+        raise ValueError(
+            f"case {case.id!r} has no observation {identifier!r} of its video; its observations, latest first: {known}"
+        )
+    chosen = known[0] if identifier is None else identifier
+    return chosen, image_observation(app.store.observations.get(chosen))
 
 
 def image_observation(content: Content) -> ImageObservation:
@@ -132,13 +150,19 @@ def derivation(
     solids: dict[str, Sphere | Box | Cylinder],
     plane: MotionPlane | None = None,
     floor: float = 0.0,
+    observation: str | None = None,
 ) -> Derivation | None:
-    """How the case's latest observation of its video becomes tracks; None where imported tracks are newer.
+    """How an observation of the case's video becomes tracks; None where it is the latest and imported tracks are newer.
 
     plane: where objects move (default: the floor, at z = `floor`, or y = 0 for a camera calibrated as a side view).
-    Raises ValueError saying what is missing: an observation, or a camera.
+    observation: its id, default the latest. Raises ValueError saying what is missing: an observation, or a camera.
     """
+    if observation is not None:
+        chosen_image_observation(app, case, observation)
     for kind, identifier in app.store.cases.observations(case.id):
+        if observation is not None:
+            identifier = observation
+            break
         if kind == "tracks" and app.store.observations.get(identifier).document["source"]["kind"] == "imported":
             return None
         if kind == "objects":
@@ -205,6 +229,8 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
     )
     sizes = {name: found.to_dict() for name, found in estimates.items()}
     source: dict[str, Any] = {"kind": "derived", "objects": how.observation, "camera": how.camera, "sizes": sizes}
+    tracks = with_given_places(tracks, seen)
+    source["unplaced"] = unplaced(tracks, seen)
     tracks, source = _with_shapes(app, how, camera, tracks, source)
     objects = [_looks(item, solids.get(item.name)) for item in seen.objects if item.name in tracks.names]
     return to_document(tracks, objects, heights_assumed=True, source=source, plane=how.plane)
@@ -240,6 +266,7 @@ def _derive_from_depth(
         cancelled=progress.cancelled,
     )
     source: dict[str, Any] = {"kind": "derived", "objects": how.observation, "camera": how.camera, "depth": how.depth}
+    tracks = with_given_places(tracks, seen)
     tracks, source = _with_shapes(app, how, camera, tracks, source)
     objects = [_looks(item, shapes.get(item.name)) for item in seen.objects if item.name in tracks.names]
     return to_document(tracks, objects, heights_assumed=False, source=source)
@@ -251,6 +278,15 @@ def _looks(seen: SeenObject, shape: BodyShape | None) -> ObservedObject:
 
 def _named(cue: str) -> str | None:
     return None if cue == "unknown" else cue
+
+
+def tracks_of_observation(app: App, case: Case, observation: str) -> TrackRecord | None:
+    """The latest tracks derived from an observation of the video; None where none were yet."""
+    for _, identifier in app.store.cases.observations(case.id, "tracks"):
+        record = TrackRecord.of(app.store.observations.get(identifier))
+        if record.source.get("objects") == observation:
+            return record
+    return None
 
 
 def track_record(app: App, case: Case, identifier: str | None) -> TrackRecord:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Color = tuple[int, int, int]  # blue, green, red, as OpenCV has it
+Crop = tuple[int, int, int, int]  # left, top, width, height, pixels of the frame
 Style = Literal["solid", "dashed"]
 Box = tuple[float, float, float, float]  # left, top, right, bottom
 
@@ -41,27 +42,54 @@ AROUND = (
     (-1, 1),
 )
 LONGEST_SIDE = 960  # [px] larger frames are reduced to it
+LARGEST_SIDE = 1600  # [px] of a picture whose zoom was asked for
 SMALLEST_SIDE = 720  # [px] smaller ones are enlarged, so that a thin outline is still seen
 ROOM = 560_000  # bytes of all pictures of one result: 1 MB is the limit of some clients, base64 adds a third
 
 
 @dataclass(frozen=True)
 class Canvas:
-    """A picture being drawn on, how much larger it is than the frame it came from, and where names stand."""
+    """A picture being drawn on, how much larger it is than the frame it came from, the corner (left, top) of the part
+    of the frame that it shows, and where names stand."""
 
     image: Image
     scale: float
     taken: list[Box] = field(default_factory=list)
+    corner: tuple[int, int] = (0, 0)
 
     @classmethod
-    def of(cls, frame: Image) -> Canvas:
-        """A copy of a frame (H, W, 3), brought to a size at which outlines and names are legible."""
-        longest = max(frame.shape[:2])
+    def of(cls, frame: Image, crop: Crop | None = None, zoom: float | None = None) -> Canvas:
+        """A copy of a frame (H, W, 3), brought to a size at which outlines and names are legible.
+
+        crop: the part shown; zoom: how many times as large. Raises ValueError for a part outside the frame and for a
+        picture that would be too large.
+        """
+        left, top, width, height = crop or (0, 0, frame.shape[1], frame.shape[0])
+        part = frame[max(top, 0) : max(top + height, 0), max(left, 0) : max(left + width, 0)]
+        if min(part.shape[:2]) < 2:
+            raise ValueError(
+                f"crop {[left, top, width, height]} (left, top, width, height) lies outside the frame of "
+                f"{frame.shape[1]} x {frame.shape[0]}"
+            )
+        longest = max(part.shape[:2])
+        if zoom is not None and zoom * longest > LARGEST_SIDE:
+            raise ValueError(
+                f"{part.shape[1]} x {part.shape[0]} pixels at zoom {zoom:g} are more than {LARGEST_SIDE} along a "
+                f"side: zoom at most {LARGEST_SIDE / longest:.2g}, or a smaller crop"
+            )
         scale = min(LONGEST_SIDE / longest, 1.0) if longest > LONGEST_SIDE else max(SMALLEST_SIDE / longest, 1.0)
+        scale = scale if zoom is None else zoom
+        corner = max(left, 0), max(top, 0)
         if scale == 1.0:
-            return cls(frame.copy(), 1.0)
+            return cls(part.copy(), 1.0, corner=corner)
         method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-        return cls(_bytes(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=method)), scale)
+        return cls(_bytes(cv2.resize(part, None, fx=scale, fy=scale, interpolation=method)), scale, corner=corner)
+
+    def tint(self, mask: Mask, color: Color, share: float = 0.45) -> None:
+        """Lay a colour over a mask of the original frame."""
+        inside = self._large(mask) > 0
+        mixed = self.image[inside] * (1.0 - share) + np.asarray(color, dtype=float) * share
+        self.image[inside] = np.rint(mixed).astype(np.uint8)
 
     def outline(self, mask: Mask, color: Color, style: Style = "solid") -> None:
         """Draw the outline of a mask of the original frame; dashes are to be drawn last, over what is solid."""
@@ -83,7 +111,7 @@ class Canvas:
 
         marks: points that get a dot. dashed_from: the point from which the line is dashed.
         """
-        scaled = np.asarray(points) * self.scale
+        scaled = (np.asarray(points) - np.asarray(self.corner)) * self.scale
         drawable = np.all(np.isfinite(scaled), axis=1) & (np.abs(scaled).max(axis=1, initial=0.0) < 1e5)
         pieces: list[NDArray[np.int32]] = []
         travelled = 0.0
@@ -108,7 +136,8 @@ class Canvas:
 
         A name keeps off names already written, the other masks and `others`, and then off its own mask.
         """
-        large = {name: self._large(mask) for name, mask in masks.items() if mask.any()}
+        large = {name: self._large(mask) for name, mask in masks.items()}
+        large = {name: mask for name, mask in large.items() if mask.any()}
         shape = self.image.shape[:2]
         union = np.zeros(shape, np.uint8) if others is None else self._large(others)
         for mask in large.values():
@@ -154,9 +183,12 @@ class Canvas:
 
     def _large(self, mask: Mask) -> Image:
         """A mask of the original frame at the size of the canvas, 0 and 1."""
+        left, top = self.corner
+        size = (self.image.shape[1], self.image.shape[0])
+        width, height = round(size[0] / self.scale), round(size[1] / self.scale)
+        mask = mask[top : top + height, left : left + width]
         if self.scale == 1.0:
             return mask.astype(np.uint8)
-        size = (self.image.shape[1], self.image.shape[0])
         return _bytes(cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST))
 
     def write(self, text: str, at: tuple[float, float], color: Color = OBSERVED) -> None:

@@ -10,7 +10,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from numpy.typing import NDArray
 
 from atw_mcp.app import App
-from atw_mcp.observing import latest_image_observation, modelled_tracks, video_file
+from atw_mcp.observing import chosen_image_observation, latest_image_observation, modelled_tracks, video_file
 from atw_mcp.overlay import OBSERVED, SIMULATED, SIMULATED_NAME, Canvas
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
@@ -49,9 +49,8 @@ class RolloutView:
         self.dashed_from = self._sample(frame_count - 1) if 2 <= frame_count <= self.last_frame else None
         # A branch is meant to differ from the video: measuring it against the video would mislead.
         self.follows = not any(d.how == "intervention" for d in app.store.worlds.parents(world.id))
-        seen = latest_image_observation(app, case)
-        self.observation = None if seen is None or not self.follows else seen[1]
         self.record = case_tracks(app, case, world) if self.follows else None
+        self.observation = self._modelled(app, case) if self.follows else None
         self.video: Path | None = None
         self.video_frames = 0
         self.camera = world.camera or default_camera(world, _everywhere(world, result.trajectory))
@@ -107,6 +106,14 @@ class RolloutView:
             drawn[f"frame {frame:06d}"] = np.concatenate([canvas.image, line, strip], axis=1)
             rows.append({"frame": frame, "time": time, "over_video": real, "objects": about})
         return drawn, rows
+
+    def _modelled(self, app: App, case: Case) -> ImageObservation | None:
+        """The observation of the video that the world models, else the latest."""
+        source = None if self.record is None else self.record.source.get("objects")
+        if source is not None:
+            return chosen_image_observation(app, case, source)[1]
+        latest = latest_image_observation(app, case)
+        return None if latest is None else latest[1]
 
     def _sample(self, frame: float) -> int:
         return int(np.argmin(np.abs(self.result.trajectory.times - frame * self.frame_time)))

@@ -15,7 +15,20 @@ from atw_mcp.perception.calibration import (
     calibrate_from_points,
     calibrate_given,
 )
-from atw_mcp.perception.correction import Correction, Drop, Merge, Outline, Rename, Split, correct, correction_of
+from atw_mcp.perception.correction import correct
+from atw_mcp.perception.corrections import (
+    Correction,
+    Drop,
+    Exclude,
+    Merge,
+    Outline,
+    Place,
+    Rename,
+    Shadow,
+    Split,
+    Stay,
+    correction_of,
+)
 from atw_mcp.perception.import_images import (
     DepthMaps,
     ImportedMesh,
@@ -38,6 +51,7 @@ __all__ = [
     "Cue",
     "DepthMaps",
     "Drop",
+    "Exclude",
     "ImageObservation",
     "ImportDataError",
     "ImportedMesh",
@@ -47,10 +61,13 @@ __all__ = [
     "ObservedObject",
     "Outline",
     "PerceptionCancelled",
+    "Place",
     "Rename",
     "RunLengthMask",
+    "Shadow",
     "SolidEstimate",
     "Split",
+    "Stay",
     "VideoError",
     "VideoInfo",
     "calibrate_from_homography",

@@ -99,3 +99,11 @@ def as_filmed(mask: Mask, motion: Floats) -> Mask:
     size = (mask.shape[1], mask.shape[0])
     moved: Mask = np.asarray(cv2.warpAffine(mask.astype(np.float32), motion, size, flags=cv2.INTER_LINEAR)) > 0.5
     return moved
+
+
+def as_stabilised(mask: Mask, motion: Floats) -> Mask:
+    """Return a mask (H, W) in a frame's own pixels as it lies in the stabilised frame; the inverse of `as_filmed`."""
+    size = (mask.shape[1], mask.shape[0])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    moved: Mask = np.asarray(cv2.warpAffine(mask.astype(np.float32), motion, size, flags=flags)) > 0.5
+    return moved

@@ -49,7 +49,7 @@ def import_masks(path: str | Path, video_path: str | Path) -> ImageObservation:
 def observation_of_masks(masks: dict[str, list[Mask]], frames: Frames, base: ImageObservation) -> ImageObservation:
     """`base` with the objects that masks (name: T masks) describe in place of its own."""
     white = float(np.percentile(frames[0].astype(np.float32) @ np.array([0.114, 0.587, 0.299], np.float32), 80))
-    touching = _touching(list(masks.values()))
+    touching = standing_apart(list(masks.values()))
     objects = []
     for (name, series), apart in zip(masks.items(), touching, strict=True):
         described = describe(series, frames, [1.0] * len(series), apart, white)
@@ -59,7 +59,7 @@ def observation_of_masks(masks: dict[str, list[Mask]], frames: Frames, base: Ima
     return replace(base, objects=tuple(replace(o, name=n) for n, (_, o) in zip(names, objects, strict=True)))
 
 
-def _touching(all_masks: list[list[Mask]]) -> list[list[bool]]:
+def standing_apart(all_masks: list[list[Mask]]) -> list[list[bool]]:
     """For each object and frame, whether its mask stands apart from every other's."""
     kernel = np.ones((3, 3), np.uint8)
     apart = [[True] * len(series) for series in all_masks]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, Self
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception import constraints as said
+from atw_mcp.perception.constraints import Constraint
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.video import VideoInfo
 
@@ -125,13 +128,18 @@ class ObservedObject:
 class ImageObservation:
     """Everything seen in a video, in pixels.
 
-    Row i of every series is frame `frames[i]` of the file (equal to i unless frames were skipped).
+    Row i of every series is frame `frames[i]` of the file (equal to i unless frames were skipped). constraints: what
+    was said of it by whoever looked; found: masks (T,) of objects as they were before any constraint, of those that
+    have others now; notes: where objects could not be followed.
     """
 
     video: VideoInfo
     frames: tuple[int, ...]
     objects: tuple[ObservedObject, ...]
     warnings: tuple[str, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    found: Mapping[str, tuple[RunLengthMask | None, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -181,28 +189,43 @@ class ImageObservation:
             "video": self.video.to_dict(),
             "frames": len(self.frames),
             "objects": [o.summary() for o in self.objects],
-            "warnings": list(self.warnings),
+            "warnings": [*self.warnings, *self.notes],
         }
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values; `from_dict` reads them back."""
         frames: Any = list(self.frames)
-        return {
+        values: dict[str, Any] = {
             "video": self.video.to_dict(),
             "frames": frames,
             "objects": [o.to_dict() for o in self.objects],
             "warnings": list(self.warnings),
         }
+        if self.constraints:
+            values["constraints"] = [said.to_dict(c) for c in self.constraints]
+            values["found"] = {
+                name: [None if m is None else m.to_dict()["counts"] for m in masks]
+                for name, masks in self.found.items()
+            }
+            values["notes"] = list(self.notes)
+        return values
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
         """The inverse of `to_dict`."""
         video = VideoInfo.from_dict(data["video"])
+        size = [video.height, video.width]
         return cls(
             video=video,
             frames=tuple(int(f) for f in data["frames"]),
             objects=tuple(ObservedObject.from_dict(o, video.height, video.width) for o in data["objects"]),
             warnings=tuple(data["warnings"]),
+            constraints=tuple(said.from_dict(c) for c in data.get("constraints", [])),
+            found={
+                name: tuple(None if m is None else RunLengthMask.from_dict({"size": size, "counts": m}) for m in masks)
+                for name, masks in data.get("found", {}).items()
+            },
+            notes=tuple(data.get("notes", [])),
         )
 
 

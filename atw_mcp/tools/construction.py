@@ -117,6 +117,13 @@ def build_world_tool(
     tracks: Annotated[
         str | None, Field(description="id of the track record to model; default: the latest observation of the case")
     ] = None,
+    observation: Annotated[
+        str | None,
+        Field(
+            description="id of the observation of the video to model, as ObserveObjects returned it and OpenCase lists "
+            "it; default: the latest"
+        ),
+    ] = None,
     world: Annotated[
         dict[str, Any] | None,
         Field(
@@ -157,13 +164,17 @@ def build_world_tool(
             substep=substep,
         )
         how = None
-        if tracks is None and _described_alone(app, found, request):
+        if tracks is not None and observation is not None:
+            raise ValueError("give tracks or observation, not both: tracks are modelled as they are")
+        if tracks is None and observation is None and _described_alone(app, found, request):
             return _build(app, found, request, None)
         if tracks is None:
             solids = {
                 name: item.shape for name, item in given.items() if isinstance(item.shape, Sphere | Box | Cylinder)
             }
-            how = derivation(app, found, solids, request.motion_plane, floor if isinstance(floor, float) else 0.0)
+            how = derivation(
+                app, found, solids, request.motion_plane, floor if isinstance(floor, float) else 0.0, observation
+            )
         if how is None:
             return _build(app, found, request, track_record(app, found, tracks))
         record = derived_tracks(app, found, how, None)

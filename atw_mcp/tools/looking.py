@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
+from numpy.typing import NDArray
 from pydantic import Field
 
 from atw_mcp import readouts
@@ -15,12 +16,18 @@ from atw_mcp.intervals import FrameRange, Seconds, chosen_span
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.names import chosen_names, object_name
 from atw_mcp.observed_quantities import Quantity, observed_quantities
-from atw_mcp.observing import latest_image_observation, video_file
-from atw_mcp.overlay import Canvas, encoded
+from atw_mcp.observing import (
+    chosen_image_observation,
+    latest_image_observation,
+    tracks_of_observation,
+    video_file,
+)
+from atw_mcp.overlay import Canvas, Crop, encoded
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.perception.video import read_frames
+from atw_mcp.perception.video import PerceptionCancelled, read_frames
 from atw_mcp.periods import period_in_words
 from atw_mcp.picture_rows import EVERY_FRAME, observed_rows, simulated_rows
+from atw_mcp.residual_view import ResidualView
 from atw_mcp.results import Answer, explained
 from atw_mcp.rollout_cost import size_in_words
 from atw_mcp.rollout_view import RolloutView, case_tracks, draw_observed
@@ -39,6 +46,9 @@ Frames = Annotated[
     list[Annotated[int, Field(ge=0)]] | None,
     Field(description="frame numbers, from 0; default: spread over the whole video", min_length=1, max_length=12),
 ]
+ObservationId = Annotated[
+    str | None, Field(description="id of an observation of the video, as OpenCase lists them; default: the latest")
+]
 Pictures = Annotated[int, Field(ge=1, le=12, description="how many pictures when frames are not given")]
 FILE_TIME = "times are the file's: BuildWorld(seconds_per_frame=...) or FitWorld gives physical ones"
 PATIENCE = 40.0  # [s]
@@ -53,50 +63,118 @@ def inspect_frames(
     objects: Objects = None,
     pictures: Pictures = 6,
     plain: Annotated[bool, Field(description="the frames as they are, without outlines and names")] = False,
-) -> Answer:
+    observation: ObservationId = None,
+    crop: Annotated[
+        list[Annotated[int, Field(ge=0, le=16384)]] | None,
+        Field(min_length=4, max_length=4, description="part of the frames to show: left, top, width, height [px]"),
+    ] = None,
+    zoom: Annotated[float | None, Field(gt=0, le=32, description="how many times as large; default: legible")] = None,
+    residual: Annotated[
+        bool,
+        Field(
+            description="beside each frame: silhouettes filled, in yellow what is neither background, shadow nor an "
+            "object, and each object's confidence over time (white: frames in which it was outlined)"
+        ),
+    ] = False,
+) -> Answer | LongWork:
     """Pictures of video frames with the observed objects outlined and named. Before ObserveObjects, or with plain=true,
     the frames as they are. Pictures of large videos are reduced; pixel numbers in the text are those of the video."""
     found = app.case(case)
+    seen: tuple[str, ImageObservation | None]
     with explained():
         path = video_file(found)
-    seen = None if plain else latest_image_observation(app, found)
+        if plain and (residual or observation is not None):
+            raise ValueError("plain=true shows no observation: leave it out, or observation and residual")
+        if observation is not None or residual:
+            seen = chosen_image_observation(app, found, observation)
+        else:
+            latest = None if plain else latest_image_observation(app, found)
+            seen = ("", None) if latest is None else latest
     count = int(found.facts["frame_count"])
     chosen = _chosen_frames(frames, pictures, 0, count - 1, "the video")
-    observation = None if seen is None else seen[1]
-    if observation is not None and frames is None:
+    if seen[1] is not None and (frames is None or residual):
         # an observation may have looked at every n-th frame only
-        chosen = sorted({min(observation.frames, key=lambda f: abs(f - wanted)) for wanted in chosen})
-    names = [] if observation is None else chosen_names(app, found, objects, list(observation.names))
+        observed = seen[1].frames
+        chosen = sorted({min(observed, key=lambda f: abs(f - wanted)) for wanted in chosen})
+    names = [] if seen[1] is None else chosen_names(app, found, objects, list(seen[1].names))
+    part = None if crop is None else (crop[0], crop[1], crop[2], crop[3])
+    request = _FrameRequest(tuple(chosen), tuple(names), part, zoom)
     with explained():
         images = read_frames(path, chosen)
-    frame_time = _seconds_per_frame(app, found)
+        Canvas.of(images[0], part, zoom)
+    if not residual or seen[1] is None:
+        return _frames_answer(app, found, request, images, seen, None)
+    drawn_of = seen[1]
+
+    def work(progress: Progress) -> Answer:
+        def stop() -> None:
+            if progress.cancelled():
+                raise PerceptionCancelled("cancelled")
+
+        progress.report(0.0, 1.0, "modelling the background")
+        view = ResidualView(path, drawn_of, stop)
+        return _frames_answer(app, found, request, images, seen, view)
+
+    draft = Answer(summary="looking for what no object explains", data={}, case=found.id, observation=seen[0])
+    return LongWork(f"residual of {seen[0]} {request!r}", work, draft, PATIENCE)
+
+
+@dataclass(frozen=True)
+class _FrameRequest:
+    """Which frames are shown, of which objects, and which part of them how large."""
+
+    frames: tuple[int, ...]
+    names: tuple[str, ...]
+    crop: Crop | None
+    zoom: float | None
+
+
+def _frames_answer(
+    app: App,
+    case: Case,
+    request: _FrameRequest,
+    images: NDArray[np.uint8],
+    seen: tuple[str, ImageObservation | None],
+    view: ResidualView | None,
+) -> Answer:
+    identifier, observation = seen
+    names, count = list(request.names), int(case.facts["frame_count"])
+    frame_time = _seconds_per_frame(app, case)
     # Before a world says otherwise, the time is what the file states, which need not be physical time.
-    clock = "" if app.store.cases.worlds(found.id) else " (file time)"
+    clock = "" if app.store.cases.worlds(case.id) else " (file time)"
     drawn, rows = {}, []
-    for frame, image in zip(chosen, images, strict=True):
-        canvas = Canvas.of(image)
+    for frame, image in zip(request.frames, images, strict=True):
+        canvas = Canvas.of(image, request.crop, request.zoom)
         row: dict[str, Any] = {"frame": frame, "time": frame * frame_time}
         if observation is not None and frame in observation.frames:
             row["objects"] = draw_observed(canvas, observation, names, frame, label=True)
         elif observation is not None:
             row["objects"] = None
         canvas.write(f"frame {frame}   {frame * frame_time:.3f} s{clock}", (8, 16))
-        drawn[f"frame {frame:06d}"] = canvas.image
+        picture = canvas.image
+        if view is not None:
+            row["unexplained_px"] = int(view.unexplained(frame).sum())
+            picture = np.hstack([picture, view.beside(image, frame, names, request.crop, request.zoom)])
+            picture = np.vstack([picture, view.strips(names, frame, picture.shape[1])])
+        drawn[f"frame {frame:06d}"] = picture
         rows.append(row)
     what = "as they are" if observation is None else f"with {len(names)} objects outlined"
-    facts = {
+    facts: dict[str, Any] = {
         "video": {"width": int(images.shape[2]), "height": int(images.shape[1]), "frames": count},
         "seconds_per_frame": frame_time,
         "time_is": "file time" if clock else "physical time",
     }
+    if view is not None:
+        facts["unexplained_px"] = [row["unexplained_px"] for row in rows]
+    shown_frames = ", ".join(map(str, request.frames))
     return Answer(
-        summary=f"frames {', '.join(map(str, chosen))} of {count} {what}{'; ' * bool(clock)}{FILE_TIME * bool(clock)}",
+        summary=f"frames {shown_frames} of {count} {what}{'; ' * bool(clock)}{FILE_TIME * bool(clock)}",
         data={"frames": rows, **facts},
         shown=None if observation is None else {**observed_rows(rows), **facts, "every_frame": EVERY_FRAME},
-        case=found.id,
-        observation=None if seen is None else seen[0],
+        case=case.id,
+        observation=identifier or None,
         objects=tuple(names),
-        interval=(chosen[0] * frame_time, chosen[-1] * frame_time),
+        interval=(request.frames[0] * frame_time, request.frames[-1] * frame_time),
         pictures=encoded(drawn),
     )
 
@@ -118,13 +196,19 @@ def inspect_observed_motion(
             max_length=8,
         ),
     ] = None,
+    observation: ObservationId = None,
 ) -> Answer:
     """What was measured of one object in the video, frame by frame: centroid and visible area of its mask in pixels,
     whether it touches the image border, its status and confidence, and its position in the world where the camera is
     calibrated. With quantities also velocity, acceleration, momentum, energy and the period of a motion to and fro,
     with 90% intervals. A measurement, not a simulation."""
     found = app.case(case)
-    seen, record = latest_image_observation(app, found), case_tracks(app, found, None)
+    if observation is None:
+        seen, record = latest_image_observation(app, found), case_tracks(app, found, None)
+    else:
+        with explained():
+            seen = chosen_image_observation(app, found, observation)
+        record = tracks_of_observation(app, found, observation)
     known = list(dict.fromkeys([*(seen[1].names if seen else ()), *(record.tracks.names if record else ())]))
     if not known:
         raise ToolError(f"nothing was observed in case {found.id!r} yet. Next: ObserveObjects or ImportObservation")
@@ -143,12 +227,15 @@ def inspect_observed_motion(
     columns = ["frame", "time"]
     columns += ["u", "v", "area", "touches_border", "status", "confidence"] if image else []
     columns += ["x", "y", "z", "position_sigma", "position_confidence"] if tracks else []
+    missing = {} if record is None else record.source.get("unplaced", {}).get(name, [])
     rows = [
         [frame, frame * frame_time, *_measured(image, name, frame), *_placed(tracks, name, frame)]
         for frame in covered
         if span.holds(frame * frame_time)
     ]
-    data = {"object": name, "columns": columns, "rows": rows, "covers": span.shown(), "of": len(rows)}
+    data: dict[str, Any] = {"object": name, "columns": columns, "rows": rows, "covers": span.shown(), "of": len(rows)}
+    if missing:
+        data["no_position"] = missing
     told = f"{name}: {len(rows)} frames"
     shown = {**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None
     if quantities is not None:

@@ -12,8 +12,15 @@ from pydantic import Field
 from atw_mcp import cases
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import image_observation, keep_image_observation, latest_image_observation, video_file
-from atw_mcp.perception.correction import correct, correction_of
+from atw_mcp.observing import (
+    chosen_image_observation,
+    image_observation,
+    keep_image_observation,
+    latest_camera,
+    video_file,
+)
+from atw_mcp.perception.correction import correct
+from atw_mcp.perception.corrections import correction_of
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes
@@ -21,7 +28,7 @@ from atw_mcp.perception.video import probe
 from atw_mcp.results import Answer, explained
 from atw_mcp.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.toolbox import ToolGroup
-from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Pixel
+from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Pixel, Point
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
@@ -99,13 +106,17 @@ class MaskArgument(Argument):
 
 
 class CorrectionArgument(Argument):
-    """One correction of what was observed. outline: object, frame and box, positive, negative or mask say where a known
-    object is, add: the same for one that was missed; merge: first, second are one object; split: object is another one
-    called name from frame on; rename: object, name; drop: object is none."""
+    """One correction. outline: object, frame and box, positive, negative or mask say where a known object is, add: the
+    same for one that was missed; both are followed to all frames. place: object's centre is at position in frame.
+    exclude: in frame..last_frame nothing of object (or of any) is in box or mask, or object is nowhere. shadow: box or
+    mask is shadow in frame. rest: object does not move in frame..last_frame. merge: first, second are one; split:
+    object is another one called name from frame on; rename: object, name; drop: object is none."""
 
-    kind: Literal["outline", "add", "merge", "split", "rename", "drop"]
+    kind: Literal["outline", "add", "place", "exclude", "shadow", "rest", "merge", "split", "rename", "drop"]
     object: str | None = Field(default=None, max_length=64, description="the object concerned")
     frame: int | None = Field(default=None, ge=0, description="frame number")
+    last_frame: int | None = Field(default=None, ge=0, description="exclude, rest: last frame for which it holds")
+    position: Point | None = Field(default=None, description="place: x, y, z in the world [m]")
     box: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
         default=None, description="left, top, width, height [px]"
     )
@@ -139,8 +150,8 @@ def observe_objects(
         Field(
             min_length=1,
             max_length=50,
-            description="what is wrong in the latest observation, as InspectFrames shows it; applied in order. The "
-            "other arguments then do not matter",
+            description="what is wrong in the observation, as InspectFrames shows it. Outlines, places, regions and "
+            "rests are kept: no later correction alters them. Other arguments but observation do not matter",
         ),
     ] = None,
     deformable: Annotated[
@@ -148,8 +159,15 @@ def observe_objects(
         Field(
             min_length=1,
             max_length=32,
-            description="which objects of the latest observation are ropes, cloth, soft bodies or fluids: their shapes "
-            "are measured from their masks, for BuildWorld and FitWorld. The other arguments then do not matter",
+            description="which objects of the observation are ropes, cloth, soft bodies or fluids: their shapes "
+            "are measured from their masks, for BuildWorld and FitWorld. Other arguments but observation do not matter",
+        ),
+    ] = None,
+    observation: Annotated[
+        str | None,
+        Field(
+            description="id of the observation that corrections or deformable are about; default: the latest. Alone: "
+            "makes that earlier observation the case's latest again"
         ),
     ] = None,
     patience_seconds: Patience = 40.0,
@@ -163,9 +181,15 @@ def observe_objects(
     if deformable is not None:
         if corrections is not None:
             raise ToolError("give corrections first, then deformable in another call: shapes follow from the masks")
-        return _shapes(app, found, {item.object: item.kind for item in deformable}, patience_seconds)
+        kinds = {item.object: item.kind for item in deformable}
+        return _shapes(app, found, observation, kinds, patience_seconds)
     if corrections is not None:
-        return _correction(app, found, path, corrections, patience_seconds)
+        return _correction(app, found, path, observation, corrections, patience_seconds)
+    if observation is not None:
+        with explained(f"OpenCase(case={found.id!r}) lists the observations of the case"):
+            identifier, seen = chosen_image_observation(app, found, observation)
+        app.store.cases.add_observation(found.id, "objects", identifier)
+        return observed_answer(found, identifier, seen)
     inputs = {
         "video": found.content,
         "expected": expected,
@@ -188,11 +212,11 @@ def observe_objects(
     return _observation(app, found, "observe", inputs, look, f"observing {path.name}", patience_seconds)
 
 
-def _shapes(app: App, case: Case, kinds: dict[str, Material], patience: float) -> Answer | LongWork:
-    latest = latest_image_observation(app, case)
-    if latest is None:
-        raise ToolError(f"nothing to measure yet. Next: ObserveObjects(case={case.id!r}) without deformable")
-    identifier, seen = latest
+def _shapes(
+    app: App, case: Case, observation: str | None, kinds: dict[str, Material], patience: float
+) -> Answer | LongWork:
+    with explained():
+        identifier, seen = chosen_image_observation(app, case, observation)
     with explained(f"InspectFrames(case={case.id!r}) shows the objects and their names"):
         for name in kinds:
             seen.object(name)
@@ -247,12 +271,14 @@ def _shapes_answer(case: Case, record: ShapeRecord) -> Answer:
 
 
 def _correction(
-    app: App, case: Case, path: Path, corrections: list[CorrectionArgument], patience: float
+    app: App, case: Case, path: Path, observation: str | None, corrections: list[CorrectionArgument], patience: float
 ) -> Answer | LongWork:
-    latest = latest_image_observation(app, case)
-    if latest is None:
-        raise ToolError(f"nothing to correct yet. Next: ObserveObjects(case={case.id!r}) without corrections")
-    base, seen = latest
+    with explained():
+        base, seen = chosen_image_observation(app, case, observation)
+    camera = latest_camera(app, case)
+    places = any(item.kind == "place" for item in corrections)
+    if places and camera is None:
+        raise ToolError(f"a place in the world needs a camera. Next: CalibrateCamera(case={case.id!r})")
     said = [item.model_dump(exclude_none=True) for item in corrections]
     with explained(f"InspectFrames(case={case.id!r}) shows the objects and their names"):
         asked = [correction_of(item) for item in said]
@@ -262,11 +288,14 @@ def _correction(
             seen,
             path,
             asked,
+            camera=camera,
             progress=lambda share, what: progress.report(share, 1.0, what),
             cancelled=progress.cancelled,
         )
 
-    inputs = {"observation": base, "corrections": said}
+    inputs: dict[str, Any] = {"observation": base, "corrections": said}
+    if places and camera is not None:
+        inputs["camera"] = camera.model_dump(mode="json")
     return _observation(app, case, "correct", inputs, look, f"{len(asked)} corrections", patience)
 
 

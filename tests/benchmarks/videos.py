@@ -7,6 +7,8 @@ Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--co
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
 better of the two.
+[--seeded box|point] gives one box or point
+per body in one frame, and follows it from there instead of finding it.
 """
 
 from __future__ import annotations
@@ -33,6 +35,9 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
 from tests.benchmarks.video_scores import ClipScore, score_masks
+from tests.benchmarks.video_seeds import Labels, observe_seeded
+
+Look = Callable[[Path, Labels, list[str]], ImageObservation]  # from a file, true labels and the bodies' names
 
 COUNT, QUICK = 60, 10
 COLOURS = [(0, 0, 255), (0, 255, 255), (255, 0, 255), (255, 255, 0), (0, 255, 0), (255, 128, 0)]
@@ -47,7 +52,12 @@ def observed_masks(observation: ImageObservation, frames: int) -> dict[str, Any]
     }
 
 
-def observe_with(model: ModelFolder, agreement: bool, file: Path) -> ImageObservation:
+def observe_plain(file: Path, _labels: Labels, _bodies: list[str]) -> ImageObservation:
+    """Observe a clip of which nothing is known."""
+    return observe(file)
+
+
+def observe_with(model: ModelFolder, agreement: bool, file: Path, _labels: Labels, _bodies: list[str]) -> ImageObservation:
     """What a segmentation model makes of a clip whose objects OpenCV points out to it."""
     plain = observe(file)
     if not plain.objects:
@@ -62,18 +72,19 @@ def judge(
     public: Path,
     private: Path,
     pictures: Path | None = None,
-    look: Callable[[Path], ImageObservation] = observe,
+    look: Look = observe_plain,
 ) -> tuple[ClipScore, dict[str, Any]]:
-    """Observe a clip and score it; with its kind, style and the seconds it took."""
+    """Observe a clip by `look` and score it; with its kind, style and the seconds it took."""
     file = next(public.glob("clip.*"))
     truth = np.load(private / f"{public.name}_masks.npz")
     hidden = json.loads((private / f"{public.name}.json").read_text())
+    bodies = [str(n) for n in truth["names"]]
     begin = time.process_time()
-    observation = look(file)
+    observation = look(file, truth["labels"], bodies)
     spent = time.process_time() - begin
     frames = min(len(truth["labels"]), len(observation.frames))
     masks = observed_masks(observation, frames)
-    score = score_masks(truth["labels"][:frames], [str(n) for n in truth["names"]], masks)
+    score = score_masks(truth["labels"][:frames], bodies, masks)
     if pictures is not None:
         _picture(file, masks, pictures / f"{public.name}.png")
     return score, {"clip": public.name, "kind": hidden["kind"], "style": hidden["style"], "seconds": spent}
@@ -90,6 +101,7 @@ def summary(scores: Sequence[ClipScore]) -> dict[str, Any]:
         "found": len(found),
         "ghosts": sum(len(s.ghosts) for s in scores),
         "iou_median": float(np.median([b.iou for b in bodies])) if bodies else None,
+        "iou_mean": float(np.mean([b.iou for b in bodies])) if bodies else None,
         "off_median": float(np.median([b.off for b in found])) if found else None,
     }
 
@@ -115,6 +127,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, help=f"clips to draw (default: {COUNT})")
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
+    parser.add_argument("--seeded", choices=("box", "point"), help="follow each body from one seed")
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--model", metavar="NAME", help="a segmentation model under ATW_MODELS")
@@ -122,7 +135,9 @@ def main() -> None:
     chosen = parser.parse_args()
     if chosen.agreement and chosen.model is None:
         parser.error("--agreement needs --model NAME")
-    look: Callable[[Path], ImageObservation] = observe
+    look: Look = observe_plain
+    if chosen.seeded is not None:
+        look = partial(observe_seeded, how=chosen.seeded)
     if chosen.model is not None:
         try:
             model = find_model(chosen.model)

@@ -1,0 +1,161 @@
+"""What can be said to correct an observation, and how it is read from JSON."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from atw_mcp.perception.masks import MaskError, RunLengthMask
+from atw_mcp.perception.observation import ObservationError
+
+Point = tuple[float, float]
+Box = tuple[float, float, float, float]
+_NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Says where an object is in one frame; it is then followed from there in both directions.
+
+    Give box (left, top, width, height) [px], points inside it (positive) and outside it (negative), or a mask
+    (height, width); several together refine each other, and a mask alone is taken as it is. add: a new object.
+    """
+
+    object: str
+    frame: int
+    box: Box | None = None
+    positive: tuple[Point, ...] = ()
+    negative: tuple[Point, ...] = ()
+    mask: RunLengthMask | None = None
+    add: bool = False
+
+
+@dataclass(frozen=True)
+class Place:
+    """Says where the centre of an object is in the world in one frame, position (x, y, z) [m]."""
+
+    object: str
+    frame: int
+    position: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Exclude:
+    """Says that in frames frame..last_frame (default: that frame) nothing of an object, or of any, is in a box or mask;
+    without box and mask: that the object is nowhere in the image."""
+
+    frame: int
+    last_frame: int | None = None
+    object: str | None = None
+    box: Box | None = None
+    mask: RunLengthMask | None = None
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """Says that a region, a box or mask, is shadow in one frame: objects that hold it are freed of shadow in all."""
+
+    frame: int
+    object: str | None = None
+    box: Box | None = None
+    mask: RunLengthMask | None = None
+
+
+@dataclass(frozen=True)
+class Stay:
+    """Says that an object is at rest in frames frame..last_frame."""
+
+    object: str
+    frame: int
+    last_frame: int
+
+
+@dataclass(frozen=True)
+class Merge:
+    """Two tracks are one object: `second` becomes part of `first`."""
+
+    first: str
+    second: str
+
+
+@dataclass(frozen=True)
+class Split:
+    """From `frame` on a track is another object, called `name`."""
+
+    object: str
+    frame: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Rename:
+    """An object gets another name."""
+
+    object: str
+    name: str
+
+
+@dataclass(frozen=True)
+class Drop:
+    """What was taken for an object is none."""
+
+    object: str
+
+
+Statement = Outline | Place | Exclude | Shadow | Stay
+Correction = Statement | Merge | Split | Rename | Drop
+_KINDS: dict[str, type[Correction]] = {
+    "outline": Outline,
+    "add": Outline,
+    "place": Place,
+    "exclude": Exclude,
+    "shadow": Shadow,
+    "rest": Stay,
+    "merge": Merge,
+    "split": Split,
+    "rename": Rename,
+    "drop": Drop,
+}
+
+
+def correction_of(data: dict[str, Any]) -> Correction:
+    """A correction from JSON: {"kind": "outline" | "add" | "place" | ..., ...fields}.
+
+    A mask is a COCO run-length record. Raises ObservationError naming kinds and fields.
+    """
+    kind = data.get("kind")
+    if kind not in _KINDS:
+        raise ObservationError(f"unknown kind of correction {kind!r}; kinds: {list(_KINDS)}")
+    fields = {k: v for k, v in data.items() if k != "kind" and v is not None}
+    try:
+        if isinstance(fields.get("mask"), dict):
+            fields["mask"] = RunLengthMask.from_dict(fields["mask"])
+        for key in ("positive", "negative"):
+            if key in fields:
+                fields[key] = tuple((float(x), float(y)) for x, y in fields[key])
+        if "box" in fields:
+            left, top, width, height = (float(v) for v in fields["box"])
+            fields["box"] = (left, top, width, height)
+        if "position" in fields:
+            x, y, z = (float(v) for v in fields["position"])
+            fields["position"] = (x, y, z)
+        if kind == "add":
+            fields["add"] = True
+        return _KINDS[kind](**fields)
+    except MaskError as error:
+        raise ObservationError(f"{kind}: {error}") from error
+    except (TypeError, ValueError) as error:
+        names = [f for f in _KINDS[kind].__dataclass_fields__ if f != "add"]
+        raise ObservationError(f"{kind}: fields are {names}; {error}") from error
+
+
+def checked_name(name: str, taken: list[str]) -> str:
+    """A name for an object; raises ObservationError where it is taken or not allowed."""
+    if not _NAME.match(name):
+        raise ObservationError(
+            f"{name!r} is not a name: 1 to 64 letters, digits, _ or -, beginning with one of the first two"
+        )
+    if name in taken:
+        raise ObservationError(f"the name {name!r} is taken; objects: {taken}")
+    return name
