@@ -152,8 +152,8 @@ def main() -> None:
     if chosen.json:
         print(json.dumps({"seed": seed, **figures, "kinds": by_kind, "rows": [run.to_dict() for run in rows]}))
         return
-    for source, table in by_kind.items():
-        _print_table(source, {**table, "all": figures[source]})
+    for title, table in by_kind.items():
+        _print_table(title, {**table, "all": figures[title]})
     listed: dict[str, int] = {}
     for why in (why for run in rows for why in run.inexpressible):
         listed[why] = listed.get(why, 0) + 1

@@ -208,7 +208,7 @@ def _height(clip: Clip, name: str) -> float:
     return float(body["size"][2] if "size" in body else body.get("length", body["diameter"]))
 
 
-def _unanswered(clip: Clip, found: ClipRun, edit: int | None | Literal["all"] = "all", why: str = "") -> None:
+def _unanswered(clip: Clip, found: ClipRun, edit: int | Literal["all"] | None = "all", why: str = "") -> None:
     """Count questions that cannot be put to any world as unanswered."""
     for number, question in enumerate(clip.hidden["questions"]):
         if edit == "all" or question["edit"] == edit:

@@ -90,10 +90,11 @@ def surroundings(clip: Clip) -> dict[str, Any]:
     parts = []
     for body in clip.bodies:
         if "pivot" in body:
-            hinge = {"kind": "hinge", "name": f"pivot_{body['name']}", "object": body["name"]}
+            hinge = {"part": "hinge", "name": f"pivot_{body['name']}", "object": body["name"]}
             parts.append({**hinge, "anchor": body["pivot"], "axis": [0.0, -1.0, 0.0]})
         elif "track" in body.get("guided", ""):
-            parts.append({"kind": "slider", "name": f"track_{body['name']}", "object": body["name"], "axis": [1, 0, 0]})
+            along = {"anchor": [0.0, 0.0, body["size"][2]], "axis": [1.0, 0.0, 0.0]}
+            parts.append({"part": "slider", "name": f"track_{body['name']}", "object": body["name"], **along})
     return {**({"obstacles": obstacles} if obstacles else {}), **({"parts": parts} if parts else {})}
 
 
@@ -115,8 +116,8 @@ def true_tracks(clip: Clip, rng: np.random.Generator, noise: float = NOISE) -> O
     for k, body in enumerate(bodies):
         for first, last in clip.hidden["visible_frames"][body["name"]]:
             shown[first : last + 1, k] = True
-    positions = poses[..., :3] + rng.normal(0.0, noise, poses.shape[:2] + (3,))
-    orientations = np.full(poses.shape[:2] + (4,), np.nan)
+    positions = poses[..., :3] + rng.normal(0.0, noise, (*poses.shape[:2], 3))
+    orientations = np.full((*poses.shape[:2], 4), np.nan)
     for k, body in enumerate(bodies):
         if body["shape"] != "sphere":
             angles = rng.normal(0.0, noise / radius_of_gyration(body), (len(poses), 3))
