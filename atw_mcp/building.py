@@ -15,6 +15,7 @@ from atw_mcp.representation_choice import Chosen, Representation, choose, with_a
 from atw_mcp.world_warnings import fluid_warnings, without_covering_walls
 from polyworld.camera import Camera
 from polyworld.description import Appearance
+from polyworld.estimation.world_fit import with_supports
 from polyworld.geometry import hull, planar_outline
 from polyworld.initial_states import initial_states, with_initial_states
 from polyworld.representations.rigid import RigidObject
@@ -176,8 +177,10 @@ def build_world(
         camera=camera,
     )
     notes += fluid_warnings(world)
+    if names:
+        world = with_supports(with_initial_states(world, tracks.select(names)), tracks.select(names))
     return Built(
-        world=with_initial_states(world, tracks.select(names)) if names else world,
+        world=world,
         representation=kind,
         why=why,
         assumed=(*notes, *_assumed([*names, *described], given, scene, kind)),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from atw_mcp.jobs import Progress
@@ -12,16 +13,25 @@ from polyworld.estimation.world_fit import (
     FitProblem,
     FitResult,
     ObjectiveSettings,
+    Outlying,
     PosteriorSample,
+    PrefixSettings,
     SearchProgress,
     SearchSettings,
     Start,
+    Tested,
     Unknown,
+    choose_resistance,
     default_unknowns,
+    fit_by_prefixes,
     fit_by_random_search,
     in_order,
+    laws_of_resistance,
     multistart,
+    outlying_frames,
+    plausible_unknowns,
     refine,
+    refit_with_wider_bounds,
     restarts,
     sample_posterior,
 )
@@ -29,7 +39,10 @@ from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 
-Method = Literal["cem_refined", "cem", "random_search", "refine"]
+Method = Literal["prefixes", "cem_refined", "cem", "random_search", "refine"]
+
+
+SHARED = ("linear_damping", "angular_damping")
 
 
 @dataclass(frozen=True)
@@ -48,7 +61,10 @@ class Override:
 
 @dataclass(frozen=True)
 class FitRequest:
-    """Everything that determines the outcome of a fit, beside the world and the tracks."""
+    """Everything that determines the outcome of a fit, beside the world and the tracks.
+
+    shared: None chooses laws of resistance by evidence where the method is `prefixes`, else dampings are fitted.
+    """
 
     method: Method = "cem_refined"
     first_frame: int | None = None
@@ -56,7 +72,7 @@ class FitRequest:
     holdout_from: int | None = None
     fit_seconds_per_frame: bool = False
     fit_initial_states: bool = True
-    shared: tuple[str, ...] = ("linear_damping", "angular_damping")
+    shared: tuple[str, ...] | None = None
     each: tuple[str, ...] = ("friction", "restitution", "mass")
     materials: tuple[str, ...] | None = None
     overrides: tuple[Override, ...] = ()
@@ -92,15 +108,18 @@ def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest)
     """
     # What is held out must not tell where to begin the search.
     seen = tracks if request.holdout_from is None else tracks.window(int(tracks.frames[0]), request.holdout_from - 1)
+    by_evidence = request.method == "prefixes" and request.shared is None
     parameters = default_unknowns(
         world,
         seen,
-        shared=request.shared,
+        shared=() if by_evidence else SHARED if request.shared is None else request.shared,
         each=request.each,
         initial_conditions=request.fit_initial_states,
         time_base=request.fit_seconds_per_frame,
         materials=request.materials,
     )
+    if request.method == "prefixes" and request.fit_initial_states:
+        parameters = plausible_unknowns(world, seen, parameters)
     for override in request.overrides:
         for path in override.paths:
             specification(world, path)
@@ -131,40 +150,78 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
 class FitRun:
     """What a fit did: its result, all its starts (none for a method without them), and the seed that was asked for.
 
-    sample: of the posterior; None where the fit was cancelled or diverges.
+    start: the world that the values refer to, which may have got a law of resistance. sample: of the posterior; None
+    where the fit was cancelled or diverges. tested: laws of resistance beside friction and rolling. widened: bounds
+    that the fit widened by itself, by name.
     """
 
     result: FitResult
     starts: tuple[Start, ...] = ()
     seed: int = 0
     sample: PosteriorSample | None = None
+    start: World | None = None
+    tested: tuple[Tested, ...] = ()
+    widened: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    outlying: tuple[Outlying, ...] = ()
 
 
 def run_fit(
     world: World, tracks: ObservedTracks, parameters: list[Unknown], request: FitRequest, progress: Progress
 ) -> FitRun:
-    """Search, then sample the posterior. `cem_refined`: the cross-entropy method from several seeds, least squares from
-    each outcome.
+    """Search, choose resistance by evidence, widen bounds that exclude the minimum, then sample the posterior.
 
-    A cancelled search returns the best found so far, with status `cancelled`.
+    `prefixes`: least squares over growing stretches. `cem_refined`: the cross-entropy method from several seeds, least
+    squares from each outcome. A cancelled search returns the best found so far, with status `cancelled`.
     """
     objective = ObjectiveSettings(position_tolerance=request.position_tolerance)
     if request.method == "refine":
         parameters = _at_present_values(world, parameters)
     problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=request.holdout_from)
-    run = _run_search(problem, request, progress)
+    run = replace(_run_search(problem, request, progress), start=world)
     if run.result.status == "cancelled":
         return run
+    if request.method == "prefixes":
+        problem, run = _completed(problem, run, request, progress)
+        if run.result.status == "cancelled":
+            return run
     progress.note(progress.done, progress.total, "sampling the posterior")
     fixed = {path for override in request.overrides if override.fixed for path in override.paths}
-    outcomes = [run.result, *(start.best for start in run.starts[1:])]
-    return replace(run, sample=sample_posterior(problem, outcomes, known=fixed, seed=request.seed))
+    names = run.result.by_name.keys()
+    outcomes = [run.result, *(s.best for s in run.starts[1:] if s.best.by_name.keys() == names)]
+    sample = sample_posterior(problem, outcomes, known=fixed, seed=request.seed)
+    return replace(run, sample=sample, outlying=outlying_frames(problem, run.result))
+
+
+def _completed(problem: FitProblem, run: FitRun, request: FitRequest, progress: Progress) -> tuple[FitProblem, FitRun]:
+    """Laws of resistance that the evidence asks for, and bounds that the minimum wants to leave."""
+    best, rest = run.starts[0], run.starts[1:]
+    tested: tuple[Tested, ...] = ()
+    if request.shared is None:
+        progress.note(progress.done, progress.total, "choosing laws of resistance by evidence")
+        taken = {path for u in problem.space.unknowns for path in u.paths}
+        taken |= {path for override in request.overrides for path in override.paths}
+        laws = laws_of_resistance(problem.world, problem.window, taken)
+        problem, best, tested = choose_resistance(problem, best, laws, cancelled=progress.cancelled)
+    given = {path for override in request.overrides for path in override.paths}
+    problem, best, widened = refit_with_wider_bounds(problem, best, keep=given, cancelled=progress.cancelled)
+    found = replace(run, result=best.best, starts=(best, *rest), start=problem.world, tested=tested, widened=widened)
+    return problem, found
 
 
 def _run_search(problem: FitProblem, request: FitRequest, progress: Progress) -> FitRun:
     if request.method == "refine":
         progress.note(progress.done, progress.total, "refining")
         return FitRun(refine(problem, cancelled=progress.cancelled))
+
+    if request.method == "prefixes":
+
+        def tell(start: int, of: int, loss: float) -> None:
+            progress.note(start - 1, of, f"loss {loss:.4g}, start {start} of at most {of}")
+
+        starts = fit_by_prefixes(
+            problem, PrefixSettings(request.restarts, request.seed), progress=tell, cancelled=progress.cancelled
+        )
+        return FitRun(starts[0].best, starts, request.seed)
 
     def report(step: SearchProgress) -> None:
         message = f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
@@ -202,7 +259,7 @@ def digest(run: FitRun) -> dict[str, Any]:
         document["rollouts"] = sum(result.rollouts for start in run.starts for result in start.results)
         spread = {value.name: value.spread for value in run.starts[0].searched.values}
         for value in document["values"]:
-            value["spread"] = spread[value["name"]]
+            value["spread"] = spread.get(value["name"])
         searches = sorted((start.searched for start in run.starts), key=lambda result: result.seed)
         document["history"] = [vars(point).copy() for result in searches for point in result.history]
     document["starts"] = [
@@ -215,6 +272,9 @@ def digest(run: FitRun) -> dict[str, Any]:
         }
         for start in run.starts
     ]
+    document["resistance"] = [vars(tested) for tested in run.tested]
+    document["widened"] = {name: list(bounds) for name, bounds in run.widened.items()}
+    document["outlying"] = [{**vars(found), "frames": list(found.frames)} for found in run.outlying]
     return document
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from atw_mcp.parts import Parts
+from polyworld.geometry import quaternion_matrix
 from polyworld.representations.joint import Hinge, Joint
 from polyworld.shapes import BodyShape
 from polyworld.tracks import ObservedTracks
@@ -19,6 +20,7 @@ Chosen = Literal["planar", "spatial"]
 # An object counts as staying on its plane while its height varies less than this share of its half height,
 # or than this many standard deviations of its measured position.
 HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+LYING = 0.5  # cosine of the angle between the vertical and the axis of what lies on its side
 
 
 def choose(
@@ -53,6 +55,9 @@ def choose(
         )
     if plane is not None:
         return "planar", "a motion plane was given"
+    rolling = rolling_bodies(tracks, shapes)
+    if rolling:
+        return "spatial", f"{', '.join(rolling)} can roll, about level axes that a planar world has not"
     if heights_assumed:
         return "planar", "positions were measured by assuming that objects stay on the floor"
     for column, name in enumerate(tracks.names):
@@ -66,6 +71,21 @@ def choose(
     if not tracks.names:
         return "spatial", "nothing was observed that would confine it to a plane"
     return "planar", "every object keeps its height"
+
+
+def rolling_bodies(tracks: ObservedTracks, shapes: Mapping[str, BodyShape]) -> list[str]:
+    """Names of tracked balls, and of cylinders and capsules that are seen to lie on their side."""
+    found = []
+    for column, name in enumerate(tracks.names):
+        if shapes[name].kind == "sphere":
+            found.append(name)
+        elif shapes[name].kind in ("cylinder", "capsule"):
+            rows = np.flatnonzero(tracks.orientation_confidence[:, column] > 0)
+            seen = tracks.orientations[rows, column]
+            upright = [abs(float(quaternion_matrix(q)[2, 2])) for q in seen if np.isfinite(q).all()]
+            if upright and np.median(upright) < LYING:
+                found.append(name)
+    return found
 
 
 def _needs_space(shapes: Mapping[str, BodyShape], statics: tuple[StaticObject, ...], parts: Parts) -> str | None:

@@ -22,6 +22,7 @@ from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 
 GROUP = ToolGroup("world construction")
+RESTARTS = {"prefixes": 3, "cem": 1, "random_search": 1, "refine": 1}
 STATES = {path.rpartition(".")[0] for path in STATE_PARAMETERS}
 
 
@@ -31,12 +32,14 @@ def fit_world(
     case: CaseId,
     world: Annotated[str | None, Field(description="world id to start from; default: the latest draft")] = None,
     method: Annotated[
-        Literal["cem_refined", "cem", "random_search", "refine"],
+        Literal["prefixes", "cem_refined", "cem", "random_search", "refine"] | None,
         Field(
-            description="cem: cross-entropy method, global; refine: least squares from where the world is; "
-            "cem_refined: short searches from several seeds, each refined, the best kept; random_search: for comparison"
+            description="prefixes: least squares over growing stretches, laws of resistance chosen by evidence; "
+            "default for spatial worlds of rigid bodies. cem_refined: short global searches (cross-entropy method, cem) "
+            "from several seeds, each refined, the best kept; default elsewhere. refine: least squares from where the "
+            "world is; random_search: for comparison"
         ),
-    ] = "cem_refined",
+    ] = None,
     fit_seconds_per_frame: Annotated[
         bool, Field(description="also fit the physical time between frames, where the file's rate is not trusted")
     ] = False,
@@ -47,14 +50,15 @@ def fit_world(
             max_length=8,
             description="physical parameters fitted for each object: mass, friction, restitution, "
             "rolling_resistance, torsional_radius, linear_damping, angular_damping; "
-            "default friction, restitution and mass",
+            "default friction, restitution and mass, with method prefixes also rolling_resistance of what can roll",
         ),
     ] = None,
     shared: Annotated[
         list[str] | None,
         Field(
             max_length=8,
-            description="physical parameters with one value for all objects; default linear_damping, angular_damping",
+            description="physical parameters with one value for all objects; default linear_damping, angular_damping, "
+            "with method prefixes linear_damping and others where the evidence asks for them",
         ),
     ] = None,
     materials: Annotated[
@@ -92,7 +96,7 @@ def fit_world(
             ge=1,
             le=50,
             description="independent searches with their own seeds, of which the best counts; default 1, for "
-            "cem_refined 5, with deformable objects 2, each refined",
+            "cem_refined 5, with deformable objects 2, each refined; for prefixes 3 at most",
         ),
     ] = None,
     position_tolerance: Annotated[
@@ -111,9 +115,11 @@ def fit_world(
     start = app.world(found, world)
     with explained(f"BuildWorld(case={found.id!r})"):
         record = modelled_tracks(app, found, start)
+    rigid = not start.planar and not start.coupled and bool(start.objects)
+    method = method or ("prefixes" if rigid else "cem_refined")
     request = FitRequest(
         method=method,
-        first_frame=first_frame,
+        first_frame=_first_frame(start, record.tracks) if first_frame is None else first_frame,
         last_frame=last_frame,
         holdout_from=holdout_from,
         fit_seconds_per_frame=fit_seconds_per_frame,
@@ -121,7 +127,7 @@ def fit_world(
         overrides=tuple(_override(item) for item in parameters or []),
         generations=generations or (60 if method != "cem_refined" else 12 if start.coupled else 20),
         population=population or (24 if start.coupled else 64),
-        restarts=restarts or (1 if method != "cem_refined" else 2 if start.coupled else 5),
+        restarts=restarts or RESTARTS.get(method, 2 if start.coupled else 5),
         position_tolerance=position_tolerance,
         seed=seed,
         **({} if each is None else {"each": tuple(each)}),
@@ -183,7 +189,10 @@ def _keep_fit(
     with app.store.transaction():
         _add_to_case(app, case, start, result.world, inputs, observation)
         if run.sample is not None:
-            keep_sample(app, result.world, start, run.sample)
+            assert run.start is not None
+            if run.start.id != start.id:  # it has a law of resistance that the fit found
+                app.keep_world(case, run.start, how="given", parent=start, detail={"fit": "resistance"})
+            keep_sample(app, result.world, run.start, run.sample)
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)
     return _fit_answer(app, case, start, result.world, document, tracks, observation, again=False)
@@ -288,6 +297,14 @@ def _short(accuracy: dict[str, Any]) -> str:
         return f"{accuracy['position_rmse']:.4g} m"
     shape = accuracy.get("shape_rms_in_sigma")
     return "nothing observed" if shape is None else f"{shape:.3g} standard deviations"
+
+
+def _first_frame(world: World, tracks: ObservedTracks) -> int | None:
+    """The first frame at which an object of the world joins, where the tracks begin before; else None: their own."""
+    step = world.time.seconds_per_frame
+    starts = [round(item.start_time / step) for item in world.objects if item.name in tracks.names]
+    first = min(starts, default=0)
+    return first if len(tracks.frames) and int(tracks.frames[0]) < first < int(tracks.frames[-1]) else None
 
 
 def _is_state(value: dict[str, Any]) -> bool:

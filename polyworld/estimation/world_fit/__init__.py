@@ -2,15 +2,21 @@
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, accuracy
+from polyworld.estimation.world_fit.bounds import refit_with_wider_bounds
 from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
 from polyworld.estimation.world_fit.multistart import Start, in_order, multistart, restarts
 from polyworld.estimation.world_fit.objective import Objective, ObjectiveSettings
+from polyworld.estimation.world_fit.outlying import Outlying, outlying_frames
+from polyworld.estimation.world_fit.plausible import plausible_unknowns
 from polyworld.estimation.world_fit.posterior import PosteriorSample, sample_posterior
+from polyworld.estimation.world_fit.prefixes import PrefixSettings, fit_by_prefixes
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import refine
+from polyworld.estimation.world_fit.resistance import Tested, choose_resistance, laws_of_resistance
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, Undetermined
 from polyworld.estimation.world_fit.search import SearchProgress, SearchSettings, fit, fit_by_random_search
+from polyworld.estimation.world_fit.support import supports, with_supports
 
 __all__ = [
     "Accuracy",
@@ -20,19 +26,30 @@ __all__ = [
     "FittedValue",
     "Objective",
     "ObjectiveSettings",
+    "Outlying",
     "PosteriorSample",
+    "PrefixSettings",
     "SearchProgress",
     "SearchSettings",
     "Start",
+    "Tested",
     "Undetermined",
     "Unknown",
     "accuracy",
+    "choose_resistance",
     "default_unknowns",
     "fit",
+    "fit_by_prefixes",
     "fit_by_random_search",
     "in_order",
+    "laws_of_resistance",
     "multistart",
+    "outlying_frames",
+    "plausible_unknowns",
     "refine",
+    "refit_with_wider_bounds",
     "restarts",
     "sample_posterior",
+    "supports",
+    "with_supports",
 ]

@@ -59,6 +59,7 @@ class FitProblem:
         left on either side of it, ValueError or KeyError where an unknown or the tracks do not suit the world.
         """
         self.world, self.tracks, self.window = world, tracks, tracks
+        self._holdout_from = holdout_from
         self.space = SearchSpace(world, unknowns)
         if holdout_from is not None:
             if len(tracks.frames) == 0 or not tracks.frames[0] < holdout_from <= tracks.frames[-1]:
@@ -69,6 +70,17 @@ class FitProblem:
         self._make_simulator = make_simulator
         self._simulators: dict[int, Simulator] = {}
         self.begin()
+
+    def with_unknowns(self, unknowns: Sequence[Unknown], world: World) -> FitProblem:
+        """The same problem with other unknowns, in `world`, which may have more effects."""
+        return FitProblem(
+            world,
+            self.tracks,
+            unknowns,
+            objective=self.objective.settings,
+            holdout_from=self._holdout_from,
+            make_simulator=self._make_simulator,
+        )
 
     @property
     def samples(self) -> int:
@@ -95,28 +107,36 @@ class FitProblem:
         """Loss of one candidate (P,) over the full horizon."""
         return float(self.losses(at[None], self.samples)[0])
 
-    def residuals(self, candidates: Array) -> Array:
-        """Weighted standardised residuals (N, r) of candidates (N, P), the prior's last; NaN rows where diverged."""
-        data = self._over(candidates, self.samples, self.objective.residuals)
+    def residuals(self, candidates: Array, samples: int | None = None) -> Array:
+        """Weighted standardised residuals (N, r) of candidates (N, P), the prior's last; NaN rows where diverged.
+
+        samples: over the first of them; default all.
+        """
+        data = self._over(candidates, samples or self.samples, self.objective.residuals)
         return np.concatenate([data, self.space.prior_residuals(candidates)], axis=1)
 
-    def huber_weights(self, at: Array) -> Array:
+    def huber_weights(self, at: Array, samples: int | None = None) -> Array:
         """Weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""
-        data = self._over(at[None], self.samples, self.objective.huber_weights)[0]
+        data = self._over(at[None], samples or self.samples, self.objective.huber_weights)[0]
         return np.concatenate([data, np.ones(sum(u.prior is not None for u in self.space.unknowns))])
 
-    def difference_quotients(self, at: Array, steps: Array) -> Array:
+    def difference_quotients(
+        self, at: Array, steps: Array, samples: int | None = None, only: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Jacobian (r, P) of the residuals by central differences, one-sided where a bound is in the way.
 
-        Entries whose rollouts diverged are zero: nothing can be said about them.
+        samples: over the first of them; default all. only (P,): columns that are computed, the others are zero; default
+        all. Entries whose rollouts diverged are zero: nothing can be said about them.
         """
         up = np.minimum(at + steps, self.space.upper)
         down = np.maximum(at - steps, self.space.lower)
-        count, index = len(at), np.arange(len(at))
+        columns = np.arange(len(at)) if only is None else np.flatnonzero(only)
+        count, index = len(columns), np.arange(len(columns))
         candidates = np.repeat(at[None], 2 * count, axis=0)
-        candidates[index, index], candidates[count + index, index] = up, down
-        residuals = self.residuals(candidates)
-        jacobian = (residuals[:count] - residuals[count:]).T / (up - down)
+        candidates[index, columns], candidates[count + index, columns] = up[columns], down[columns]
+        residuals = self.residuals(candidates, samples)
+        jacobian = np.zeros((residuals.shape[1], len(at)))
+        jacobian[:, columns] = (residuals[:count] - residuals[count:]).T / (up - down)[columns]
         return np.where(np.isfinite(jacobian), jacobian, 0.0)
 
     def _over(self, candidates: Array, samples: int, measure: Callable[[BatchTrajectory], Array]) -> Array:
@@ -175,6 +195,10 @@ class FitProblem:
         entries, fitted, every = observed_entries(world, self.tracks), self.samples, len(self.tracks.frames)
         rest = errors(entries, batch, fitted, every) if fitted < every else None
         return errors(entries, batch, 0, fitted), rest
+
+    def run_one(self, result: FitResult) -> BatchTrajectory:
+        """The fitted world's motion at the fitted frames."""
+        return self._rollout(result.world, self.window)
 
     def _rollout(self, world: World, tracks: ObservedTracks) -> BatchTrajectory:
         return self._make_simulator(world, sample_times(world, tracks), n_worlds=1).run()

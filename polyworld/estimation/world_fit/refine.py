@@ -7,10 +7,13 @@ Marquardt (1963); bounds by projection; Huber's loss by iterated weights.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult, LossPoint, Status
 from polyworld.estimation.world_fit.search import Cancelled
+
+Array = NDArray[np.float64]
 
 # Factors on the step of the differences, tried in turn while no trial improves: a collision puts kinks into the
 # residuals, which a smaller step looks between and a larger one looks across.
@@ -30,9 +33,27 @@ def refine(
 ) -> FitResult:
     """Polish parameter values by name (default: the unknowns' starts); an iteration costs 2 P + 10 rollouts."""
     problem.begin()
+    at = problem.space.mean if start is None else problem.space.coordinates(start)
+    at, history, status = descend(problem, at, problem.samples, iterations=iterations, cancelled=cancelled)
+    return problem.finish("refine", status, at, None, history, 0)
+
+
+def descend(
+    problem: FitProblem,
+    at: Array,
+    samples: int,
+    *,
+    iterations: int,
+    tolerance: float = TOLERANCE,
+    cancelled: Cancelled | None = None,
+) -> tuple[Array, list[LossPoint], Status]:
+    """Minimise the loss over the first `samples` samples from search coordinates (P,), by Levenberg-Marquardt.
+
+    Only unknowns that can show by then are varied. tolerance: converged when the loss falls by less than this share.
+    """
     space = problem.space
-    at = space.mean if start is None else space.coordinates(start)
-    loss = problem.loss(at)
+    entered = space.entered(float(problem.objective.sample_times[samples - 1]))
+    loss = float(problem.losses(at[None], samples)[0])
     damping, span = 1e-2, 0
     history: list[LossPoint] = []
     status: Status = "completed"
@@ -40,26 +61,27 @@ def refine(
         if cancelled is not None and cancelled():
             status = "cancelled"
             break
-        jacobian = problem.difference_quotients(at, STEP * SPANS[span] * space.width) * space.width
-        weights = problem.huber_weights(at)
-        gradient = jacobian.T @ (weights * problem.residuals(at[None])[0])
+        steps = STEP * SPANS[span] * space.width
+        jacobian = problem.difference_quotients(at, steps, samples, entered) * space.width
+        weights = problem.huber_weights(at, samples)
+        gradient = jacobian.T @ (weights * problem.residuals(at[None], samples)[0])
         hessian = (jacobian * weights[:, None]).T @ jacobian
         # Parameters held by a bound that the step would leave take no part in it.
-        free = ~(((at <= space.lower) & (gradient > 0.0)) | ((at >= space.upper) & (gradient < 0.0)))
+        free = entered & ~(((at <= space.lower) & (gradient > 0.0)) | ((at >= space.upper) & (gradient < 0.0)))
         scale = np.diag(hessian)[free] + 1e-9 * max(float(np.diag(hessian).max()), 1e-12)
         candidates = np.repeat(at[None], len(TRIALS), axis=0)
         for row, factor in enumerate(TRIALS):
             matrix = hessian[np.ix_(free, free)] + np.diag(damping * factor * scale)
             candidates[row, free] -= np.linalg.solve(matrix, gradient[free]) * space.width[free]
         candidates = np.clip(candidates, space.lower, space.upper)
-        losses = problem.losses(candidates, problem.samples)
+        losses = problem.losses(candidates, samples)
         best = int(np.argmin(losses))
-        history.append(LossPoint(iteration, 0, problem.samples, float(losses[best]), float(np.median(losses))))
+        history.append(LossPoint(iteration, 0, samples, float(losses[best]), float(np.median(losses))))
         gain = (loss - losses[best]) / loss if loss > 0.0 else 0.0
         if losses[best] < loss:
             at, loss = candidates[best], float(losses[best])
             damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
-        span = span + 1 if gain < TOLERANCE else 0
+        span = span + 1 if gain < tolerance else 0
         if span == len(SPANS):
             break
-    return problem.finish("refine", status, at, None, history, 0)
+    return at, history, status

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from polyworld.estimation.world_fit.accuracy import Accuracy, json_ready
 from polyworld.world import World
 
-Method = Literal["cem", "random_search", "refine"]
+Method = Literal["cem", "random_search", "refine", "prefixes"]
 Status = Literal["completed", "cancelled"]
 
 

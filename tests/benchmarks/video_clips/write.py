@@ -15,14 +15,14 @@ from .render import render
 from .truth import truth
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Turn numpy values and tuples into JSON values and round numbers to nine significant digits."""
     if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float):
         return float(f"{value:.9g}")
     return value
@@ -37,9 +37,9 @@ def write_clip(out: Path, name: str, seed: list[int], kind: str, style: str, cha
     private.mkdir(parents=True, exist_ok=True)
     write_video(public, clip.look, finish(generator_for(seed, 2), clip.look, film.frames))
     facts = known(clip, film, generator_for(seed, 3))
-    (public / "known.json").write_text(json.dumps(_plain({"clip": name, **facts}), indent=1) + "\n")
+    (public / "known.json").write_text(json.dumps(plain({"clip": name, **facts}), indent=1) + "\n")
     hidden = truth(clip, film, generator_for(seed, 4), WANTED, changes)
-    (private / f"{name}.json").write_text(json.dumps(_plain({"clip": name, **hidden})) + "\n")
+    (private / f"{name}.json").write_text(json.dumps(plain({"clip": name, **hidden})) + "\n")
     np.savez_compressed(private / f"{name}_masks.npz", labels=film.labels, names=np.array(film.names))
     return {
         "frames": clip.look.frames,

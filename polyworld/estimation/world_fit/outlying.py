@@ -1,0 +1,38 @@
+"""Name the frames that a fit down-weights: positions farther from the simulated ones than noise explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polyworld.estimation.world_fit.problem import FitProblem
+from polyworld.estimation.world_fit.result import FitResult
+
+MOST = 0.2  # share of an object's frames up to which single ones are outlying; beyond it the fit is off
+
+
+@dataclass(frozen=True)
+class Outlying:
+    """Frames of an object whose positions are off by more than Huber's threshold; worst: in standard deviations."""
+
+    object: str
+    frames: tuple[int, ...]
+    worst: float
+
+
+def outlying_frames(problem: FitProblem, result: FitResult) -> tuple[Outlying, ...]:
+    """Frames, by object, of which at most a share `MOST` of its positions exceeds Huber's threshold."""
+    batch = problem.run_one(result)
+    if batch.diverged[0]:
+        return ()
+    entry = problem.objective.entries[0]
+    sizes = np.linalg.norm(entry.standardised(batch)[0], axis=-1)
+    found = []
+    for owner, name in enumerate(entry.names):
+        own = entry.owner[: len(sizes)] == owner
+        far = own & (sizes > problem.objective.settings.huber)
+        if 0 < far.sum() <= MOST * own.sum():
+            frames = tuple(int(f) for f in problem.window.frames[entry.sample[: len(sizes)][far]])
+            found.append(Outlying(name, frames, float(sizes[far].max())))
+    return tuple(found)

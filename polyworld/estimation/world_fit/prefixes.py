@@ -1,0 +1,87 @@
+"""Least squares over growing stretches of the tracks, from several starts: the deepest minimum is kept.
+
+The first frames show initial states nearly linearly; every longer stretch starts from what the shorter one found, so
+that each collision is met with a path that reaches it at about the right place and time. Where the whole is not
+described within the noise, further starts are drawn from the priors, the initial states kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.world_fit.multistart import Start, in_order
+from polyworld.estimation.world_fit.problem import FitProblem
+from polyworld.estimation.world_fit.refine import descend
+from polyworld.estimation.world_fit.result import LossPoint, Status
+from polyworld.estimation.world_fit.search import Cancelled
+
+Array = NDArray[np.float64]
+
+STAGES = (0.35, 0.7, 1.0)  # of the samples
+ITERATIONS = (6, 8, 16)  # at most
+TOLERANCE = 1e-3  # converged, as a share of the loss
+GOOD = 1.5  # loss up to which no further start is tried: only noise is left
+SCATTER = 1.0  # standard deviations of a prior by which a further start departs
+
+
+@dataclass(frozen=True)
+class PrefixSettings:
+    """starts: most starts tried. seed: of the further ones."""
+
+    starts: int = 3
+    seed: int = 0
+
+
+def fit_by_prefixes(
+    problem: FitProblem,
+    settings: PrefixSettings | None = None,
+    *,
+    progress: Callable[[int, int, float], None] | None = None,
+    cancelled: Cancelled | None = None,
+) -> tuple[Start, ...]:
+    """Fit from each start over growing stretches; the starts in order of their best loss.
+
+    progress: start, starts, loss so far. A cancelled fit returns what was reached, with status `cancelled`.
+    """
+    settings = settings or PrefixSettings()
+    rng = np.random.default_rng([settings.seed, 0x9F])
+    space = problem.space
+    contact = np.array([_of_contact(u.paths[0]) for u in space.unknowns])
+    starts: list[Start] = []
+    for number in range(settings.starts):
+        problem.begin()
+        at = space.mean.copy()
+        if number:
+            at = np.where(contact, at + SCATTER * space.sd * rng.standard_normal(len(at)), at)
+            at = np.clip(at, space.lower, space.upper)
+        status: Status = "completed"
+        history: list[LossPoint] = []
+        for samples, iterations in zip(_stages(problem), ITERATIONS, strict=True):
+            at, points, status = descend(
+                problem, at, samples, iterations=iterations, tolerance=TOLERANCE, cancelled=cancelled
+            )
+            history += points
+            if progress is not None:
+                progress(number + 1, settings.starts, history[-1].best if history else float("nan"))
+            if status == "cancelled":
+                break
+        starts.append(Start(problem.finish("prefixes", status, at, None, history, settings.seed)))
+        if status == "cancelled" or starts[-1].best.loss <= GOOD:
+            break
+    return in_order(starts)
+
+
+def _stages(problem: FitProblem) -> list[int]:
+    least = min(6, problem.samples)
+    return [max(least, round(share * problem.samples)) for share in STAGES]
+
+
+def _of_contact(path: str) -> bool:
+    """Whether a path is of what contacts depend on, rather than of an initial state."""
+    return path.rsplit(".", 1)[1] in ("friction", "restitution", "rolling_resistance", "mass") or (
+        ".angular_velocity." in path
+    )

@@ -1,0 +1,200 @@
+"""Infer which bodies a fixed level or sloping surface supports at first, and begin them on it.
+
+A body on a surface keeps its distance from it: it has no velocity along the surface's normal, it lies on one of its
+faces or rolls, and what a track shows otherwise is noise. Started from that noise it would hop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld import geometry
+from polyworld.initial_states import InitialState, initial_states
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere
+from polyworld.tracks import ObservedTracks
+from polyworld.world import StaticObject, World
+
+Array = NDArray[np.float64]
+
+UPWARD = 0.5  # cosine between a surface's normal and the vertical, below which nothing rests on it
+CLOSE = 0.15  # of a body's half height by which a mean height may be off that of rest, beyond its noise
+SIGMAS = 4.0  # standard errors
+FLAT = 0.9  # cosine within which a body axis lies along or across the normal
+STEADY = 12  # samples looked at
+
+
+@dataclass(frozen=True)
+class Support:
+    """A body on a fixed surface at first.
+
+    static: name of what supports it. normal (3,): of the surface. position (3,) [m], orientation (4,): of the body in
+    contact, nearest to what was observed. axis (3,): about which it rolls, None for a ball, which rolls about any, and
+    for what lies on a face. rolls: whether it can.
+    """
+
+    static: str
+    normal: Array
+    position: Array
+    orientation: Array
+    axis: Array | None
+    rolls: bool
+
+    @property
+    def level(self) -> bool:
+        """Whether the surface is level."""
+        return bool(self.normal[2] > 1.0 - 1e-9)
+
+
+def supports(world: World, tracks: ObservedTracks) -> dict[str, Support]:
+    """Support of every tracked body of a spatial world that keeps its height over a fixed surface as its track begins.
+
+    Surfaces are planes and the faces of boxes that look upward. Bodies that a joint holds are left out.
+    """
+    if world.planar or world.deformables:
+        return {}
+    held = {name for joint in world.joints for name in (joint.object, joint.other)}
+    states = initial_states(tracks, seconds_per_frame=world.time.seconds_per_frame)
+    found: dict[str, Support] = {}
+    for item in world.objects:
+        state = states.get(item.name)
+        if state is None or item.name in held:
+            continue
+        column = tracks.index(item.name)
+        rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
+        rows = rows[tracks.frames[rows] <= max(state.free_until, state.frame + 2)][:STEADY]
+        points = tracks.positions[rows, column]
+        times = tracks.frames[rows].astype(np.float64) * world.time.seconds_per_frame
+        noise = float(max(state.noise, np.median(tracks.position_sigma[rows, column])))
+        own = [_on(item, state, points, times, noise, *face) for face in _faces(world.statics, state.position)]
+        best = [s for s in own if s is not None]
+        if best:
+            found[item.name] = min(best, key=lambda s: float(np.linalg.norm(s.position - state.position)))
+    return found
+
+
+def with_supports(world: World, tracks: ObservedTracks) -> World:
+    """The world with supported bodies in contact with what supports them, without velocity along its normal.
+
+    Bodies that lie on a face turn about the normal alone; balls, and cylinders on their side, begin to roll without
+    slip, as what has moved on a floor for a while does.
+    """
+    found = supports(world, tracks)
+    objects = []
+    for item in world.objects:
+        support = found.get(item.name)
+        if support is None:
+            objects.append(item)
+            continue
+        n = support.normal
+        velocity = np.asarray(item.velocity) - n * (n @ np.asarray(item.velocity))
+        spin = n * (n @ np.asarray(item.angular_velocity))
+        if support.rolls:
+            spin = rolling_spin(item, support, velocity) + (0.0 if support.axis is None else spin)
+        state = {"position": support.position, "orientation": support.orientation, "velocity": velocity}
+        fields = {key: tuple(float(v) for v in value) for key, value in (state | {"angular_velocity": spin}).items()}
+        objects.append(item.model_copy(update=fields))
+    return world.model_copy(update={"objects": tuple(objects)})
+
+
+def rolling_spin(item: RigidObject, support: Support, velocity: Array) -> Array:
+    """Angular velocity (3,) [rad/s] of a body that rolls without slip at a velocity (3,) along its support."""
+    assert isinstance(item.shape, Sphere | Cylinder | Capsule)
+    spin = np.cross(support.normal, velocity) / item.shape.radius
+    rolling: Array = spin if support.axis is None else support.axis * (support.axis @ spin)
+    return rolling
+
+
+def _faces(statics: tuple[StaticObject, ...], place: Array) -> list[tuple[str, Array, Array]]:
+    """Name, a point and the normal of the upward faces that lie under a place."""
+    found: list[tuple[str, Array, Array]] = []
+    for static in statics:
+        turn = geometry.quaternion_matrix(np.asarray(static.orientation))
+        centre = np.asarray(static.position)
+        if isinstance(static.shape, Plane):
+            normal = np.asarray(static.shape.normal) / np.linalg.norm(static.shape.normal)
+            found.append((static.name, centre + turn @ normal * static.shape.offset, turn @ normal))
+        elif isinstance(static.shape, Box):
+            half = np.asarray(static.shape.half_extents)
+            local = turn.T @ (place - centre)
+            axis = int(np.argmax(np.abs(turn[2])))
+            sign = float(np.sign(turn[2, axis]))
+            others = [k for k in range(3) if k != axis]
+            if np.all(np.abs(local[others]) <= half[others]) and sign * local[axis] > 0.0:
+                found.append((static.name, centre + turn[:, axis] * sign * half[axis], turn[:, axis] * sign))
+    return [face for face in found if face[2][2] >= UPWARD]
+
+
+def _on(
+    item: RigidObject,
+    state: InitialState,
+    points: Array,
+    times: Array,
+    noise: float,
+    static: str,
+    at: Array,
+    normal: Array,
+) -> Support | None:
+    """A body's support by one face, None where it is off it, leaves it or stands on an edge."""
+    seen = np.asarray(item.orientation if state.orientation is None else state.orientation)
+    lain = _lain(item, seen, normal)
+    if lain is None:
+        return None
+    orientation, reach, axis, rolls = lain
+    heights = (points - at) @ normal - reach
+    count = len(heights)
+    if abs(float(heights.mean())) > CLOSE * reach + SIGMAS * noise / np.sqrt(count):
+        return None
+    if count >= 3:
+        spread = times - times.mean()
+        slope = float(spread @ heights) / float(spread @ spread)
+        if abs(slope) > SIGMAS * noise / float(np.sqrt(spread @ spread)):
+            return None
+    position = state.position - normal * ((state.position - at) @ normal - reach)
+    return Support(static, normal, position, orientation, axis, rolls)
+
+
+def _lain(item: RigidObject, orientation: Array, normal: Array) -> tuple[Array, float, Array | None, bool] | None:
+    """How a body lies on a face: its orientation turned flat, the height of its centre, the axis about which it rolls.
+
+    None for shapes that lie in no simple way, or that stand on an edge.
+    """
+    shape, turn = item.shape, geometry.quaternion_matrix(orientation)
+    if isinstance(shape, Sphere):
+        return orientation, shape.radius, None, True
+    if isinstance(shape, Box):
+        axis = int(np.argmax(np.abs(turn.T @ normal)))
+        goal = normal * np.sign(turn[:, axis] @ normal)
+        flat = _turned_to(orientation, turn[:, axis], goal)
+        return None if flat is None else (flat, shape.half_extents[axis], None, False)
+    if isinstance(shape, Cylinder | Capsule):
+        axis_now = turn[:, 2]
+        upright = abs(float(axis_now @ normal))
+        if upright > FLAT and isinstance(shape, Cylinder):
+            flat = _turned_to(orientation, axis_now, normal * np.sign(axis_now @ normal))
+            return None if flat is None else (flat, shape.half_height, None, False)
+        level = axis_now - normal * (axis_now @ normal)
+        if np.linalg.norm(level) < FLAT:
+            return None
+        level = level / np.linalg.norm(level)
+        flat = _turned_to(orientation, axis_now, level)
+        return None if flat is None else (flat, shape.radius, level, True)
+    return None
+
+
+def _turned_to(orientation: Array, direction: Array, goal: Array) -> Array | None:
+    """An orientation turned the short way so that a world direction comes to lie along another; None if far."""
+    cosine = float(direction @ goal)
+    if cosine < FLAT:
+        return None
+    axis = np.cross(direction, goal)
+    size = float(np.linalg.norm(axis))
+    if size < 1e-12:
+        return orientation
+    turned: Array = geometry.quaternion_product(
+        geometry.rotation_quaternion(axis / size * np.arctan2(size, cosine)), orientation
+    )
+    return turned
