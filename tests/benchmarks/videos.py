@@ -6,9 +6,7 @@ scored against true masks: bodies found, objects that are none, intersection ove
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
-better of the two.
-[--seeded box|point] gives one box or point
-per body in one frame, and follows it from there instead of finding it.
+better of the two. [--seeded box|point] gives one box or point per body in one frame, and follows it from there.
 """
 
 from __future__ import annotations
@@ -57,7 +55,9 @@ def observe_plain(file: Path, _labels: Labels, _bodies: list[str]) -> ImageObser
     return observe(file)
 
 
-def observe_with(model: ModelFolder, agreement: bool, file: Path, _labels: Labels, _bodies: list[str]) -> ImageObservation:
+def observe_with(
+    model: ModelFolder, agreement: bool, file: Path, _labels: Labels, _bodies: list[str]
+) -> ImageObservation:
     """What a segmentation model makes of a clip whose objects OpenCV points out to it."""
     plain = observe(file)
     if not plain.objects:
