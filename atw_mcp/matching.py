@@ -44,13 +44,14 @@ OFF_SIZE = 1.3  # ratio of seen to known size beyond which one of them is wrong
 
 @dataclass(frozen=True)
 class Known:
-    """A known object; None where nothing is said. pixel: a place on it in the first frame that shows it."""
+    """A known object; None where nothing is said. pixel: a place on it in `frame`, else in the first that shows it."""
 
     name: str
     shape: BodyShape | None = None
     color: str | None = None
     material: str | None = None
     pixel: tuple[float, float] | None = None
+    frame: int | None = None
 
     @property
     def colour(self) -> str | None:

@@ -63,6 +63,7 @@ class Answer:
 
 _TEXT_OR_NULL = {"anyOf": [{"type": "string"}, {"type": "null"}]}  # some clients refuse a list of types
 
+# Nested objects do not repeat that they are closed: every tool carries this schema.
 RESULT_SCHEMA: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
@@ -75,7 +76,6 @@ RESULT_SCHEMA: dict[str, Any] = {
         "case": _TEXT_OR_NULL,
         "source": {
             "type": "object",
-            "additionalProperties": False,
             "required": ["world", "rollout", "observation"],
             "properties": {
                 "world": _TEXT_OR_NULL,
@@ -97,15 +97,13 @@ RESULT_SCHEMA: dict[str, Any] = {
             "type": "array",
             "items": {
                 "type": "object",
-                "additionalProperties": False,
-                "required": ["path", "shown", "of"],
                 "properties": {
                     "path": {"type": "string"},
                     "shown": {"type": "integer"},
                     "of": {"type": "integer"},
                 },
             },
-            "description": "lists cut to save room; ReadEvidence(evidence, path=...) pages through the whole",
+            "description": "lists cut; ReadEvidence(evidence, path=...) pages through them",
         },
         "resource": {"type": "string", "description": "link to the whole result"},
     },

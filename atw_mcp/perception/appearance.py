@@ -40,6 +40,18 @@ def _table() -> Bins:
     return bins.ravel()
 
 
+@lru_cache(maxsize=1)
+def bin_colours() -> NDArray[np.float64]:
+    """Mean colour r, g, b in 0..1 of each bin, shape (BIN_COUNT, 3); NaN where no colour falls into it."""
+    level = (np.arange(64) * 4 + 1.5) / 255.0
+    colours = np.stack(np.meshgrid(level, level, level, indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
+    bins = _table()
+    counts = np.bincount(bins, minlength=BIN_COUNT)
+    with np.errstate(invalid="ignore"):
+        means = [np.bincount(bins, weights=colours[:, c], minlength=BIN_COUNT) / counts for c in range(3)]
+    return np.stack(means, axis=1)
+
+
 def histogram(bins: Bins) -> Histogram:
     """Counts of bins, spread to neighbouring bins so that a small sample stands for its like; shape (BIN_COUNT,)."""
     counts = np.bincount(bins.ravel(), minlength=BIN_COUNT).astype(np.float64)

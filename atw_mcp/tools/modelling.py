@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -9,34 +10,19 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
-from atw_mcp.importing import mesh_of
 from atw_mcp.jobs import LongWork
 from atw_mcp.matching import Known
 from atw_mcp.observing import latest_camera
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.known_objects import KnownObject, can_be_looked_for, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
 from atw_mcp.tools.observation import open_case
-from atw_mcp.tools.world_arguments import Argument, Name, Patience, Pixel, PlaneArgument, Point, ShapeArgument
+from atw_mcp.tools.world_arguments import Argument, Patience, PlaneArgument, Point
 from atw_mcp.video_model import VideoRequest, model_video
 from evidence_store import Case, to_json
 
 GROUP = ToolGroup("world construction")
-
-
-class KnownObject(Argument):
-    """One rigid object of the scene. The more is known, the surer it is found; what is left out is observed or
-    fitted."""
-
-    name: Name = Field(description="what it is to be called, e.g. red_ball; colour and shape in the name are hints")
-    shape: ShapeArgument | None = Field(default=None, description="shape and size; default: as its outline looks")
-    color: str | None = Field(default=None, max_length=32, description="e.g. red")
-    material: str | None = Field(default=None, max_length=32, description="e.g. metal, rubber")
-    mass: float | None = Field(default=None, gt=0, le=1e9, description="[kg]; not fitted if given")
-    friction: float | None = Field(default=None, ge=0, le=10, description="not fitted if given")
-    restitution: float | None = Field(default=None, ge=0, le=1, description="not fitted if given")
-    pixel: Pixel | None = Field(default=None, description="u, v of a point on it in the first frame that shows it")
-    position: Point | None = Field(default=None, description="its centre, used if the video does not show it [m]")
 
 
 @GROUP.tool("ModelVideo", title="Model a video in one call", read_only=False)
@@ -133,9 +119,14 @@ def model_video_tool(
     building = _merged({**_given(own), **listed}, build, "build")
     frames = _given({"first_frame": first_frame, "last_frame": last_frame})
     with explained():
+        known = tuple(known_of(app, found, item) for item in bodies.values())
         request = VideoRequest(
-            known=tuple(_known(app, found, item) for item in bodies.values()),
-            bodies={key: item.model_dump(exclude={"name", "pixel"}, exclude_none=True) for key, item in bodies.items()},
+            known=known,
+            looked_for=_looked_for(known, bodies.values(), observe),
+            bodies={
+                key: item.model_dump(exclude={"name", "pixel", "frame"}, exclude_none=True)
+                for key, item in bodies.items()
+            },
             unlisted=unlisted,
             observe=observe,
             calibrate=calibration or None,
@@ -161,10 +152,14 @@ def _opened(app: App, video: str | None, name: str | None) -> Case:
     return app.case(answer.case)
 
 
-def _known(app: App, case: Case, item: KnownObject) -> Known:
-    shape = None if item.shape is None else item.shape.to_shape(partial(mesh_of, app, case))
-    pixel = None if item.pixel is None else (item.pixel[0], item.pixel[1])
-    return Known(item.name, shape, item.color, item.material, pixel)
+def _looked_for(
+    known: Sequence[Known], items: Iterable[KnownObject], observe: dict[str, Any] | None
+) -> list[dict[str, Any]] | None:
+    """Return what ObserveObjects is to look for; None where too little is known, or `observe` asks for its own way."""
+    if not can_be_looked_for(known) or set(observe or {}) - {"stride"}:
+        return None
+    told = {"name", "shape", "color", "pixel", "frame"}
+    return [item.model_dump(include=told, exclude_none=True) for item in items]
 
 
 def _check_steps(app: App, case: Case, request: VideoRequest) -> None:

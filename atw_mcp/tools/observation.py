@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from atw_mcp import cases
 from atw_mcp.app import App
@@ -21,6 +21,7 @@ from atw_mcp.observing import (
 )
 from atw_mcp.perception.correction import correct
 from atw_mcp.perception.corrections import correction_of
+from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes
@@ -28,6 +29,7 @@ from atw_mcp.perception.video import probe
 from atw_mcp.results import Answer, explained
 from atw_mcp.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.known_objects import KnownObject, bodies_of, known_of, known_places
 from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Pixel, Point
 from evidence_store import Case
 
@@ -136,8 +138,16 @@ def observe_objects(
         list[Annotated[str, Field(min_length=1, max_length=100)]] | None,
         Field(
             max_length=64,
-            description="descriptions of objects to look for, e.g. 'blue metal sphere': those that fit get it as name, "
-            "those not found are named in the warnings",
+            description="descriptions, e.g. 'blue metal sphere': objects that fit get it as name, the rest are named",
+        ),
+    ] = None,
+    known: Annotated[
+        list[dict[str, Any]] | None,
+        Field(
+            min_length=1,
+            max_length=64,
+            description="objects as of ModelVideo, with color and shape, to look for at the size the camera gives them, "
+            "and for nothing else",
         ),
     ] = None,
     max_objects: Annotated[int, Field(ge=1, le=200, description="most objects to follow")] = 20,
@@ -190,6 +200,8 @@ def observe_objects(
             identifier, seen = chosen_image_observation(app, found, observation)
         app.store.cases.add_observation(found.id, "objects", identifier)
         return observed_answer(found, identifier, seen)
+    if known is not None:
+        return _known(app, found, path, known, stride, patience_seconds)
     inputs = {
         "video": found.content,
         "expected": expected,
@@ -210,6 +222,42 @@ def observe_objects(
         )
 
     return _observation(app, found, "observe", inputs, look, f"observing {path.name}", patience_seconds)
+
+
+def _known(
+    app: App, case: Case, path: Path, known: list[dict[str, Any]], stride: int, patience: float
+) -> Answer | LongWork:
+    camera = latest_camera(app, case)
+    if camera is None:
+        raise ToolError(f"known objects are looked for by size: CalibrateCamera(case={case.id!r}) comes first")
+    try:
+        items = [KnownObject.model_validate(item) for item in known]
+    except ValidationError as error:
+        listed = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise ToolError(f"known: {listed}; fields are {', '.join(KnownObject.model_fields)}") from error
+    with explained():
+        bodies = bodies_of([known_of(app, case, item) for item in items], camera)
+        places = known_places(app, case, camera)
+
+    def look(progress: Progress) -> ImageObservation:
+        return observe_known(
+            path,
+            bodies,
+            camera,
+            places,
+            stride=stride,
+            progress=lambda share, what: progress.report(share, 1.0, what),
+            cancelled=progress.cancelled,
+        )
+
+    inputs = {
+        "video": case.content,
+        "known": [item.model_dump(exclude_none=True) for item in items],
+        "camera": camera.model_dump(mode="json"),
+        "places": places.tolist(),
+        "stride": stride,
+    }
+    return _observation(app, case, "observe_known", inputs, look, f"looking for {len(bodies)} bodies", patience)
 
 
 def _shapes(

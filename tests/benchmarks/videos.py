@@ -6,7 +6,8 @@ scored against true masks: bodies found, objects that are none, intersection ove
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
-better of the two. [--seeded box|point] gives one box or point per body in one frame, and follows it from there.
+better of the two. [--known] tells the bodies' names, colours and sizes and points for the camera, as a user would.
+[--seeded box|point] gives one box or point per body in one frame, and follows it from there.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from atw_mcp.perception.agreement import by_agreement
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
+from tests.benchmarks.video_known import observe_as_known
 from tests.benchmarks.video_scores import ClipScore, score_masks
 from tests.benchmarks.video_seeds import Labels, observe_seeded
 
@@ -127,6 +129,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, help=f"clips to draw (default: {COUNT})")
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
+    parser.add_argument("--known", action="store_true", help="use what known.json says: bodies, sizes, camera")
     parser.add_argument("--seeded", choices=("box", "point"), help="follow each body from one seed")
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
@@ -136,6 +139,8 @@ def main() -> None:
     if chosen.agreement and chosen.model is None:
         parser.error("--agreement needs --model NAME")
     look: Look = observe_plain
+    if chosen.known:
+        look = observe_as_known
     if chosen.seeded is not None:
         look = partial(observe_seeded, how=chosen.seeded)
     if chosen.model is not None:

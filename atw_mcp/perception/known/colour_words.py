@@ -1,0 +1,87 @@
+"""What a colour's name says of pixels: how likely each colour is of a body that is called so, under any shading.
+
+Shading multiplies a body's colour and leaves hue and saturation; the name says those, and brightness roughly. What
+people call by a name is taken from the XKCD colour survey (2010), in which 200,000 people named colours, as matplotlib
+has it: the colour of the name itself, and those of its shades ("dusty pink", "dark pink").
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.colors import CSS4_COLORS, XKCD_COLORS, to_rgb
+from numpy.typing import NDArray
+
+from atw_mcp.perception.appearance import bin_colours
+
+Floats = NDArray[np.float64]
+
+CHROMA_SIGMA = 0.1  # of saturation times the unit vector of the hue
+VALUE_SIGMA = 0.45  # of ln(brightness): shading, exposure
+DARKER = 0.45  # ln(brightness) by which a body in a scene is darker than a patch on a screen, typically
+SHADES = 0.6  # share of bodies called by a name that have the colour of one of its shades
+DIM = 0.08  # brightness added before saturation is taken: the hue of what is nearly black is noise
+FLOOR = 0.02  # share of any colour: highlights, reflections
+TYPICAL = 300.0  # bins a typical foreground occupies, as in `appearance.log_likelihood`
+
+
+def colour_word(text: str) -> str | None:
+    """Return the longest colour's name in a description, as the survey spells it; None where there is none."""
+    words = re.findall(r"[a-z]+", text.lower())
+    for length in (3, 2, 1):
+        for first in range(len(words) - length, -1, -1):
+            name = " ".join(words[first : first + length]).replace("gray", "grey")
+            if _prototypes(name) is not None:
+                return name
+    return None
+
+
+@lru_cache(maxsize=256)
+def _prototypes(name: str) -> tuple[tuple[float, float, float], ...] | None:
+    """Colours r, g, b in 0..1: the name's own, then those of its shades; None for what names no colour."""
+    own = XKCD_COLORS.get(f"xkcd:{name}") or CSS4_COLORS.get(name.replace(" ", ""))
+    if own is None:
+        return None
+    shades = [code for key, code in XKCD_COLORS.items() if key.endswith((f" {name}", f":{name}"))]
+    return (to_rgb(own), *(to_rgb(code) for code in shades))
+
+
+@lru_cache(maxsize=64)
+def word_likelihood(word: str) -> Floats:
+    """Return log likelihood ratios (BIN_COUNT,) of the bins of `appearance` for a body called by a colour's name,
+    relative to any colour. Raises KeyError for what names no colour.
+    """
+    prototypes = _prototypes(word)
+    if prototypes is None:
+        raise KeyError(word)
+    colours = bin_colours()
+    chroma, value = _chroma(colours), colours.max(axis=1)
+    density = np.zeros(len(colours))
+    for k, prototype in enumerate(prototypes):
+        own = _chroma(np.array([prototype]))[0]
+        off = np.linalg.norm(chroma - own, axis=1) / CHROMA_SIGMA
+        shade = (np.log(value + 0.05) - np.log(max(prototype) + 0.05) + DARKER) / VALUE_SIGMA
+        weight = 1.0 - SHADES if k == 0 else SHADES / max(len(prototypes) - 1, 1)
+        density += weight * np.nan_to_num(_normalised(np.exp(-0.5 * (off**2 + shade**2))))
+    likelihood: Floats = np.log((1.0 - FLOOR) * density * TYPICAL + FLOOR)
+    return likelihood
+
+
+def _normalised(density: Floats) -> Floats:
+    known = np.nan_to_num(density)
+    scaled: Floats = known / known.sum()
+    return scaled
+
+
+def _chroma(rgb: Floats) -> Floats:
+    """Saturation times the unit vector of the hue (n, 2) of colours (n, 3) in 0..1."""
+    high, low = rgb.max(axis=1), rgb.min(axis=1)
+    x = rgb[:, 0] - 0.5 * (rgb[:, 1] + rgb[:, 2])
+    y = np.sqrt(0.75) * (rgb[:, 1] - rgb[:, 2])
+    length = np.hypot(x, y)
+    saturation = (high - low) / (high + DIM)
+    unit = np.stack([x, y], axis=1) / np.maximum(length, 1e-9)[:, None]
+    chroma: Floats = saturation[:, None] * unit
+    return chroma
