@@ -63,7 +63,7 @@ class Answer:
 
 _TEXT_OR_NULL = {"anyOf": [{"type": "string"}, {"type": "null"}]}  # some clients refuse a list of types
 
-# Nested objects do not repeat that they are closed: every tool carries this schema.
+# Every tool carries this schema: nested objects do not list which of their fields are required.
 RESULT_SCHEMA: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
@@ -76,7 +76,7 @@ RESULT_SCHEMA: dict[str, Any] = {
         "case": _TEXT_OR_NULL,
         "source": {
             "type": "object",
-            "required": ["world", "rollout", "observation"],
+            "additionalProperties": False,
             "properties": {
                 "world": _TEXT_OR_NULL,
                 "rollout": _TEXT_OR_NULL,
@@ -97,6 +97,7 @@ RESULT_SCHEMA: dict[str, Any] = {
             "type": "array",
             "items": {
                 "type": "object",
+                "additionalProperties": False,
                 "properties": {
                     "path": {"type": "string"},
                     "shown": {"type": "integer"},
