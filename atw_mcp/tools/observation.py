@@ -146,7 +146,7 @@ def observe_objects(
         Field(
             min_length=1,
             max_length=64,
-            description="objects as of ModelVideo, with color and shape, to look for at the size that the camera gives, "
+            description="objects as of ModelVideo, with color and shape, to look for at the size the camera gives, "
             "and for nothing else",
         ),
     ] = None,
