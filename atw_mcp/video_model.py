@@ -11,7 +11,7 @@ import numpy as np
 from atw_mcp.app import App
 from atw_mcp.fit_errors import object_errors
 from atw_mcp.jobs import Progress
-from atw_mcp.matching import Known, Matching, matched
+from atw_mcp.matching import Known, matched
 from atw_mcp.observing import derivation, latest_image_observation, modelled_tracks
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.perception.tracks import estimate_sizes
@@ -22,7 +22,7 @@ from evidence_store import Case, StoreError
 from polyworld.camera import Camera
 from polyworld.world import MotionPlane
 
-SHARES = {"CalibrateCamera": 0.01, "ObserveObjects": 0.35, "BuildWorld": 0.5, "FitWorld": 0.98}
+SHARES = {"ObserveObjects": 0.35, "CalibrateCamera": 0.36, "BuildWorld": 0.5, "FitWorld": 0.98}
 MOVED = 0.5  # of its own size in the image, by which a track has moved
 
 
@@ -31,8 +31,7 @@ class VideoRequest:
     """What is known of a video, as arguments of the tools that use it.
 
     known: names, shapes and hints for the matching; bodies: what BuildWorld is given of each, by name. unlisted: what
-    becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used. looked_for:
-    what ObserveObjects is told to look for, None where it finds what moves or stands out.
+    becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used.
     """
 
     known: tuple[Known, ...]
@@ -44,7 +43,6 @@ class VideoRequest:
     fit: dict[str, Any]
     plane: MotionPlane | None = None
     floor: float = 0.0
-    looked_for: list[dict[str, Any]] | None = None
 
 
 def model_video(app: App, case: Case, request: VideoRequest, progress: Progress) -> Answer:
@@ -54,9 +52,9 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
     """
     steps, model = Steps(app, progress, SHARES), VideoModel()
     try:
+        seen = _observe(app, case, request, steps)
         if request.calibrate is not None:
             steps.call("CalibrateCamera", case=case.id, **request.calibrate)
-        seen = _observe(app, case, request, steps)
         names = _match(app, case, request, seen, steps, model, progress)
         built = steps.call("BuildWorld", case=case.id, **_build_arguments(request, model, names))
         fitted = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
@@ -69,8 +67,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
 def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> ImageObservation:
     latest = latest_image_observation(app, case)
     if latest is None or request.observe is not None:
-        told = {} if request.looked_for is None else {"known": request.looked_for}
-        steps.call("ObserveObjects", case=case.id, **told, **(request.observe or {}))
+        steps.call("ObserveObjects", case=case.id, **(request.observe or {}))
         latest = latest_image_observation(app, case)
     if latest is None or not latest[1].objects:
         raise StepFailed("ObserveObjects", "no object was found in the video")
@@ -88,10 +85,6 @@ def _match(
 ) -> list[str]:
     """Match known objects to tracks and give the tracks their names; returns the names of the tracks to model."""
     if not request.known:
-        return list(seen.names)
-    if set(seen.names) <= {item.name for item in request.known}:
-        missing = tuple(item.name for item in request.known if item.name not in seen.names)
-        model.matching = Matching((), missing, ())
         return list(seen.names)
     try:
         how = derivation(app, case, {}, request.plane, request.floor)

@@ -47,11 +47,6 @@ def known_of(app: App, case: Case, item: KnownObject) -> Known:
     return Known(item.name, shape, item.color, item.material, pixel, item.frame)
 
 
-def can_be_looked_for(known: Sequence[Known]) -> bool:
-    """Return whether every known object has a colour's name and a size, by which it is found in frames."""
-    return bool(known) and all(isinstance(k.shape, Sized) and colour_word(k.color or k.name) for k in known)
-
-
 def bodies_of(known: Sequence[Known], camera: Camera) -> list[KnownBody]:
     """Return known objects as bodies to look for with a camera.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -11,11 +10,10 @@ from pydantic import Field
 
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork
-from atw_mcp.matching import Known
 from atw_mcp.observing import latest_camera
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
-from atw_mcp.tools.known_objects import KnownObject, can_be_looked_for, known_of
+from atw_mcp.tools.known_objects import KnownObject, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
 from atw_mcp.tools.observation import open_case
 from atw_mcp.tools.world_arguments import Argument, Patience, PlaneArgument, Point
@@ -122,7 +120,6 @@ def model_video_tool(
         known = tuple(known_of(app, found, item) for item in bodies.values())
         request = VideoRequest(
             known=known,
-            looked_for=_looked_for(known, bodies.values(), observe),
             bodies={
                 key: item.model_dump(exclude={"name", "pixel", "frame"}, exclude_none=True)
                 for key, item in bodies.items()
@@ -150,16 +147,6 @@ def _opened(app: App, video: str | None, name: str | None) -> Case:
     assert answer.case is not None
     app.store.evidence.add(answer.to_evidence("OpenCase", _given({"video": video, "name": name})))
     return app.case(answer.case)
-
-
-def _looked_for(
-    known: Sequence[Known], items: Iterable[KnownObject], observe: dict[str, Any] | None
-) -> list[dict[str, Any]] | None:
-    """Return what ObserveObjects is to look for; None where too little is known, or `observe` asks for its own way."""
-    if not can_be_looked_for(known) or set(observe or {}) - {"stride"}:
-        return None
-    told = {"name", "shape", "color", "pixel", "frame"}
-    return [item.model_dump(include=told, exclude_none=True) for item in items]
 
 
 def _check_steps(app: App, case: Case, request: VideoRequest) -> None:
