@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.naming import SYNONYMS
 from atw_mcp.perception.observation import ObservedObject
 from atw_mcp.perception.tracks import SolidEstimate
+from polyworld.camera import Camera
 from polyworld.geometry import mass_properties
 from polyworld.shapes import BodyShape, Box, Capsule, Cylinder, Sphere
 
@@ -244,6 +245,11 @@ def _size_ratio(shape: BodyShape | None, estimate: SolidEstimate | None, elevati
     if shape is None or estimate is None:
         return None
     return apparent_radius(estimate.solid, elevation) / apparent_radius(shape, elevation)
+
+
+def elevation_of(camera: Camera) -> float:
+    """Return the angle at which a camera looks down [rad]."""
+    return float(np.arcsin(np.clip(-np.asarray(camera.rotation)[2, 2], -1.0, 1.0)))
 
 
 def apparent_radius(shape: BodyShape, elevation: float) -> float:

@@ -221,14 +221,14 @@ def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, 
         "nearest": float(np.nanmin(found.depth.depth)),
         "farthest": float(np.nanmax(found.depth.depth)),
     }
-    told = [f"{request.model.name}: depth of {len(frames)} frames"]
+    summary = [f"{request.model.name}: depth of {len(frames)} frames"]
     if found.focal is not None and focal is not None:
         data["focal_length"] = {"pixels": focal, "spread": float(np.std(found.focal) / focal)}
         data["intrinsics"] = intrinsics_of(focal, (info.width, info.height)).tolist()
-        told.append(f"focal length {focal:.0f} px")
+        summary.append(f"focal length {focal:.0f} px")
     if camera is not None:
         data["scale"] = scale_hint(found.depth.depth, camera, objects)
-        told.append(f"its metres are {data['scale']['ratio']:.3g} of the case's on the floor")
+        summary.append(f"its metres are {data['scale']['ratio']:.3g} of the case's on the floor")
     elif focal is not None:
         try:
             made = camera_over_floor(found.depth, focal, objects)
@@ -237,7 +237,7 @@ def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, 
         else:
             data["camera"] = made.to_dict()["camera"]
             data["warnings"] = list(made.warnings)
-            told.append(f"camera {made.camera.centre[2]:.3g} m above the floor it sees")
+            summary.append(f"camera {made.camera.centre[2]:.3g} m above the floor it sees")
             if request.use == "model":
                 data["camera_kept"] = keep_calibration(app, case, made, inputs, side_view=False).id
     if request.use == "model":
@@ -255,7 +255,7 @@ def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, 
         if camera is not None or "camera_kept" in data
         else f"CalibrateCamera(case={case.id!r}, points=[...]{', intrinsics=...' if focal is not None else ''})"
     )
-    return RunOutcome(kept.id, "; ".join(told), data)
+    return RunOutcome(kept.id, "; ".join(summary), data)
 
 
 def scale_hint(depth: np.ndarray[Any, np.dtype[np.float32]], camera: Camera, objects: Mask | None) -> dict[str, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from atw_mcp.app import App
 from atw_mcp.fit_errors import object_errors
 from atw_mcp.jobs import Progress
-from atw_mcp.matching import Known, matched
+from atw_mcp.matching import Known, elevation_of, matched
 from atw_mcp.observing import derivation, latest_image_observation, modelled_tracks
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.perception.tracks import estimate_sizes
@@ -100,8 +100,7 @@ def _match(
         )
     except (ValueError, StoreError) as error:
         raise StepFailed(MATCHING, str(error)) from error
-    elevation = float(np.arcsin(np.clip(-np.asarray(camera.rotation)[2, 2], -1.0, 1.0)))
-    model.matching = matched(request.known, seen.objects, estimates, elevation)
+    model.matching = matched(request.known, seen.objects, estimates, elevation_of(camera))
     if not model.matching.matches:
         raise StepFailed(MATCHING, f"none of {', '.join(item.name for item in request.known)} fits a track")
     names = {match.track: match.known for match in model.matching.matches}

@@ -114,7 +114,7 @@ def _write(folder: Path, model: ModelFolder, request: Request, limits: Limits) -
         (folder / "meshes").mkdir()
     for name, mesh in request.meshes.items():
         mesh.export(folder / "meshes" / f"{name}.ply")
-    told = {
+    document = {
         "task": model.task,
         "device": limits.device,
         "batch": limits.batch,
@@ -127,7 +127,7 @@ def _write(folder: Path, model: ModelFolder, request: Request, limits: Limits) -
         "objects": list(request.objects),
         **request.more,
     }
-    (folder / "request.json").write_text(json.dumps(told), encoding="utf-8")
+    (folder / "request.json").write_text(json.dumps(document), encoding="utf-8")
 
 
 def _run(

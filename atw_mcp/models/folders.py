@@ -119,9 +119,9 @@ def find_model(name: str) -> ModelFolder:
     for model in found:
         if model.name == name:
             return model
-    told = f"models: {[m.name for m in found]}" if found else "there is none"
+    listed = f"models: {[m.name for m in found]}" if found else "there is none"
     more = f"; not usable: {'; '.join(refused)}" if refused else ""
-    raise ModelError(f"no model {name!r}; {told}{more}. To add one, {how_to_add()}")
+    raise ModelError(f"no model {name!r}; {listed}{more}. To add one, {how_to_add()}")
 
 
 def open_folder(path: Path) -> ModelFolder:

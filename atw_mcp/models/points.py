@@ -114,7 +114,7 @@ def follow_points(
 
 
 def queries_on(observation: ImageObservation, frames: Frames, only: Sequence[str] | None = None) -> tuple[Query, ...]:
-    """Points on the objects where their image has corners, put anew every few frames, since bodies turn away."""
+    """Points on the objects where their image has corners, placed again every few frames, since bodies turn away."""
     queries: list[Query] = []
     for name in observation.names if only is None else only:
         item = observation.object(name)

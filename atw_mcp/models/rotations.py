@@ -100,13 +100,13 @@ def _turned(directions: Floats, axis: Floats | None) -> tuple[Floats, Floats]:
     count, n = directions.shape[:2]
     body = np.full((n, 3), np.nan)
     result, error = np.full((count, 4), np.nan), np.full(count, np.nan)
-    begun = False
+    started = False
     for t in range(count):
         seen = np.isfinite(directions[t]).all(axis=1)
-        if not begun:
+        if not started:
             if seen.sum() < LEAST_POINTS:
                 continue
-            begun, rotation, residual = True, Rotation.identity(), 0.0
+            started, rotation, residual = True, Rotation.identity(), 0.0
         else:
             tied = np.flatnonzero(seen & np.isfinite(body).all(axis=1))
             if len(tied) < LEAST_POINTS:

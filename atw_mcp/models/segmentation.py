@@ -107,7 +107,7 @@ def follow(
 def prompts_from(observation: ImageObservation, only: Sequence[str] | None = None) -> tuple[Prompt, ...]:
     """A box and its innermost point for each object, in as few frames as show all of them well.
 
-    Masks themselves are no prompts: a model told a wrong outline would keep it.
+    Masks themselves are no prompts: a model that is given a wrong outline would keep it.
     """
     wanted = {name: observation.object(name) for name in (observation.names if only is None else only)}
     good = {}

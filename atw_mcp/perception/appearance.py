@@ -30,8 +30,7 @@ def colour_bins(image: Frames) -> Bins:
 @lru_cache(maxsize=1)
 def _table() -> Bins:
     """Bins of all colours, at six bits a channel: far finer than the bins, and far quicker than converting."""
-    level = (np.arange(64, dtype=np.float32) * 4 + 1.5) / 255.0
-    colours = np.stack(np.meshgrid(level, level, level, indexing="ij"), axis=-1).reshape(512, 512, 3)
+    colours = _quantised().reshape(512, 512, 3)
     lab = cv2.cvtColor(colours, cv2.COLOR_BGR2Lab)
     lightness = np.clip(lab[..., 0] * (LIGHTNESS_BINS / 100.0), 0, LIGHTNESS_BINS - 1).astype(np.int32)
     half = CHROMA_BINS / 2
@@ -40,11 +39,16 @@ def _table() -> Bins:
     return bins.ravel()
 
 
+def _quantised() -> NDArray[np.float32]:
+    """All colours b, g, r in 0..1 at six bits a channel, shape (64, 64, 64, 3)."""
+    level = (np.arange(64, dtype=np.float32) * 4 + 1.5) / 255.0
+    return np.stack(np.meshgrid(level, level, level, indexing="ij"), axis=-1)
+
+
 @lru_cache(maxsize=1)
 def bin_colours() -> NDArray[np.float64]:
     """Mean colour r, g, b in 0..1 of each bin, shape (BIN_COUNT, 3); NaN where no colour falls into it."""
-    level = (np.arange(64) * 4 + 1.5) / 255.0
-    colours = np.stack(np.meshgrid(level, level, level, indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
+    colours = _quantised().reshape(-1, 3)[:, ::-1].astype(np.float64)
     bins = _table()
     counts = np.bincount(bins, minlength=BIN_COUNT)
     with np.errstate(invalid="ignore"):

@@ -23,6 +23,7 @@ Mask = NDArray[np.bool_]
 MIN_CONTRAST = 10.0  # grey levels: a step that neither codec noise nor vignetting makes
 MAX_STILL_AREA = 0.15  # of the image: larger regions are parts of the background
 MIN_STILL_AREA = 40  # pixels: smaller regions of a rare colour are specks
+LUMINANCE = np.array([0.114, 0.587, 0.299], dtype=np.float32)  # of BGR levels, as cv2.cvtColor weighs them
 SAMPLES = 28  # frames looked at for the median
 
 
@@ -40,6 +41,11 @@ class Background:
     still: Mask
     smooth: bool
     texture: float
+
+    @property
+    def white(self) -> float:
+        """Luminance of the bright part of the background [levels], by which brightness is judged."""
+        return float(np.percentile(self.image @ LUMINANCE, 80))
 
     def relit(self, frame: Frames) -> Array32:
         """The background under the lighting of `frame`: a gain per channel, linear over the image."""

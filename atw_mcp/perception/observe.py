@@ -169,13 +169,12 @@ def assemble(
 
     motion (T, 2, 3): of the camera, where the frames of the sweep were freed of it.
     """
-    white = float(np.percentile(background.image @ np.array([0.114, 0.587, 0.299], dtype=np.float32), 80))
     found: list[ObservedObject] = []
     for number in sorted(sweep.tracks):
         masks = [sweep.labels[t] == number for t in range(len(frames))]
         if sum(bool(m.any()) for m in masks) < min(MIN_LIFE, len(frames)):
             continue
-        observed = _object(number, masks, frames, foregrounds, sweep, white, motion)
+        observed = _object(number, masks, frames, foregrounds, sweep, background.white, motion)
         if observed is not None:
             found.append(observed)
     named = names_for([(o.colour, o.material, o.shape) for o in found])

@@ -40,8 +40,10 @@ def with_given_places(tracks: ObservedTracks, seen: ImageObservation) -> Observe
             known = rows[confidence[rows, column] > 0]
             if not len(known):
                 continue
-            told = [place for (name, frame), place in given.items() if name == c.object and c.first <= frame <= c.last]
-            place = np.mean(told, axis=0) if told else np.median(positions[known, column], axis=0)
+            stated = [
+                place for (name, frame), place in given.items() if name == c.object and c.first <= frame <= c.last
+            ]
+            place = np.mean(stated, axis=0) if stated else np.median(positions[known, column], axis=0)
             positions[rows, column] = place
             sigma[rows, column] = float(np.min(sigma[known, column]))
             confidence[rows, column] = np.maximum(confidence[rows, column], float(np.median(confidence[known, column])))

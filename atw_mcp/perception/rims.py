@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from atw_mcp.perception.background import Array32, Mask
-from atw_mcp.perception.segmentation import fill_holes
+from atw_mcp.perception.background import Mask
+from atw_mcp.perception.segmentation import fill_holes, nearby_mean
 from atw_mcp.perception.video import Frames
 
 INNER, OUTER = 7, 9  # pixels: width of the windows in which the colours of object and surroundings are taken
@@ -32,8 +31,8 @@ def half_covered(ycc: Frames, mask: Mask, outside: Mask | None = None) -> Mask:
     inner = inner | thin.astype(np.uint8)
     outer = cv2.dilate(byte, np.ones((5, 5), np.uint8))
     ground = outer == 0 if outside is None else (outer == 0) & outside
-    own, own_known = _nearby(image, inner > 0, INNER)
-    beside, beside_known = _nearby(image, ground, OUTER)
+    own, own_known = nearby_mean(image, inner > 0, INNER)
+    beside, beside_known = nearby_mean(image, ground, OUTER)
     step = own - beside
     strength = np.einsum("ijk,ijk->ij", step, step)
     share = np.einsum("ijk,ijk->ij", image - beside, step) / (strength + 1.0)
@@ -41,12 +40,3 @@ def half_covered(ycc: Frames, mask: Mask, outside: Mask | None = None) -> Mask:
     moved = fill_holes(np.where(band, share > 0.5, mask), 0.3).astype(np.uint8)
     opened = cv2.morphologyEx(moved, cv2.MORPH_OPEN, cross)
     return (opened if opened.sum() > 0.6 * moved.sum() else moved) > 0
-
-
-def _nearby(image: Array32, where: NDArray[np.bool_], width: int) -> tuple[Array32, Mask]:
-    """Mean of the image over chosen pixels in a window around each pixel, and where there are any."""
-    weight = where.astype(np.float32)
-    size = (width, width)
-    total = cv2.boxFilter(weight, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
-    summed = cv2.boxFilter(image * weight[..., None], -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(summed / np.maximum(total, 1.0)[..., None], dtype=np.float32), total > 0.5

@@ -135,8 +135,7 @@ def model_scene(frames: Frames, tick: Callable[[], None] | None = None) -> Scene
         ycc[t] = cv2.cvtColor(plain, cv2.COLOR_BGR2YCrCb)
     ground = np.asarray(cv2.cvtColor(np.clip(image, 0, 255).astype(np.uint8), cv2.COLOR_BGR2YCrCb), dtype=np.float32)
     noise = max(float(background.noise.max()), LEAST_NOISE)
-    white = float(np.percentile(image @ np.array([0.114, 0.587, 0.299], np.float32), 80))
-    return SceneModels(frames, ycc, ground, _sigma(ground, noise), shadow, motion, white)
+    return SceneModels(frames, ycc, ground, _sigma(ground, noise), shadow, motion, background.white)
 
 
 def _sigma(ground: Array32, noise: float) -> Array32:

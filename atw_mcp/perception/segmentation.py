@@ -221,8 +221,8 @@ def _half_covered_window(image: Array32, seeds: Mask, weak: Mask) -> Mask:
     thin = seeds & (cv2.dilate(inner, np.ones((7, 7), np.uint8)) == 0)
     inner = inner | thin.astype(np.uint8)  # small objects have no interior: they are their own
     outer = cv2.dilate(byte, np.ones((5, 5), np.uint8))
-    object_colour, object_known = _nearby_mean(image, inner, 7)
-    ground_colour, ground_known = _nearby_mean(image, 1 - outer, 9)
+    object_colour, object_known = nearby_mean(image, inner, 7)
+    ground_colour, ground_known = nearby_mean(image, 1 - outer, 9)
     contrast = object_colour - ground_colour
     strength = np.einsum("ijk,ijk->ij", contrast, contrast)
     share = np.einsum("ijk,ijk->ij", image - ground_colour, contrast) / (strength + 1.0)
@@ -233,7 +233,7 @@ def _half_covered_window(image: Array32, seeds: Mask, weak: Mask) -> Mask:
     )
 
 
-def _nearby_mean(image: Array32, where: NDArray[Any], width: int) -> tuple[Array32, Mask]:
+def nearby_mean(image: Array32, where: NDArray[Any], width: int) -> tuple[Array32, Mask]:
     """Mean of image over the chosen pixels in a window around each pixel, and where there are any."""
     weight = where.astype(np.float32)
     total = cv2.boxFilter(weight, -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT)

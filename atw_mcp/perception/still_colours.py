@@ -32,7 +32,7 @@ def rare_colour_regions(image: Array32, min_area: int) -> Mask:
     levels = cv2.medianBlur(np.clip(image, 0, 255).astype(np.uint8), 3)
     lab = cv2.cvtColor(levels, cv2.COLOR_BGR2LAB).astype(np.float32)
     features = lab * np.array([LIGHTNESS * 100.0 / 255.0, 1.0, 1.0], dtype=np.float32)
-    labels = _clusters(features)
+    labels = cluster_colours(features, CLUSTERS)
     found = np.zeros((height, width), dtype=bool)
     for k in range(CLUSTERS):
         own = labels == k
@@ -43,14 +43,14 @@ def rare_colour_regions(image: Array32, min_area: int) -> Mask:
     return _distinct(closed > 0, features, min_area)
 
 
-def _clusters(features: Array32) -> NDArray[np.int32]:
-    """Cluster colours (H, W, 3): centres from a sample, spread by k-means++; labels (H, W) of the nearest centre."""
+def cluster_colours(features: Array32, count: int) -> NDArray[np.int32]:
+    """Cluster colours (H, W, 3) around `count` centres, found in a sample by k-means++; return labels (H, W)."""
     height, width = features.shape[:2]
     step = max(1, int(np.sqrt(height * width / 12_000)))
     sample = np.ascontiguousarray(features[::step, ::step].reshape(-1, 3))
     cv2.setRNGSeed(0)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
-    _, _, centres = cv2.kmeans(sample, CLUSTERS, np.empty(0, dtype=np.int32), criteria, 2, cv2.KMEANS_PP_CENTERS)
+    _, _, centres = cv2.kmeans(sample, count, np.empty(0, dtype=np.int32), criteria, 2, cv2.KMEANS_PP_CENTERS)
     flat = features.reshape(-1, 3)
     distance = (flat**2).sum(axis=1)[:, None] - 2.0 * flat @ centres.T + (centres**2).sum(axis=1)
     nearest: NDArray[np.int32] = np.argmin(distance, axis=1).astype(np.int32).reshape(height, width)

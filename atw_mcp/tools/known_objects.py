@@ -12,9 +12,11 @@ from pydantic import Field
 
 from atw_mcp.app import App
 from atw_mcp.importing import mesh_of
-from atw_mcp.matching import Known, apparent_radius
+from atw_mcp.matching import Known, apparent_radius, elevation_of
 from atw_mcp.perception.known.bodies import KnownBody
 from atw_mcp.perception.known.colour_words import colour_word
+from atw_mcp.perception.silhouettes import lift_of
+from atw_mcp.perception.tracks import kind_and_size
 from atw_mcp.tools.world_arguments import Argument, Name, Pixel, Point, ShapeArgument
 from evidence_store import Case
 from polyworld.camera import Camera
@@ -52,16 +54,14 @@ def bodies_of(known: Sequence[Known], camera: Camera) -> list[KnownBody]:
 
     Raises ValueError naming the object that has no size or whose colour is not said.
     """
-    elevation = float(np.arcsin(np.clip(-np.asarray(camera.rotation)[2, 2], -1.0, 1.0)))
+    elevation = elevation_of(camera)
     bodies = []
     for item in known:
         if not isinstance(item.shape, Sized):
             raise ValueError(f"{item.name}: to be looked for it needs a shape: sphere, box or cylinder, with its size")
         if colour_word(item.color or item.name) is None:
             raise ValueError(f"{item.name}: to be looked for it needs a color, such as red, dark grey, pink")
-        lift = item.shape.radius if isinstance(item.shape, Sphere) else 0.0
-        lift = item.shape.half_height if isinstance(item.shape, Cylinder) else lift
-        lift = item.shape.half_extents[2] if isinstance(item.shape, Box) else lift
+        lift = lift_of(kind_and_size(item.shape)[1])
         pixels = () if item.pixel is None else ((item.frame or 0, *item.pixel),)
         bodies.append(
             KnownBody(item.name, item.color or item.name, apparent_radius(item.shape, elevation), lift, pixels)
@@ -69,14 +69,14 @@ def bodies_of(known: Sequence[Known], camera: Camera) -> list[KnownBody]:
     return bodies
 
 
-def known_places(app: App, case: Case, camera: Camera, floor: float = 0.0) -> Floats:
+def known_places(app: App, case: Case, camera: Camera) -> Floats:
     """Return points (k, 3) of the scene [m]: those that the camera was calibrated with, else the floor that it sees."""
     found = app.store.cases.observations(case.id, "camera")
     stored: Any = app.store.observations.get(found[0][1]).inputs.get("points") if found else None
     if stored:
         return np.array([point["world"] for point in stored], dtype=float)
     u, v = np.meshgrid(np.linspace(0.05, 0.95, 7) * camera.width, np.linspace(0.05, 0.95, 7) * camera.height)
-    hits = camera.onto_plane(np.stack([u.ravel(), v.ravel()], axis=1), np.array([0, 0, floor]), np.array([0, 0, 1.0]))
+    hits = camera.onto_plane(np.stack([u.ravel(), v.ravel()], axis=1), np.zeros(3), np.array([0, 0, 1.0]))
     hits = hits[np.isfinite(hits).all(axis=1)]
     if len(hits) == 0:
         raise ValueError("the camera sees no floor: calibrate it with points of the scene")

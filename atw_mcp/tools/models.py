@@ -117,9 +117,9 @@ def _listed() -> Answer:
     with explained():
         limits = Limits.from_environment()
     found, refused = available()
-    told = ", ".join(f"{m.name} ({m.task}, licence: {m.licence})" for m in found)
+    listed = ", ".join(f"{m.name} ({m.task}, licence: {m.licence})" for m in found)
     return Answer(
-        summary=f"{len(found)} models: {told}" if found else f"no models; to add one, {how_to_add()}",
+        summary=f"{len(found)} models: {listed}" if found else f"no models; to add one, {how_to_add()}",
         data={
             "models": [m.to_dict() for m in found],
             "not_usable": list(refused),

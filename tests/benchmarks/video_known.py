@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from atw_mcp.matching import apparent_radius
+from atw_mcp.matching import Known
 from atw_mcp.perception.calibration import calibrate_from_points
-from atw_mcp.perception.known.bodies import KnownBody
 from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.observation import ImageObservation
-from polyworld.shapes import BodyShape, Box, Cylinder, Sphere
+from atw_mcp.tools.known_objects import bodies_of
+from atw_mcp.tools.world_arguments import ShapeArgument
+from tests.benchmarks.foresight_scene import DEFORMABLE, shape_of
 from tests.benchmarks.video_seeds import Labels
-
-
-def shape_of(thing: dict[str, Any]) -> BodyShape | None:
-    """Return the shape of a thing in known.json, None for what is no rigid body."""
-    if thing["shape"] == "sphere":
-        return Sphere(radius=thing["diameter"] / 2)
-    if thing["shape"] == "cylinder":
-        return Cylinder(radius=thing["diameter"] / 2, half_height=thing["length"] / 2)
-    if thing["shape"] == "box":
-        a, b, c = (edge / 2 for edge in thing["size"])
-        return Box(half_extents=(a, b, c))
-    return None
 
 
 def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageObservation:
@@ -36,16 +24,16 @@ def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageOb
     places = np.array([p["position"] for p in points])
     width, height = known["frame_size"]
     camera = calibrate_from_points(places, np.array([p["pixel"] for p in points]), (width, height)).camera
-    elevation = float(np.arcsin(np.clip(-np.asarray(camera.rotation)[2, 2], -1.0, 1.0)))
-    bodies = []
+    things = []
     for thing in known["objects"]:
-        shape = shape_of(thing)
-        if thing.get("fixed") or shape is None:
+        if thing.get("fixed") or thing["shape"] in DEFORMABLE:
             continue
+        shape = ShapeArgument.model_validate(shape_of(thing)).to_shape(_no_meshes)
         said = thing.get("pointed_at")
-        pixels = () if said is None else ((said["frame"], *(float(v) for v in said["pixel"])),)
-        lift = shape.half_extents[2] if isinstance(shape, Box) else 0.0
-        lift = shape.half_height if isinstance(shape, Cylinder) else lift
-        lift = shape.radius if isinstance(shape, Sphere) else lift
-        bodies.append(KnownBody(thing["name"], thing["color"], apparent_radius(shape, elevation), lift, pixels))
-    return observe_known(file, bodies, camera, places)
+        pixel, frame = (None, None) if said is None else ((said["pixel"][0], said["pixel"][1]), said["frame"])
+        things.append(Known(thing["name"], shape, thing["color"], pixel=pixel, frame=frame))
+    return observe_known(file, bodies_of(things, camera), camera, places)
+
+
+def _no_meshes(name: str) -> tuple[np.ndarray, np.ndarray]:
+    raise KeyError(name)

@@ -6,7 +6,7 @@ scored against true masks: bodies found, objects that are none, intersection ove
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
-better of the two. [--known] tells the bodies' names, colours and sizes and points for the camera, as a user would.
+better of the two. [--known] gives the bodies' names, colours and sizes and points for the camera, as a user would.
 [--seeded box|point] gives one box or point per body in one frame, and follows it from there.
 """
 

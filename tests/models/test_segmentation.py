@@ -72,13 +72,13 @@ def test_objects_of_different_frames_are_followed_through_all(tmp_path: Path, ma
         Prompt("blue", 8, None, ((168, 110),)),
         Prompt("blue", 10, (143, 93, 34, 34)),
     ]
-    told: list[float] = []
-    found = follow(model, frames, prompts, CPU, progress=lambda share, _what: told.append(share))
+    shares: list[float] = []
+    found = follow(model, frames, prompts, CPU, progress=lambda share, _what: shares.append(share))
     assert list(found.masks) == ["red", "blue"]
     assert all(m.shape == frames.shape[:3] for m in found.masks.values())
     assert not (found.masks["red"] & found.masks["blue"]).any()
     assert all((s > 0.5).all() for s in found.scores.values())
-    assert told == sorted(told)
+    assert shares == sorted(shares)
     made = found.provenance.to_dict()
     assert made["device"] == "cpu"
     assert made["licence"] == "unknown"

@@ -38,7 +38,7 @@ class Sizes:
     largest: float
 
 
-def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, int], floor: float = 0.0) -> Sizes:
+def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, int]) -> Sizes:
     """Return how large a body looks in images of `shape` (H, W), perhaps reduced from the camera's.
 
     places (k, 3): known points of the scene [m], between the nearest and farthest of which bodies are.
@@ -47,7 +47,7 @@ def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, 
     reduced = camera.width / width
     v, u = np.mgrid[0:height, 0:width]
     pixels = np.stack([(u + 0.5) * reduced - 0.5, (v + 0.5) * reduced - 0.5], axis=-1).astype(float)
-    hits = camera.onto_plane(pixels, np.array([0.0, 0.0, floor + body.lift]), np.array([0.0, 0.0, 1.0]))
+    hits = camera.onto_plane(pixels, np.array([0.0, 0.0, body.lift]), np.array([0.0, 0.0, 1.0]))
     depths = camera.to_camera(places)[:, 2]
     near, far = NEARER * float(depths.min()), FARTHER * float(depths.max())
     depth = camera.to_camera(hits)[..., 2]

@@ -1,8 +1,8 @@
 """What a colour's name says of pixels: how likely each colour is of a body that is called so, under any shading.
 
 Shading multiplies a body's colour and leaves hue and saturation; the name says those, and brightness roughly. What
-people call by a name is taken from the XKCD colour survey (2010), in which 200,000 people named colours, as matplotlib
-has it: the colour of the name itself, and those of its shades ("dusty pink", "dark pink").
+people call by a name is taken from the XKCD colour survey (2010) of 222,500 sessions, as matplotlib has it: the colour
+of the name itself, and those of its shades ("dusty pink", "dark pink").
 """
 
 from __future__ import annotations

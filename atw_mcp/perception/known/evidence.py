@@ -8,7 +8,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from atw_mcp.perception.background import Array32, Background
+from atw_mcp.perception.background import LUMINANCE, Array32, Background
 from atw_mcp.perception.video import Frames
 
 SHADOW, OTHER = 0.05, 0.02  # shares of pixels in shadows, and of things that are neither background nor known
@@ -20,7 +20,6 @@ SHADOWED = float(np.log(SHADOW * TYPICAL / SHADOW_BINS))
 LEAST_NOISE = 3.0  # levels: rounding, and what compression does to flat colours
 DARKEST, BRIGHTEST, SOFT = 0.3, 1.15, 0.05  # brightness ratios of shadows and highlights, and their margin
 FARTHEST = 80.0  # squared deviations beyond which all are alike
-LUMINANCE = np.array([0.114, 0.587, 0.299], dtype=np.float32)
 
 
 def nothing_there(frame: Frames, background: Background) -> Array32:

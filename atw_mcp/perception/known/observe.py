@@ -22,7 +22,7 @@ from atw_mcp.perception.known.bodies import KnownBody, sizes_of
 from atw_mcp.perception.known.colour_words import colour_word, word_likelihood
 from atw_mcp.perception.known.evidence import nothing_there
 from atw_mcp.perception.known.finding import Candidate, best_path, candidates
-from atw_mcp.perception.known.outlines import outlines, told_apart
+from atw_mcp.perception.known.outlines import assign_by_size, outlines
 from atw_mcp.perception.known.still import StillBodies
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.observe import describe, enlarged, reduced
@@ -82,7 +82,7 @@ def observe_known(
         masks = {k: [as_filmed(m, own) if m.any() else m for m, own in zip(series, motion, strict=True)]
                  for k, series in masks.items()}  # fmt: skip
     found, missing = [], []
-    white = float(np.percentile(search.background.image @ np.array([0.114, 0.587, 0.299], dtype=np.float32), 80))
+    white = search.background.white
     for k, body in enumerate(bodies):
         seen = _described(k, [enlarged(m, full.shape[1], full.shape[2]) for m in masks[k]], full, search, white)
         if seen is None:
@@ -170,7 +170,7 @@ class _Search:
                 self.colours[k] = np.logaddexp(log_likelihood(counts), named)
 
     def outlined(self) -> dict[int, list[Mask]]:
-        """Masks of each body in all frames; look-alikes that nobody pointed at are told apart by size."""
+        """Masks of each body in all frames; sizes say which is which of look-alikes that nobody pointed at."""
         count, total = len(self.bins), len(self.bodies)
         by_frame = [
             outlines([self.ratio(k, t) for k in range(total)], [self.places[k][t] for k in range(total)])
@@ -180,7 +180,7 @@ class _Search:
         for word in sorted(set(self.words)):
             alike = [k for k in range(total) if self.words[k] == word and not self.said[k]]
             areas = {k: np.array([float(m.sum()) for m in masks[k]]) for k in alike}
-            which = told_apart(alike, areas, {k: self.places[k] for k in alike}, {k: self.sizes[k] for k in alike})
+            which = assign_by_size(alike, areas, {k: self.places[k] for k in alike}, {k: self.sizes[k] for k in alike})
             masks.update({which[k]: series for k, series in [(k, masks[k]) for k in alike]})
             self.places = _exchanged(self.places, which)
         return masks

@@ -19,7 +19,7 @@ CORE, CORE_GAIN = 0.7, 1.0  # radii within which a pixel is rather the body's, a
 FALL = 12.0  # cost of one radius outside the expected outline, squared
 FARTHEST = 1.9  # radii from the centre that a body may reach
 PIECE = 0.3  # of the largest piece, from which another is the same body behind something
-MOST_ALIKE = 5  # look-alikes that are told apart by size
+MOST_ALIKE = 5  # look-alikes that sizes are to distinguish
 UNKNOWN_SIZE = 0.5  # ln of a size ratio that counts where none was seen
 
 
@@ -42,7 +42,7 @@ def outlines(ratios: Sequence[Array32], places: Sequence[Candidate | None]) -> l
         score = smooth - FALL * np.maximum(away - 1.0, 0.0) ** 2 + CORE_GAIN * (away < CORE)
         take = (score > best[rows, columns]) & (away < FARTHEST)
         best[rows, columns][take], owner[rows, columns][take] = score[take], k
-    return [_whole(owner == k) if place is not None else owner == -2 for k, place in enumerate(places)]
+    return [_whole(owner == k) for k in range(len(places))]
 
 
 def _whole(mask: Mask) -> Mask:
@@ -62,7 +62,7 @@ def _whole(mask: Mask) -> Mask:
     return whole
 
 
-def told_apart(
+def assign_by_size(
     alike: Sequence[int], areas: Mapping[int, Floats], places: Mapping[int, Sequence[Candidate | None]],
     sizes: Mapping[int, Sizes],
 ) -> dict[int, int]:  # fmt: skip

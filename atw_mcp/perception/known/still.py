@@ -10,6 +10,7 @@ from atw_mcp.perception.appearance import colour_bins
 from atw_mcp.perception.background import Background, Mask
 from atw_mcp.perception.known.bodies import Sizes
 from atw_mcp.perception.known.finding import SQUARE, box_mean, fits, highest, odd, radii_of
+from atw_mcp.perception.still_colours import cluster_colours
 
 Floats = NDArray[np.float64]
 
@@ -31,16 +32,7 @@ class StillBodies:
         self.bins = colour_bins(image)
         scale = np.array([LIGHTNESS, 1.0, 1.0], dtype=np.float32)
         lab = cv2.cvtColor(cv2.medianBlur(image, 3), cv2.COLOR_BGR2LAB).astype(np.float32) * scale
-        height, width = lab.shape[:2]
-        step = max(1, int(np.sqrt(height * width / 12_000)))
-        sample = np.ascontiguousarray(lab[::step, ::step].reshape(-1, 3))
-        cv2.setRNGSeed(0)
-        criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.5)
-        empty = np.empty(0, dtype=np.int32)
-        _, _, centres = cv2.kmeans(sample, CLUSTERS, empty, criteria, 2, cv2.KMEANS_PP_CENTERS)
-        flat = lab.reshape(-1, 3)
-        distance = (flat**2).sum(axis=1)[:, None] - 2.0 * flat @ centres.T + (centres**2).sum(axis=1)
-        self.labels = distance.argmin(axis=1).reshape(height, width)
+        self.labels = cluster_colours(lab, CLUSTERS)
         self.counts = np.bincount(self.labels.ravel(), minlength=CLUSTERS)
 
     def covered_by(self, likelihood: Floats, sizes: Sizes) -> Mask:
@@ -48,7 +40,8 @@ class StillBodies:
         summed = np.bincount(self.labels.ravel(), weights=likelihood[self.bins].ravel(), minlength=CLUSTERS)
         named = summed / np.maximum(self.counts, 1)
         own = [(c, (self.labels == c).astype(np.float32)) for c in range(CLUSTERS) if self.counts[c]]
-        one = np.ones(self.labels.shape, dtype=np.float32)
+        height, width = self.labels.shape
+        one = np.ones((height, width), dtype=np.float32)
         best, radius = np.full(one.shape, -np.inf, dtype=np.float32), np.zeros_like(one)
         for r in radii_of(sizes):
             place = fits(r, sizes)
@@ -65,7 +58,7 @@ class StillBodies:
             better = place & (total > best)
             best[better], radius[better] = total[better], r
         covered = np.zeros(one.shape, dtype=bool)
-        y, x = np.mgrid[0 : one.shape[0], 0 : one.shape[1]]
+        y, x = np.mgrid[0:height, 0:width]
         for found in highest(best, radius, PLACES, CLEAR):
             away = np.hypot(x - found.x, y - found.y) / found.radius
             inner = self._shares(away < INNER)
