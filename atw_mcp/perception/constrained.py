@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from atw_mcp.perception.background import Mask
 from atw_mcp.perception.constraints import Constraint, Exclusion, Rest, Seed, Shade
 from atw_mcp.perception.pixel_evidence import Look, PixelEvidence, View
-from atw_mcp.perception.propagation import Followed, Follower, Given
+from atw_mcp.perception.propagation import Followed, Follower, Given, overlap
 from atw_mcp.perception.scene_models import SceneModels
 
 Floats = NDArray[np.float64]
@@ -29,6 +29,7 @@ TAKEN = 0.1  # share of a mask whose loss makes the rest doubtful
 REMAINS = 0.4  # least share of a mask that is still the object after such a loss
 PASSING = 25.0  # levels by which something in front of a resting object differs from it
 MOST_REST_ANCHORS = 3  # rows of a rest that are anchors of the look: first, middle, last
+UMBRA = 20  # percentile of the brightness ratio in a region said to be shadow that is the full shadow's
 IN_SHADE = 0.2  # share of a region called shadow that lies in a mask which is then freed of shadow
 WEIGHT = 4.0  # nats that a full difference of claims is worth in sharing pixels
 
@@ -49,7 +50,7 @@ class _Claims:
     """What one object is followed with."""
 
     anchors: dict[int, Mask]
-    resting: dict[int, int]
+    resting: dict[int, tuple[Mask, int]]  # by row: the outline, and a row that shows it
     span: tuple[int, int]
 
 
@@ -101,16 +102,19 @@ class Constrainer:
     def _anchors(self) -> dict[str, _Claims]:
         """Working masks of each object that has any, by row."""
         anchors: dict[str, dict[int, Mask]] = {}
-        resting: dict[str, dict[int, int]] = {}
+        resting: dict[str, dict[int, tuple[Mask, int]]] = {}
         for seed in self.seeds:
             row = self.rows[seed.frame]
             anchors.setdefault(seed.object, {})[row] = self.models.working(seed.mask.decode(), row)
         for rest in self.rests:
             rows = [self.rows[f] for f in self.frames if rest.first <= f <= rest.last]
             own = anchors.setdefault(rest.object, {})
-            outline, shown = self._resting(rest.object, rows, own)
+            seen = self._resting(rows, own, self._known(rest.object))
+            if seen is None:
+                continue  # where it is then shows when it is followed
+            outline = seen[0]
             for row in rows:
-                resting.setdefault(rest.object, {})[row] = shown
+                resting.setdefault(rest.object, {})[row] = seen
             for k in np.linspace(0, len(rows) - 1, min(MOST_REST_ANCHORS, len(rows))).round().astype(int):
                 own.setdefault(rows[k], outline)
         return {
@@ -119,16 +123,33 @@ class Constrainer:
             if own
         }
 
-    def _resting(self, name: str, rows: list[int], own: Mapping[int, Mask]) -> tuple[Mask, int]:
-        """The outline of an object at rest, and a row that shows it: a seed's, else that of most frames."""
+    def _known(self, name: str) -> dict[int, Mask]:
+        """Working masks of an object as they were found, by row."""
+        return {row: self.models.working(mask, row) for row, mask in enumerate(self.found[name]) if mask.any()}
+
+    @staticmethod
+    def _resting(rows: Sequence[int], own: Mapping[int, Mask], known: Mapping[int, Mask]) -> tuple[Mask, int] | None:
+        """The outline of an object at rest, and a row that shows it: a seed's, else that of most rows."""
         seeded = [row for row in rows if row in own]
         if seeded:
             middle = seeded[len(seeded) // 2]
             return own[middle], middle
-        masks = [(row, self.models.working(self.found[name][row], row)) for row in rows if self.found[name][row].any()]
-        most = np.mean([mask for _, mask in masks], axis=0) > 0.5
-        best = max(masks, key=lambda item: int((item[1] & most).sum()))
-        return most if most.any() else best[1], best[0]
+        masks = [(row, known[row]) for row in rows if row in known]
+        if not masks or own:
+            return None
+        return _most_alike(masks)
+
+    def _resting_then(self, name: str, way: Followed, own: _Claims) -> dict[int, tuple[Mask, int]]:
+        """Outlines of an object at rest by row, those included that only following it has shown."""
+        found = dict(own.resting)
+        for rest in self.rests:
+            rows = [self.rows[f] for f in self.frames if rest.first <= f <= rest.last]
+            if rest.object != name or any(row in found for row in rows):
+                continue
+            masks = [(row, way.masks[row]) for row in rows if row in way.masks and way.masks[row].any()]
+            if masks:
+                found |= dict.fromkeys(rows, _most_alike(masks))
+        return found
 
     def _span(self, name: str, anchors: Mapping[int, Mask]) -> tuple[int, int]:
         """First and last row in which an object may be, as exclusions from the whole image say."""
@@ -163,7 +184,7 @@ class Constrainer:
             where = self.models.working(shade.mask.decode(), row)
             if where.any():
                 ground = self.models.background[where][:, 0] + 4.0
-                factors.append(float(np.median((self.models.ycc[row][where][:, 0] + 4.0) / ground)))
+                factors.append(float(np.percentile((self.models.ycc[row][where][:, 0] + 4.0) / ground, UMBRA)))
         dark = [f for f in factors if 0.1 < f < 0.97]
         if dark:
             self.models.shadow = float(np.median(dark))
@@ -185,8 +206,7 @@ class Constrainer:
         return followed
 
     def _follow(self, evidence: PixelEvidence, name: str, own: _Claims, blocked: Mapping[int, Mask]) -> Followed:
-        known = {row: self.models.working(mask, row) for row, mask in enumerate(self.found[name]) if mask.any()}
-        given = Given(own.anchors, known, blocked.get, self._barred(name), own.span)
+        given = Given(own.anchors, self._known(name), blocked.get, self._barred(name), own.span)
         return Follower(evidence, given, self.stop).run()
 
     def _others(self, name: str, own: _Claims) -> dict[int, Mask]:
@@ -281,8 +301,7 @@ class Constrainer:
         for row, mask in way.masks.items():
             result.masks[name][row] = self.models.filmed(mask, row)
             sure[row] = way.confidence[row]
-        for row, shown in own.resting.items():
-            outline = own.anchors[shown] if shown in own.anchors else own.anchors[min(own.anchors)]
+        for row, (outline, shown) in self._resting_then(name, way, own).items():
             kept = outline & ~self._passing(row, shown)
             result.masks[name][row] = self.models.filmed(kept, row)
             sure[row] = float(kept.sum() / max(int(outline.sum()), 1))
@@ -358,6 +377,13 @@ class Constrainer:
                 for frame, row in self.rows.items():
                     if exclusion.first <= frame <= exclusion.last and masks[row].any():
                         masks[row] = np.zeros_like(masks[row]) if region is None else masks[row] & ~region
+
+
+def _most_alike(masks: list[tuple[int, Mask]]) -> tuple[Mask, int]:
+    """Where most of the masks (row, mask) of an object at rest lie, and the row whose mask is most like that."""
+    most = np.mean([mask for _, mask in masks], axis=0) > 0.5
+    row, mask = max(masks, key=lambda item: overlap(item[1], most))
+    return (most if most.any() else mask), row
 
 
 def _window(mask: Mask) -> View:

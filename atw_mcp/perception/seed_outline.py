@@ -27,6 +27,9 @@ Box = tuple[float, float, float, float]
 LEAST = 8  # pixels of an object
 TOLERANCES = (4, 6, 9, 13, 18, 25, 35)  # levels by which a region of even colour may vary
 LOOSE, LOOSE_PIXELS = 0.12, 3.0  # share of a box, and pixels, by which it may be larger than the object on each side
+SAME_TONE = 9.0  # levels of chroma within which two pixels have one hue
+DIMMEST, BRIGHTEST = 0.35, 1.6  # times as much chroma as that of a point, in other light
+UNLIKE_COST = 1.5  # against an outline of which nothing has the hue of the points given
 LARGEST = 0.15  # of the image: a region around a point that is larger is background
 
 
@@ -57,13 +60,14 @@ def outlined(evidence: PixelEvidence, row: int, hint: Hint) -> Outlined | None:
     image = evidence.models.ycc[row][view]
     local = _shifted(hint, view)
     slope = _slope(image)
+    alike = _alike(image, local)
     best, most = None, -np.inf
     allowed = np.ones(image.shape[:2], dtype=bool) if local.box is None else _rectangle(local.box, image.shape)
     for candidate, worth in _candidates(evidence, row, view, image, local, allowed):
         mask = _agreeing(image, candidate, allowed, local)
         if mask is None:
             continue
-        score = worth + _worth(mask, slope, local)
+        score = worth + _worth(mask, slope, local) - UNLIKE_COST * float(1.0 - alike[mask].mean())
         if score > most:
             best, most = mask, score
     distinct = best is not None
@@ -82,6 +86,11 @@ def _candidates(
     """Masks of the window, each with what speaks for the way it was found."""
     shape = image.shape[:2]
     apart = cv2.GaussianBlur(evidence.apart(row, view), (0, 0), 0.8) > 0
+    if hint.inside and hint.box is None and hint.mask is None:
+        # Bodies that touch are one region: the part of it that has the point's hue is one body.
+        part = _parts(_clean(apart & allowed & _alike(image, hint)), hint)
+        if part.sum() >= LEAST:
+            yield part, 0.35
     first = _clean(apart & allowed)
     if hint.mask is not None:
         first &= cv2.dilate(hint.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -200,6 +209,22 @@ def _slope(image: Frames) -> NDArray[np.float32]:
     )
     strongest = strength.max(axis=2)
     return np.asarray(strongest / max(float(np.percentile(strongest, 95)), 2.0), dtype=np.float32)
+
+
+def _alike(image: Frames, hint: Hint) -> Mask:
+    """Where an image has the hue of the points inside, in any light; everywhere where a hint has more than points."""
+    if not hint.inside or hint.box is not None or hint.mask is not None:
+        return np.ones(image.shape[:2], dtype=bool)
+    tone = cv2.blur(image[..., 1:].astype(np.float32) - 128.0, (3, 3))
+    alike = np.zeros(image.shape[:2], dtype=bool)
+    for point in hint.inside:
+        y, x = _at(point, image.shape)
+        own = np.median(tone[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3].reshape(-1, 2), axis=0)
+        strength = float(np.hypot(*own))
+        scale = np.clip(tone @ own / max(strength**2, 1e-6), DIMMEST, BRIGHTEST)
+        off = np.linalg.norm(tone - scale[..., None] * own, axis=2)
+        alike |= off < SAME_TONE + 0.15 * strength
+    return alike
 
 
 def _even(image: Frames, point: Point, tolerance: int) -> Mask:

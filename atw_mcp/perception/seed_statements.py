@@ -175,15 +175,9 @@ class SeedReader:
     def _rest(self, said: Stay) -> Rest:
         last = self._last(said.frame, said.last_frame)
         rows = range(self.observation.row(said.frame), self.observation.row(last) + 1)
-        outlined_there = any(
-            isinstance(s, Outline | Place) and s.object == said.object and said.frame <= s.frame <= last
-            for s in self.edits.statements
-        )
-        seeded = any(
-            isinstance(c, Seed) and c.object == said.object and said.frame <= c.frame <= last
-            for c in self.edits.constraints
-        )
-        if not outlined_there and not seeded and not any(self.edits.found[said.object][row].any() for row in rows):
+        seeded = any(isinstance(s, Outline | Place) and s.object == said.object for s in self.edits.statements)
+        seeded |= any(isinstance(c, Seed) and c.object == said.object for c in self.edits.constraints)
+        if not seeded and not any(self.edits.found[said.object][row].any() for row in rows):
             raise ObservationError(
                 f"{said.object} is seen in none of frames {said.frame}..{last}: outline it in one of them too"
             )
