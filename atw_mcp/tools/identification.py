@@ -35,7 +35,7 @@ def fit_world(
         Literal["prefixes", "cem_refined", "cem", "random_search", "refine"] | None,
         Field(
             description="prefixes: least squares over growing stretches, laws of resistance chosen by evidence; "
-            "default for spatial worlds of rigid bodies. cem_refined: short global searches (cross-entropy method, cem) "
+            "default for spatial worlds of rigid bodies. cem_refined: short global searches (cross-entropy method) "
             "from several seeds, each refined, the best kept; default elsewhere. refine: least squares from where the "
             "world is; random_search: for comparison"
         ),

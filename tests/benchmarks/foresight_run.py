@@ -150,9 +150,10 @@ async def _branch(
 ) -> None:
     """Roll one branch out and hold it against the truth; a refusal of the tools counts as not answered."""
     end = float(clip.hidden["continuation"]["end"])
-    step = 1.0 / float(clip.hidden["pose_rate"])
+    step, frame = 1.0 / float(clip.hidden["pose_rate"]), float(clip.known["seconds_per_frame"])
+    step /= np.ceil(step / frame - 1e-9)  # samples at the times of the truth, no rarer than frames
     try:
-        rolled = await call("Rollout", case=case, edits=edits, horizon_seconds=end, sample_seconds=step)
+        rolled = await call("Rollout", case=case, edits=edits, horizon_seconds=end, sample_seconds=float(step))
     except RuntimeError as error:
         found.inexpressible.append(f"edit {edit}: {error}")
         _unanswered(clip, found, edit, str(error))
