@@ -112,6 +112,6 @@ def cure(case: str, world: str) -> str:
     """What to do about a fit that failed."""
     return (
         f"InspectRollout(case={case!r}, world={world!r}) shows where it leaves the video. Then correct tracks, shapes "
-        "or obstacles (BuildWorld), or fit the frames up to the first that goes wrong (FitWorld with last_frame) and from "
-        "that world all of them, or FitWorld with more restarts"
+        "or obstacles (BuildWorld), or fit the frames up to the first that goes wrong (FitWorld with last_frame) and "
+        "from that world all of them, or FitWorld with more restarts"
     )
