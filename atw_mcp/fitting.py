@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from atw_mcp.fit_verdict import FitVerdict, judge
 from atw_mcp.jobs import Progress
 from polyworld.estimation.world_fit import (
     CemSettings,
@@ -18,6 +19,7 @@ from polyworld.estimation.world_fit import (
     PrefixSettings,
     SearchProgress,
     SearchSettings,
+    Shown,
     Start,
     Tested,
     Unknown,
@@ -163,6 +165,7 @@ class FitRun:
     tested: tuple[Tested, ...] = ()
     widened: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     outlying: tuple[Outlying, ...] = ()
+    verdict: FitVerdict | None = None
 
 
 def run_fit(
@@ -179,17 +182,22 @@ def run_fit(
     problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=request.holdout_from)
     run = replace(_run_search(problem, request, progress), start=world)
     if run.result.status == "cancelled":
-        return run
+        return _judged(problem, run)
     if request.method == "prefixes":
         problem, run = _completed(problem, run, request, progress)
         if run.result.status == "cancelled":
-            return run
+            return _judged(problem, run)
     progress.note(progress.done, progress.total, "sampling the posterior")
     fixed = {path for override in request.overrides if override.fixed for path in override.paths}
     names = run.result.by_name.keys()
     outcomes = [run.result, *(s.best for s in run.starts[1:] if s.best.by_name.keys() == names)]
     sample = sample_posterior(problem, outcomes, known=fixed, seed=request.seed)
-    return replace(run, sample=sample, outlying=outlying_frames(problem, run.result))
+    return _judged(problem, replace(run, sample=sample, outlying=outlying_frames(problem, run.result)))
+
+
+def _judged(problem: FitProblem, run: FitRun) -> FitRun:
+    shown = Shown(problem.world, problem.window)
+    return replace(run, verdict=judge(run.result, problem.window, frozenset(shown.begins)))
 
 
 def _completed(problem: FitProblem, run: FitRun, request: FitRequest, progress: Progress) -> tuple[FitProblem, FitRun]:
@@ -272,6 +280,7 @@ def digest(run: FitRun) -> dict[str, Any]:
         }
         for start in run.starts
     ]
+    document["verdict"] = None if run.verdict is None else run.verdict.to_dict()
     document["resistance"] = [vars(tested) for tested in run.tested]
     document["widened"] = {name: list(bounds) for name, bounds in run.widened.items()}
     document["outlying"] = [{**vars(found), "frames": list(found.frames)} for found in run.outlying]

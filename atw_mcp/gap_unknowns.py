@@ -66,10 +66,8 @@ def last_fit(app: App, world: World) -> LastFit | None:
             held, last = descent.detail.get("holdout_from"), descent.detail.get("last_frame")
             unseen = held if held is not None else None if last is None else last + 1
             kept = app.store.fits.get(descent.detail["fit"])
-            bounds = {item["name"]: item for item in kept.inputs["parameters"]}
             values = [
-                {**value, "lower": bounds[value["name"]]["lower"], "upper": bounds[value["name"]]["upper"]}
-                for value in kept.document["values"]
+                {**value, "lower": value["bounds"][0], "upper": value["bounds"][1]} for value in kept.document["values"]
             ]
             return LastFit(values, unseen)
         identifier = descent.parent

@@ -69,7 +69,7 @@ RESULT_SCHEMA: dict[str, Any] = {
     "additionalProperties": False,
     "required": ["evidence", "tool", "status", "summary", "case", "source", "objects", "interval", "data"],
     "properties": {
-        "evidence": {**_TEXT_OR_NULL, "description": "id of this result; ReadEvidence returns it again"},
+        "evidence": {**_TEXT_OR_NULL, "description": "its id, for ReadEvidence"},
         "tool": {"type": "string"},
         "status": {"type": "string", "enum": ["running", "completed", "failed", "cancelled", "diverged"]},
         "summary": {"type": "string"},
@@ -104,7 +104,7 @@ RESULT_SCHEMA: dict[str, Any] = {
                     "of": {"type": "integer"},
                 },
             },
-            "description": "lists cut; ReadEvidence(evidence, path=...) pages through them",
+            "description": "lists cut; ReadEvidence(path=...) pages through them",
         },
         "resource": {"type": "string", "description": "link to the whole result"},
     },

@@ -8,6 +8,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.app import App
+from atw_mcp.fit_verdict import cure, verdict_of
 from atw_mcp.results import Answer
 from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.world_arguments import CaseId
@@ -21,19 +22,33 @@ def commit_world(
     app: App,
     case: CaseId,
     world: Annotated[str, Field(description="id of the world every probe will start from")],
+    even_if_failed: Annotated[bool, Field(description="commit a world whose fit failed all the same")] = False,
 ) -> Answer:
     """End World Modeling: fix the world that every probe of this case starts from. This is final for the case
     (OpenCase with another name opens the same file afresh). Next: Rollout."""
     found = app.case_to_model(case, "CommitWorld")
     chosen = app.world(found, world)
+    judged = verdict_of(app, chosen)
+    verdict = "good" if judged is None else judged["verdict"]
+    if judged is not None and verdict == "failed" and not even_if_failed:
+        raise ToolError(
+            f"the fit of {chosen.id} failed ({judged['why']}). Next: {cure(found.id, chosen.id)}; or CommitWorld with "
+            "even_if_failed=true"
+        )
     try:
         app.store.cases.commit_world(found.id, chosen.id)
     except StoreError as error:  # another process was faster
         raise ToolError(f"{error}. Next: Rollout(case={found.id!r})") from error
     names = chosen.moving_names
+    warning = [] if judged is None or verdict == "good" else [f"the fit is {verdict}: {judged['why']}"]
     return Answer(
-        summary=f"committed {chosen.id}: World Probing begins",
-        data={"world": chosen.id, "objects": list(names), "next": f"Rollout(case={found.id!r})"},
+        summary=f"committed {chosen.id}: World Probing begins" + "".join(f". WARNING: {text}" for text in warning),
+        data={
+            "world": chosen.id,
+            "objects": list(names),
+            "warnings": warning,
+            "next": f"Rollout(case={found.id!r})",
+        },
         case=found.id,
         world=chosen.id,
         observation=app.store.cases.modelled_observation(found.id, chosen.id),

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from atw_mcp import gap_work
 from atw_mcp.app import App
+from atw_mcp.fit_verdict import cure, verdict_of
 from atw_mcp.gap_shown import next_step, shown_discrepancy, shown_proposals
 from atw_mcp.gap_unknowns import base_unknowns
 from atw_mcp.gap_work import Outcome
@@ -59,7 +60,7 @@ def find_discrepancy(
     are explained, nothing is missing. The last quarter of the data (or the runs sealed at import) is not looked at.
     Next: ProposeEffects where they are not explained."""
     found = app.case(case)
-    start = app.world(found, world)
+    start = _not_failed(app, found, app.world(found, world))
     with explained():
         recording = case_recording(app, found, start)
         unknowns = base_unknowns(app, start, base)
@@ -115,7 +116,7 @@ def propose_effects(
     lowers the verdict. Sealed data are looked at once the verdict stands, and can only lower it. Next: AddEffect with
     this result's evidence id."""
     found = app.case(case)
-    start = app.world(found, world)
+    start = _not_failed(app, found, app.world(found, world))
     with explained():
         chosen = named(effects) if effects else None
         recording = case_recording(app, found, start)
@@ -193,7 +194,7 @@ def add_effect(
             patience_seconds,
         )
     assert effect is not None
-    parent = app.world(found, world)
+    parent = _not_failed(app, found, app.world(found, world))
     with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
         law = effect.to_effect()
         gap_work.with_effect(parent, law)  # refused here, before any work
@@ -212,6 +213,17 @@ def add_effect(
         lambda outcome: _added(app, found, parent, outcome, recording, described),
         patience_seconds,
     )
+
+
+def _not_failed(app: App, case: Case, world: World) -> World:
+    """The world; raises ToolError where its fit failed: what it lacks is then not what its errors show."""
+    judged = verdict_of(app, world)
+    if judged is not None and judged["verdict"] == "failed":
+        raise ToolError(
+            f"the fit of {world.id} failed ({judged['why']}), so what is missing is indistinguishable from what is "
+            f"wrong. Next: {cure(case.id, world.id)}"
+        )
+    return world
 
 
 def _added(

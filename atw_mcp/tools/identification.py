@@ -9,7 +9,7 @@ from pydantic import Field
 
 from atw_mcp.app import App
 from atw_mcp.ensembles import keep_sample, sample_in_words, stored_sample
-from atw_mcp.fit_reading import CONTACTS, doubts, lower_draft, open_questions
+from atw_mcp.fit_reading import CONTACTS, doubts, lower_draft, next_step, open_questions, verdict_in_words
 from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, observed_of, run_fit, window
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import modelled_tracks
@@ -152,7 +152,9 @@ def fit_world(
     kept = app.store.fits.find("fit", inputs)
     if kept is not None:
         fitted = World.model_validate_json(app.store.worlds.document(kept.document["world"]))
-        _add_to_case(app, found, start, fitted, inputs, record.id)  # it may have been fitted for another case
+        _add_to_case(
+            app, found, start, fitted, inputs, record.id, kept.document["verdict"]
+        )  # it may have been fitted for another case
         return _fit_answer(app, found, start, fitted, kept.document, tracks, record.id, again=True)
 
     def work(progress: Progress) -> Answer:
@@ -187,7 +189,7 @@ def _keep_fit(
     result = run.result
     document = plain(digest(run)) | {"position_tolerance": inputs["request"]["position_tolerance"]}
     with app.store.transaction():
-        _add_to_case(app, case, start, result.world, inputs, observation)
+        _add_to_case(app, case, start, result.world, inputs, observation, document["verdict"])
         if run.sample is not None:
             assert run.start is not None
             if run.start.id != start.id:  # it has a law of resistance that the fit found
@@ -198,13 +200,21 @@ def _keep_fit(
     return _fit_answer(app, case, start, result.world, document, tracks, observation, again=False)
 
 
-def _add_to_case(app: App, case: Case, start: World, fitted: World, inputs: dict[str, Any], observation: str) -> None:
+def _add_to_case(
+    app: App,
+    case: Case,
+    start: World,
+    fitted: World,
+    inputs: dict[str, Any],
+    observation: str,
+    verdict: dict[str, Any] | None,
+) -> None:
     app.keep_world(
         case,
         fitted,
         how="fitted",
         parent=start,
-        detail={"fit": app.store.fits.key("fit", inputs), **inputs["request"]},
+        detail={"fit": app.store.fits.key("fit", inputs), "verdict": verdict, **inputs["request"]},
         observation=observation,
     )
 
@@ -231,6 +241,7 @@ def _fit_answer(
     turn = document["accuracy"]["rotation_rmse"] if document["accuracy"] else None
     said += "" if turn is None else f", rotation_rmse {turn:.3g} rad"
     was = "which diverges" if document["accuracy_start"] is None else _short(document["accuracy_start"])
+    verdict = document["verdict"]
     doubtful = doubts(fitted, document)
     rows, count = open_questions(document)
     fits = [item.id for item in app.store.evidence.of_case(case.id, tool="FitWorld") if item.status == "completed"]
@@ -244,6 +255,8 @@ def _fit_answer(
     shown = {
         "world": fitted.id,
         "from_world": start.id,
+        "verdict": verdict["verdict"],
+        "why": verdict["why"],
         "warnings": doubtful,
         "best_draft": better,
         "loss": document["loss"],
@@ -264,6 +277,7 @@ def _fit_answer(
         ],
         "initial_states": f"{sum(map(_is_state, document['values']))} values fitted: {whole}, path='values')",
         "contacts": CONTACTS,
+        "resistance": document["resistance"],
         "undetermined": rows,
         "undetermined_whole": None if count <= len(rows) else f"{count} rows: {whole}, path='undetermined')",
         "ensemble": None if sample is None else sample_in_words(sample),
@@ -271,16 +285,24 @@ def _fit_answer(
         "not_in_world": document["unmodelled"],
         "rollouts": document["rollouts"],
         "computed_now": not again,
-        "next": f"InspectRollout(case={case.id!r}, world={fitted.id!r}), then "
-        f"CommitWorld(case={case.id!r}, world={fitted.id!r})",
+        "next": next_step(case.id, fitted.id, document),
     }
     step = fitted.time.seconds_per_frame
     frames = document["fitted_frames"]
     return Answer(
-        summary=f"{cancelled}fitted world {fitted.id}: {said}, loss {document['loss']:.3g}"
+        summary=f"{cancelled}{verdict_in_words(document)} world {fitted.id}: {said}, loss {document['loss']:.3g}"
         f"{kept} (the starting world {start.id}, before any search: {was})"
         + "".join(f". WARNING: {text}" for text in doubtful),
-        data={"world": fitted.id, "from_world": start.id, "warnings": doubtful, **document},
+        data={
+            **document,
+            "world": fitted.id,
+            "from_world": start.id,
+            "warnings": doubtful,
+            "verdict": verdict["verdict"],
+            "why": verdict["why"],
+            "bodies": verdict["bodies"],
+            "next": shown["next"],
+        },
         shown=shown,
         case=case.id,
         world=fitted.id,

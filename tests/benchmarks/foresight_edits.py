@@ -91,7 +91,7 @@ def question_of(clip: Clip, question: dict[str, Any], names: set[str]) -> tuple[
         if name is not None and tool_name(name) not in names:
             raise Inexpressible(f"{name} is not in the world")
     end = float(clip.hidden["continuation"]["end"])
-    instant = [max(time - INSTANT, 0.0), time + INSTANT]
+    instant = [max(time - INSTANT, 0.0), min(time + INSTANT, end)]
     if question["type"] == "left":
         box = {"lower": [-FAR, -FAR, -FAR], "upper": [question["x"], FAR, FAR]}
         return {"predicate": {"predicate": "inside_region", "object": body, **box}, "interval": instant}, False

@@ -121,8 +121,8 @@ async def _modelled(call: Caller, clip: Clip, source: Source, folder: Path, seed
 
 async def _probe(call: Caller, clip: Clip, found: ClipRun, modelled: dict[str, Any], edits: bool) -> None:
     case, world = modelled["case"], modelled["data"]["world"]
-    found.verdict = str(modelled["data"].get("verdict", ""))
-    await call("CommitWorld", case=case, world=world)
+    found.verdict = str(modelled["data"]["verdict"])
+    await call("CommitWorld", case=case, world=world, even_if_failed=True)  # what it says is scored all the same
     looked = (await call("InspectWorld", case=case))["data"]
     names = {item["name"] for item in (*looked["objects"], *looked["statics"])}
     hidden = clip.hidden
@@ -150,9 +150,10 @@ async def _branch(
 ) -> None:
     """Roll one branch out and hold it against the truth; a refusal of the tools counts as not answered."""
     end = float(clip.hidden["continuation"]["end"])
-    step = 1.0 / float(clip.hidden["pose_rate"])
+    step, frame = 1.0 / float(clip.hidden["pose_rate"]), float(clip.known["seconds_per_frame"])
+    step /= np.ceil(step / frame - 1e-9)  # samples at the times of the truth, no rarer than frames
     try:
-        rolled = await call("Rollout", case=case, edits=edits, horizon_seconds=end, sample_seconds=step)
+        rolled = await call("Rollout", case=case, edits=edits, horizon_seconds=end, sample_seconds=float(step))
     except RuntimeError as error:
         found.inexpressible.append(f"edit {edit}: {error}")
         _unanswered(clip, found, edit, str(error))

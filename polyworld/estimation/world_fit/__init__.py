@@ -5,6 +5,7 @@ from polyworld.estimation.world_fit.accuracy import Accuracy, accuracy
 from polyworld.estimation.world_fit.bounds import refit_with_wider_bounds
 from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
+from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.multistart import Start, in_order, multistart, restarts
 from polyworld.estimation.world_fit.objective import Objective, ObjectiveSettings
 from polyworld.estimation.world_fit.outlying import Outlying, outlying_frames
@@ -31,6 +32,7 @@ __all__ = [
     "PrefixSettings",
     "SearchProgress",
     "SearchSettings",
+    "Shown",
     "Start",
     "Tested",
     "Undetermined",

@@ -25,14 +25,15 @@ class Shown:
         return initial_states(self.tracks, seconds_per_frame=self.world.time.seconds_per_frame)
 
     @cached_property
-    def _contacts(self) -> dict[tuple[str, str], float]:
+    def contacts(self) -> dict[tuple[str, str], float]:
+        """Pairs of bodies and fixed things that may touch, and the first time [s] at which they may."""
         return possible_contacts(self.world, self.tracks)
 
     @cached_property
     def touched(self) -> dict[str, float]:
         """Objects that something may touch, and the first time [s] at which it may."""
         found: dict[str, float] = {}
-        for pair, time in self._contacts.items():  # in the order of time
+        for pair, time in self.contacts.items():  # in the order of time
             for name in pair:
                 found.setdefault(name, time)
         return found
@@ -47,7 +48,7 @@ class Shown:
     def met(self) -> set[str]:
         """Rigid objects of which a collision or a tie may show the mass."""
         bodies = {o.name for o in self.world.objects}
-        return {n for pair in self._contacts if bodies >= set(pair) for n in pair} | self.tied
+        return {n for pair in self.contacts if bodies >= set(pair) for n in pair} | self.tied
 
     @cached_property
     def observed(self) -> set[str]:

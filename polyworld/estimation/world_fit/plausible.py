@@ -30,17 +30,20 @@ MASS = 0.6  # standard deviation as a share of the mass at the density that is a
 SURFACE_SPEED = 0.5  # [m/s] at the surface by a spin that is not observed
 SLIP = 0.5  # of the rolling spin: standard deviation of that of a body that may slide instead
 REACH = 6.0  # standard deviations within which a spin is searched
+ALIKE = 3  # bodies of one shape and size from which on they are taken for pieces of one set
 JOINT = 0.3  # of the acceleration of gravity by dry friction, and [1/s] by damping, that a joint may cause
 
 
 def plausible_unknowns(world: World, tracks: ObservedTracks, unknowns: Sequence[Unknown]) -> list[Unknown]:
     """Give the unknowns of a spatial world priors, drop the motion that supports forbid, and add unobserved spins.
 
-    Added too: rolling resistance of what can roll, and friction and damping of joints whose bodies are seen to move.
+    Added too: rolling resistance of what can roll, and restitution of fixed things that bodies bounce on, where
+    collisions among bodies show another. Bodies of one shape and size, at least `ALIKE` of them, such as the balls of a
+    game, share their contact parameters and have equal masses.
     """
     shown = Shown(world, tracks)
     on = supports(world, tracks)
-    found = [_with_prior(world, u) for u in unknowns if not _forbidden(u, on)]
+    found = [with_prior(world, u) for u in unknowns if not _forbidden(u, on)]
     taken = {path for u in found for path in u.paths}
     for name, begin in shown.begins.items():
         item, state = world.object(name), shown.states[name]
@@ -51,7 +54,53 @@ def plausible_unknowns(world: World, tracks: ObservedTracks, unknowns: Sequence[
         if state.moves and not _held(world, name):
             found += [_spin(world, item, on.get(name), axis, begin) for axis in _spins(item, on.get(name))
                       if f"objects.{name}.angular_velocity.{axis}" not in taken]  # fmt: skip
-    return found
+    return [*_shared(world, found), *_bounced_on(world, shown, on)]
+
+
+def _shared(world: World, unknowns: list[Unknown]) -> list[Unknown]:
+    """Tie the contact parameters of bodies that are alike, and drop their masses."""
+    groups: dict[str, list[str]] = {}
+    for item in world.objects:
+        groups.setdefault(item.shape.model_dump_json(), []).append(item.name)
+    first = {name: own[0] for own in groups.values() if len(own) >= ALIKE for name in own}
+    found: dict[tuple[str, str], Unknown] = {}
+    for u in unknowns:
+        parts = u.paths[0].split(".")
+        contact = parts[0] == "objects" and len(parts) == 3 and len(u.paths) == 1
+        if not contact or parts[1] not in first:
+            found[u.name, ""] = u
+        elif parts[2] != "mass":
+            key = (first[parts[1]], parts[2])
+            if key not in found:
+                own = groups[world.object(parts[1]).shape.model_dump_json()]
+                paths = tuple(f"objects.{name}.{parts[2]}" for name in own)
+                found[key] = replace(u, name=f"{parts[2]} of {', '.join(own)}", paths=paths)
+            found[key] = replace(found[key], enters=min(found[key].enters, u.enters))
+    return list(found.values())
+
+
+def _bounced_on(world: World, shown: Shown, on: dict[str, Support]) -> list[Unknown]:
+    """Restitution of what bodies bounce on, one value, where they also meet one another."""
+    statics = {s.name for s in world.statics}
+    resting = {(name, support.static) for name, support in on.items()}
+    bounced: dict[str, float] = {}
+    meetings = False
+    for pair, time in shown.contacts.items():
+        fixed = [name for name in pair if name in statics]
+        if not fixed:
+            meetings = True
+            continue
+        body = next(name for name in pair if name != fixed[0])
+        if (body, fixed[0]) not in resting:
+            bounced.setdefault(fixed[0], time)
+    own = [s for s in world.statics if s.name in bounced and s.restitution is None]
+    if not meetings or not own:
+        return []
+    paths = tuple(f"statics.{s.name}.restitution" for s in own)
+    name = f"restitution of {', '.join(s.name for s in own)}"
+    begin = min(bounced[s.name] for s in own)
+    mean, sd = RESTITUTION
+    return [Unknown(name, paths, "1", mean, 0.0, 1.0, sd, prior=RESTITUTION, enters=begin)]
 
 
 def joint_unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:
@@ -90,7 +139,8 @@ def _forbidden(unknown: Unknown, on: dict[str, Support]) -> bool:
     return not support.rolls and parts[3] in "xy"
 
 
-def _with_prior(world: World, unknown: Unknown) -> Unknown:
+def with_prior(world: World, unknown: Unknown) -> Unknown:
+    """The unknown with what is ordinary of a contact parameter or a mass as its prior."""
     if unknown.prior is not None or len(unknown.paths) != 1 or not unknown.paths[0].startswith("objects."):
         return unknown
     field = unknown.paths[0].split(".")[-1]

@@ -20,6 +20,7 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.default_unknowns import states_at_rest, unknown_of
 from polyworld.estimation.world_fit.determinable import Shown, reasons_undeterminable
 from polyworld.estimation.world_fit.objective import DIVERGED
+from polyworld.estimation.world_fit.plausible import with_prior
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult
 from polyworld.estimation.world_fit.search_space import SearchSpace
@@ -128,8 +129,11 @@ def sample_posterior(
     free = [u.name for u, open_ in zip(space.unknowns, minima[0].undetermined, strict=True) if open_]
     if more:
         other = SearchSpace(problem.world, more)
-        flat = other.values(rng.uniform(other.lower, other.upper, (count, len(more))))
-        values = np.concatenate([values, flat], axis=1)
+        unseen = other.values(rng.uniform(other.lower, other.upper, (count, len(more))))
+        for i, u in enumerate(more):
+            if u.prior is not None:
+                unseen[:, i] = np.clip(rng.normal(*u.prior, count), u.lower, u.upper)
+        values = np.concatenate([values, unseen], axis=1)
     for unknown in still:
         assert unknown.prior is not None
         own = np.clip(rng.normal(*unknown.prior, count), unknown.lower, unknown.upper)
@@ -278,4 +282,6 @@ def _unfitted(problem: FitProblem, fitted: Collection[str], known: Collection[st
         if path.rsplit(".", 1)[1] in UNFITTED and path not in fitted and path not in known and path != unit
     ]
     objects = {f"objects.{o.name}" for o in problem.world.objects}
-    return tuple(unknown_of(problem.world, path) for path in paths if path.rsplit(".", 1)[0] in objects)
+    found = [unknown_of(problem.world, path) for path in paths if path.rsplit(".", 1)[0] in objects]
+    ordinary = any(u.prior is not None for u in problem.space.unknowns)
+    return tuple(with_prior(problem.world, u) if ordinary else u for u in found)

@@ -82,7 +82,8 @@ def choose_resistance(
     needed = float(np.log(max(_count(problem), 2)))
     while left and start.best.status == "completed" and not (cancelled is not None and cancelled()):
         gains = [_predicted(problem, start, law) for law in left]
-        best = int(np.argmax(gains))
+        # Of laws that explain about the same, the first listed is the more ordinary one.
+        best = next(i for i, gain in enumerate(gains) if gain >= max(gains) - needed)
         if gains[best] < PROMISING * needed:
             tested += [Tested(law.name, gain, needed, False) for law, gain in zip(left, gains, strict=True)]
             break
@@ -105,7 +106,8 @@ def choose_resistance(
 
 def _upon(world: World, law: Law) -> Law:
     """A law in a world that has been given others since."""
-    missing = [e for e in law.world.effects if e.name not in {own.name for own in world.effects}]
+    own = {effect.name for effect in world.effects}
+    missing = [effect for effect in law.world.effects if effect.name not in own]
     return Law(law.name, world.model_copy(update={"effects": (*world.effects, *missing)}), law.unknown)
 
 

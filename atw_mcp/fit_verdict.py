@@ -1,0 +1,117 @@
+"""A verdict on a fit: good, poor or failed, from each body's error beside its noise and its size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from atw_mcp.app import App
+from polyworld.estimation.world_fit import FitResult
+from polyworld.geometry import mass_properties
+from polyworld.tracks import ObservedTracks
+from polyworld.world import World
+
+Verdict = Literal["good", "poor", "failed"]
+
+NOISY = 2.0  # times the noise: errors up to it are measurement, or nearly
+SMALL = 0.05  # of a body's radius: errors up to it matter to no contact
+LARGE = 0.5  # of a body's radius: with larger ones contacts happen or fail that the video shows otherwise
+SHARE = 0.5  # of the moving bodies that must be largely off for the whole to have failed
+
+
+@dataclass(frozen=True)
+class BodyFit:
+    """Root mean square distance of a body's simulated from its observed centre [m].
+
+    noise [m]: distance that the stated noise of its track makes. radius [m]: of the ball of its volume.
+    """
+
+    object: str
+    error: float
+    noise: float
+    radius: float
+
+    @property
+    def verdict(self) -> Verdict:
+        """Good where the error is noise, or small beside the body."""
+        if self.error <= max(NOISY * self.noise, SMALL * self.radius):
+            return "good"
+        return "failed" if self.error > LARGE * self.radius else "poor"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        return {"object": self.object, "verdict": self.verdict, "error_m": self.error, "noise_m": self.noise,
+                "of_radius": self.error / self.radius}  # fmt: skip
+
+    def in_words(self) -> str:
+        """The error beside noise and size."""
+        noise = "" if self.noise <= 0.0 else f", {self.error / self.noise:.2g} times its noise"
+        return f"{self.object} is {self.error:.2g} m off{noise} and {100 * self.error / self.radius:.2g}% of its radius"
+
+
+@dataclass(frozen=True)
+class FitVerdict:
+    """The worst bodies first. diverged: the fitted world has no later states to judge."""
+
+    bodies: tuple[BodyFit, ...]
+    diverged: bool = False
+
+    @property
+    def verdict(self) -> Verdict:
+        """Failed where it diverges or half of the moving bodies are far off, poor where any body is off."""
+        if self.diverged:
+            return "failed"
+        found = [body.verdict for body in self.bodies]
+        failed = found.count("failed")
+        if failed and failed >= SHARE * len(found):
+            return "failed"
+        return "poor" if set(found) - {"good"} else "good"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        off = [body for body in self.bodies if body.verdict != "good"]
+        return {
+            "verdict": self.verdict,
+            "why": "the fitted world diverges" if self.diverged else "; ".join(body.in_words() for body in off[:4]),
+            "bodies": [body.to_dict() for body in self.bodies],
+        }
+
+
+def judge(result: FitResult, tracks: ObservedTracks, moving: frozenset[str]) -> FitVerdict:
+    """Judge a fit by its rigid bodies; those that never move count only where they are off."""
+    if result.accuracy is None:
+        return FitVerdict((), diverged=True)
+    components = 2 if result.world.planar else 3
+    found = []
+    for item in result.world.objects:
+        error = result.accuracy.position_by_object.get(item.name)
+        if error is None or not np.isfinite(error) or item.name not in tracks.names:
+            continue
+        column = tracks.index(item.name)
+        sigma = float(np.median(tracks.position_sigma[tracks.confidence[:, column] > 0.0, column]))
+        radius = float(np.cbrt(0.75 * mass_properties(item.shape).volume / np.pi))
+        body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius)
+        if item.name in moving or body.verdict != "good":
+            found.append(body)
+    return FitVerdict(tuple(sorted(found, key=lambda body: -body.error / body.radius)))
+
+
+def verdict_of(app: App, world: World) -> Mapping[str, Any] | None:
+    """The verdict on the fit that made a world; None where it was not made by one, or by one not kept."""
+    for descent in app.store.worlds.parents(world.id):
+        if descent.how == "fitted" and "verdict" in descent.detail:
+            found: Mapping[str, Any] = descent.detail["verdict"]
+            return found
+    return None
+
+
+def cure(case: str, world: str) -> str:
+    """What to do about a fit that failed."""
+    return (
+        f"InspectRollout(case={case!r}, world={world!r}) shows where it leaves the video. Then correct tracks, shapes "
+        "or obstacles (BuildWorld), or fit the frames up to the first that goes wrong (FitWorld with last_frame) and "
+        "from that world all of them, or FitWorld with more restarts"
+    )
