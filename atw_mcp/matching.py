@@ -116,6 +116,11 @@ class Matching:
     unlisted: tuple[str, ...]
 
     @property
+    def complete(self) -> bool:
+        """Whether every known object has a track for sure, and every track is one."""
+        return not self.unseen and not self.unlisted and all(match.margin >= SURE for match in self.matches)
+
+    @property
     def doubts(self) -> list[str]:
         """What is doubtful about the assignment, in sentences."""
         found = [

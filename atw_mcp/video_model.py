@@ -11,7 +11,7 @@ import numpy as np
 from atw_mcp.app import App
 from atw_mcp.fit_errors import object_errors
 from atw_mcp.jobs import Progress
-from atw_mcp.matching import Known, elevation_of, matched
+from atw_mcp.matching import Known, Matching, elevation_of, matched
 from atw_mcp.observing import derivation, latest_image_observation, modelled_tracks
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.perception.tracks import estimate_sizes
@@ -31,7 +31,8 @@ class VideoRequest:
     """What is known of a video, as arguments of the tools that use it.
 
     known: names, shapes and hints for the matching; bodies: what BuildWorld is given of each, by name. unlisted: what
-    becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used.
+    becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used. looked_for:
+    what ObserveObjects is asked to look for where tracks do not match what is known; None where that is not wanted.
     """
 
     known: tuple[Known, ...]
@@ -41,6 +42,7 @@ class VideoRequest:
     calibrate: dict[str, Any] | None
     build: dict[str, Any]
     fit: dict[str, Any]
+    looked_for: list[dict[str, Any]] | None = None
     plane: MotionPlane | None = None
     floor: float = 0.0
 
@@ -66,7 +68,8 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
 
 def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> ImageObservation:
     latest = latest_image_observation(app, case)
-    if latest is None or request.observe is not None:
+    narrow = request.unlisted == "model" and _was_looked_for(app, case)  # it has the listed objects alone
+    if latest is None or request.observe is not None or narrow:
         steps.call("ObserveObjects", case=case.id, **(request.observe or {}))
         latest = latest_image_observation(app, case)
     if latest is None or not latest[1].objects:
@@ -83,9 +86,38 @@ def _match(
     model: VideoModel,
     progress: Progress,
 ) -> list[str]:
-    """Match known objects to tracks and give the tracks their names; returns the names of the tracks to model."""
-    if not request.known:
+    """Match known objects to tracks and give the tracks their names; returns the names of the tracks to model.
+
+    Where the match leaves doubts, the known objects are looked for by colour and size, and what that finds is modelled
+    if it is not less than what was matched.
+    """
+    listed = {item.name for item in request.known}
+    if not listed or (_was_looked_for(app, case) and set(seen.names) <= listed):
         return list(seen.names)
+    model.matching = _matching(app, case, request, seen, progress)
+    model.tracks = [_track_row(seen.object(name)) for name in model.matching.unlisted]
+    if request.looked_for is not None and not model.matching.complete:
+        found = _look_for(app, case, request.looked_for, steps, model)
+        if found is not None:
+            unseen = tuple(item.name for item in request.known if item.name not in found.names)
+            others = [seen.object(name) for name in model.matching.unlisted]
+            model.tracks = [_track_row(track) for track in others if not _within(track, found)]
+            model.matching = Matching((), unseen, ())
+            return list(found.names)
+    if not model.matching.matches:
+        raise StepFailed(MATCHING, f"none of {', '.join(item.name for item in request.known)} fits a track")
+    names = {match.track: match.known for match in model.matching.matches}
+    renames = list(_renames(names, seen.names))
+    if renames:
+        steps.call("ObserveObjects", case=case.id, corrections=renames)
+    if request.unlisted == "leave_out":
+        return list(names.values())
+    latest = latest_image_observation(app, case)
+    return list(names.values()) if latest is None else list(latest[1].names)
+
+
+def _matching(app: App, case: Case, request: VideoRequest, seen: ImageObservation, progress: Progress) -> Matching:
+    """Assign the tracks of an observation to known objects; raises StepFailed where the camera does not allow it."""
     try:
         how = derivation(app, case, {}, request.plane, request.floor)
         if how is None:
@@ -100,18 +132,41 @@ def _match(
         )
     except (ValueError, StoreError) as error:
         raise StepFailed(MATCHING, str(error)) from error
-    model.matching = matched(request.known, seen.objects, estimates, elevation_of(camera))
-    if not model.matching.matches:
-        raise StepFailed(MATCHING, f"none of {', '.join(item.name for item in request.known)} fits a track")
-    names = {match.track: match.known for match in model.matching.matches}
-    model.tracks = [_track_row(seen.object(name)) for name in model.matching.unlisted]
-    renames = list(_renames(names, seen.names))
-    if renames:
-        steps.call("ObserveObjects", case=case.id, corrections=renames)
-    if request.unlisted == "leave_out":
-        return list(names.values())
+    return matched(request.known, seen.objects, estimates, elevation_of(camera))
+
+
+def _was_looked_for(app: App, case: Case) -> bool:
+    """Whether the latest observation, or the one that was corrected to it, looked for known objects."""
     latest = latest_image_observation(app, case)
-    return list(names.values()) if latest is None else list(latest[1].names)
+    identifier = None if latest is None else latest[0]
+    while identifier is not None:
+        record = app.store.observations.get(identifier)
+        if record.kind == "observe_known":
+            return True
+        base = record.inputs.get("observation")
+        identifier = base if isinstance(base, str) else None
+    return False
+
+
+def _look_for(
+    app: App, case: Case, looked_for: list[dict[str, Any]], steps: Steps, model: VideoModel
+) -> ImageObservation | None:
+    """Look for known objects; what is found if it is no less than was matched, else None and a doubt."""
+    before = latest_image_observation(app, case)
+    least = 0 if model.matching is None else len(model.matching.matches)
+    try:
+        steps.call("ObserveObjects", case=case.id, known=looked_for)
+    except StepFailed as error:
+        model.notes.append(f"objects could not be looked for by colour and size: {error.reason}")
+        return None
+    latest = latest_image_observation(app, case)
+    found = () if latest is None else latest[1].names
+    if latest is not None and len(found) >= max(least, 1):
+        return latest[1]
+    model.notes.append(f"looked for by colour and size, only {', '.join(found) or 'nothing'} was found")
+    if before is not None:
+        steps.call("ObserveObjects", case=case.id, observation=before[0])
+    return None
 
 
 def _renames(names: dict[str, str], tracks: tuple[str, ...]) -> Iterator[dict[str, str]]:
@@ -128,6 +183,17 @@ def _renames(names: dict[str, str], tracks: tuple[str, ...]) -> Iterator[dict[st
             yield {"kind": "rename", "object": track, "name": free}
     for track, name in changed.items():
         yield {"kind": "rename", "object": aside.get(track, track), "name": name}
+
+
+def _within(track: ObservedObject, found: ImageObservation) -> bool:
+    """Whether the centroid of a track lies in the box of one of the objects found in most of its frames."""
+    seen = np.isfinite(track.centroid).all(axis=1)
+    for other in found.objects:
+        left, top, width, height = other.box[seen].T
+        u, v = track.centroid[seen].T
+        if np.count_nonzero((left <= u) & (u <= left + width) & (top <= v) & (v <= top + height)) > 0.5 * len(u):
+            return True
+    return False
 
 
 def _track_row(track: ObservedObject) -> dict[str, Any]:

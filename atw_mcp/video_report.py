@@ -23,12 +23,16 @@ VERDICTS = {
 
 @dataclass
 class VideoModel:
-    """What has been reached: matches, tracks that no known object explains, errors, or why there are none."""
+    """What has been reached: matches, tracks that no known object explains, errors, or why there are none.
+
+    notes: doubts about how known objects were looked for.
+    """
 
     matching: Matching | None = None
     tracks: list[dict[str, Any]] = field(default_factory=list)
     errors: tuple[ObjectError, ...] = ()
     diverged: str | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 def fit_report(case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
@@ -91,7 +95,7 @@ def failure_report(case: Case, error: StepFailed, steps: Steps, model: VideoMode
 
 def _doubts(steps: Steps, model: VideoModel, bounds: list[dict[str, Any]]) -> list[str]:
     """Doubts about the result as a whole; those of single steps that do not bear on it stay with the steps."""
-    found = [] if model.matching is None else model.matching.doubts
+    found = [*([] if model.matching is None else model.matching.doubts), *model.notes]
     if model.diverged is not None:
         found.append(model.diverged)
     found += [f"{error.object} is off by {_error(error)}" for error in model.errors if not error.follows]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -10,10 +11,12 @@ from pydantic import Field
 
 from atw_mcp.app import App
 from atw_mcp.jobs import LongWork
+from atw_mcp.matching import Known
 from atw_mcp.observing import latest_camera
+from atw_mcp.perception.known.colour_words import colour_word
 from atw_mcp.results import Answer, explained, plain
 from atw_mcp.toolbox import ToolGroup
-from atw_mcp.tools.known_objects import KnownObject, known_of
+from atw_mcp.tools.known_objects import KnownObject, Sized, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
 from atw_mcp.tools.observation import open_case
 from atw_mcp.tools.world_arguments import Argument, Patience, PlaneArgument, Point
@@ -125,6 +128,7 @@ def model_video_tool(
                 for key, item in bodies.items()
             },
             unlisted=unlisted,
+            looked_for=_looked_for(known, list(bodies.values())) if unlisted == "leave_out" else None,
             observe=observe,
             calibrate=calibration or None,
             build={key: value for key, value in building.items() if key not in listed},
@@ -147,6 +151,15 @@ def _opened(app: App, video: str | None, name: str | None) -> Case:
     assert answer.case is not None
     app.store.evidence.add(answer.to_evidence("OpenCase", _given({"video": video, "name": name})))
     return app.case(answer.case)
+
+
+def _looked_for(known: Sequence[Known], items: Sequence[KnownObject]) -> list[dict[str, Any]] | None:
+    """Return what ObserveObjects can look for; None where objects cannot be distinguished by colour and pixel."""
+    words = [colour_word(k.color or k.name) for k in known]
+    unpointed = [word for word, k in zip(words, known, strict=True) if k.pixel is None]
+    if None in words or len(set(unpointed)) < len(unpointed) or not all(isinstance(k.shape, Sized) for k in known):
+        return None
+    return [item.model_dump(include={"name", "shape", "color", "pixel", "frame"}, exclude_none=True) for item in items]
 
 
 def _check_steps(app: App, case: Case, request: VideoRequest) -> None:
