@@ -13,6 +13,7 @@ from pydantic import Field
 from atw_mcp.app import App
 from atw_mcp.importing import mesh_of
 from atw_mcp.matching import Known, apparent_radius, elevation_of
+from atw_mcp.models.pose import surface
 from atw_mcp.perception.known.bodies import KnownBody
 from atw_mcp.perception.known.colour_words import colour_word
 from atw_mcp.perception.silhouettes import lift_of
@@ -20,7 +21,9 @@ from atw_mcp.perception.tracks import kind_and_size
 from atw_mcp.tools.world_arguments import Argument, Name, Pixel, Point, ShapeArgument
 from evidence_store import Case
 from polyworld.camera import Camera
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.geometry import quaternion_matrix
+from polyworld.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.world import StaticObject
 
 Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder
@@ -62,21 +65,33 @@ def bodies_of(known: Sequence[Known], camera: Camera) -> list[KnownBody]:
         if colour_word(item.color or item.name) is None:
             raise ValueError(f"{item.name}: to be looked for it needs a color, such as red, dark grey, pink")
         lift = lift_of(kind_and_size(item.shape)[1])
-        pixels = () if item.pixel is None else ((item.frame or 0, *item.pixel),)
-        bodies.append(
-            KnownBody(item.name, item.color or item.name, apparent_radius(item.shape, elevation), lift, pixels)
-        )
+        radius = apparent_radius(item.shape, elevation)
+        bodies.append(KnownBody(item.name, item.color or item.name, radius, lift, item.pixel, item.frame))
     return bodies
 
 
-def known_places(app: App, case: Case, camera: Camera) -> Floats:
+def corners_of(fixed: Sequence[StaticObject]) -> list[Floats]:
+    """Return the corners (n, 3) [m] of convex solids that do not move, as perception takes what may hide bodies.
+
+    Raises ValueError naming the one that is not a convex solid.
+    """
+    corners = []
+    for item in fixed:
+        if isinstance(item.shape, Plane | Wall | TriangleMesh):
+            raise ValueError(f"{item.name}: a {item.shape.kind} is no convex solid; give a box, cylinder or sphere")
+        own = np.asarray(surface(item.shape).vertices, dtype=float)
+        corners.append(own @ quaternion_matrix(np.asarray(item.orientation)).T + np.asarray(item.position))
+    return corners
+
+
+def known_places(app: App, case: Case, camera: Camera, floor: float) -> Floats:
     """Return points (k, 3) of the scene [m]: those that the camera was calibrated with, else the floor that it sees."""
     found = app.store.cases.observations(case.id, "camera")
     stored: Any = app.store.observations.get(found[0][1]).inputs.get("points") if found else None
     if stored:
         return np.array([point["world"] for point in stored], dtype=float)
     u, v = np.meshgrid(np.linspace(0.05, 0.95, 7) * camera.width, np.linspace(0.05, 0.95, 7) * camera.height)
-    hits = camera.onto_plane(np.stack([u.ravel(), v.ravel()], axis=1), np.zeros(3), np.array([0, 0, 1.0]))
+    hits = camera.onto_plane(np.stack([u.ravel(), v.ravel()], axis=1), np.array([0, 0, floor]), np.array([0, 0, 1.0]))
     hits = hits[np.isfinite(hits).all(axis=1)]
     if len(hits) == 0:
         raise ValueError("the camera sees no floor: calibrate it with points of the scene")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +13,7 @@ from pydantic import Field, ValidationError
 
 from atw_mcp import cases
 from atw_mcp.app import App
+from atw_mcp.importing import mesh_of
 from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.observing import (
     chosen_image_observation,
@@ -29,8 +32,8 @@ from atw_mcp.perception.video import probe
 from atw_mcp.results import Answer, explained
 from atw_mcp.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.toolbox import ToolGroup
-from atw_mcp.tools.known_objects import KnownObject, bodies_of, known_of, known_places
-from atw_mcp.tools.world_arguments import Argument, CaseId, Patience, Pixel, Point
+from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, known_of, known_places
+from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, Point
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
@@ -150,6 +153,11 @@ def observe_objects(
             "and for nothing else",
         ),
     ] = None,
+    obstacles: Annotated[
+        list[ObstacleArgument] | None,
+        Field(max_length=64, description="fixed solids, as of BuildWorld, behind which known objects may be hidden"),
+    ] = None,
+    floor: Annotated[float, Field(description="z of the floor on which known objects rest [m]")] = 0.0,
     max_objects: Annotated[int, Field(ge=1, le=200, description="most objects to follow")] = 20,
     min_area: Annotated[
         int | None, Field(ge=4, le=10_000_000, description="smallest region taken for an object [px]")
@@ -201,7 +209,7 @@ def observe_objects(
         app.store.cases.add_observation(found.id, "objects", identifier)
         return observed_answer(found, identifier, seen)
     if known is not None:
-        return _known(app, found, path, known, stride, patience_seconds)
+        return _known(app, found, path, _Scene(known, obstacles or [], floor), stride, patience_seconds)
     inputs = {
         "video": found.content,
         "expected": expected,
@@ -224,20 +232,28 @@ def observe_objects(
     return _observation(app, found, "observe", inputs, look, f"observing {path.name}", patience_seconds)
 
 
-def _known(
-    app: App, case: Case, path: Path, known: list[dict[str, Any]], stride: int, patience: float
-) -> Answer | LongWork:
+@dataclass(frozen=True)
+class _Scene:
+    """What is known of a scene: objects to look for, fixed solids, and z of the floor [m]."""
+
+    known: list[dict[str, Any]]
+    obstacles: list[ObstacleArgument]
+    floor: float
+
+
+def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patience: float) -> Answer | LongWork:
     camera = latest_camera(app, case)
     if camera is None:
         raise ToolError(f"known objects are looked for by size: CalibrateCamera(case={case.id!r}) comes first")
     try:
-        items = [KnownObject.model_validate(item) for item in known]
+        items = [KnownObject.model_validate(item) for item in scene.known]
     except ValidationError as error:
         listed = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
         raise ToolError(f"known: {listed}; fields are {', '.join(KnownObject.model_fields)}") from error
     with explained():
         bodies = bodies_of([known_of(app, case, item) for item in items], camera)
-        places = known_places(app, case, camera)
+        places = known_places(app, case, camera, scene.floor)
+        fixtures = corners_of([s for item in scene.obstacles for s in item.to_statics(partial(mesh_of, app, case))])
 
     def look(progress: Progress) -> ImageObservation:
         return observe_known(
@@ -245,6 +261,8 @@ def _known(
             bodies,
             camera,
             places,
+            floor=scene.floor,
+            fixtures=fixtures,
             stride=stride,
             progress=lambda share, what: progress.report(share, 1.0, what),
             cancelled=progress.cancelled,
@@ -255,6 +273,8 @@ def _known(
         "known": [item.model_dump(exclude_none=True) for item in items],
         "camera": camera.model_dump(mode="json"),
         "places": places.tolist(),
+        "obstacles": [item.model_dump(exclude_none=True) for item in scene.obstacles],
+        "floor": scene.floor,
         "stride": stride,
     }
     return _observation(app, case, "observe_known", inputs, look, f"looking for {len(bodies)} bodies", patience)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from atw_mcp.matching import Known
 from atw_mcp.perception.calibration import calibrate_from_points
 from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.tools.known_objects import bodies_of
-from atw_mcp.tools.world_arguments import ShapeArgument
+from atw_mcp.tools.known_objects import bodies_of, corners_of
+from atw_mcp.tools.world_arguments import ObstacleArgument, ShapeArgument
 from tests.benchmarks.foresight_scene import DEFORMABLE, shape_of
 from tests.benchmarks.video_seeds import Labels
+
+Floats = NDArray[np.float64]
 
 
 def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageObservation:
@@ -32,7 +36,22 @@ def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageOb
         said = thing.get("pointed_at")
         pixel, frame = (None, None) if said is None else ((said["pixel"][0], said["pixel"][1]), said["frame"])
         things.append(Known(thing["name"], shape, thing["color"], pixel=pixel, frame=frame))
-    return observe_known(file, bodies_of(things, camera), camera, places)
+    return observe_known(file, bodies_of(things, camera), camera, places, fixtures=_fixtures(known))
+
+
+def _fixtures(known: dict[str, Any]) -> list[Floats]:
+    """Corners of the scene's fixed solids [m]."""
+    fixed = [
+        {
+            "name": thing["name"].replace(" ", "_"),
+            "shape": shape_of(thing),
+            "position": thing["position"],
+            "orientation": thing.get("rotation_wxyz"),
+        }
+        for thing in known["objects"]
+        if thing.get("fixed")
+    ]
+    return corners_of([s for item in fixed for s in ObstacleArgument.model_validate(item).to_statics(_no_meshes)])
 
 
 def _no_meshes(name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -1,56 +1,94 @@
-"""Bodies that are known before a video is looked at, and how large they look in each part of the image."""
+"""Bodies that are known before a video is looked at, how large they look in each part of the image, and what may hide
+them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.background import Array32
+from atw_mcp.perception.known.settings import SETTINGS
 from polyworld.camera import Camera
 
 Floats = NDArray[np.float64]
-
-NEARER = 0.75  # of the distance from the camera to the nearest known place, at which a body may still be
-FARTHER = 1.15  # of that to the farthest
 
 
 @dataclass(frozen=True)
 class KnownBody:
     """A rigid body of a scene. colour: a description that holds a colour's name; radius: of the disc with the area that
-    it shows [m]; lift: height of its centre where it rests on the floor [m]; pixels: places on it (x, y) [px] by row.
+    it shows [m]; lift: height of its centre where it rests on the floor [m]; pixel: a place (x, y) on it [px] in
+    `frame` of the video, or in the first that shows it where that is None.
     """
 
     name: str
     colour: str
     radius: float
     lift: float
-    pixels: tuple[tuple[int, float, float], ...] = ()
+    pixel: tuple[float, float] | None = None
+    frame: int | None = None
 
 
 @dataclass(frozen=True)
 class Sizes:
     """Radius [px] that a body has in the image: on_floor (H, W) where it rests on the floor, largest at the nearest
-    place."""
+    place. radius: its own [m]; focal: length [px], by which both give the distance [m]."""
 
     on_floor: Array32
     largest: float
+    radius: float
+    focal: float
+
+    def within(self, window: tuple[slice, slice]) -> Sizes:
+        """Return the sizes in a part of the image, given by its rows and columns."""
+        return replace(self, on_floor=self.on_floor[window])
 
 
-def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, int]) -> Sizes:
+def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, int], floor: float = 0.0) -> Sizes:
     """Return how large a body looks in images of `shape` (H, W), perhaps reduced from the camera's.
 
-    places (k, 3): known points of the scene [m], between the nearest and farthest of which bodies are.
+    places (k, 3): known points of the scene [m], between the nearest and farthest of which bodies are. floor: its z
+    [m].
     """
-    height, width = shape
-    reduced = camera.width / width
-    v, u = np.mgrid[0:height, 0:width]
-    pixels = np.stack([(u + 0.5) * reduced - 0.5, (v + 0.5) * reduced - 0.5], axis=-1).astype(float)
-    hits = camera.onto_plane(pixels, np.array([0.0, 0.0, body.lift]), np.array([0.0, 0.0, 1.0]))
+    pixels, reduced = _pixels(camera, shape)
+    hits = camera.onto_plane(pixels, np.array([0.0, 0.0, floor + body.lift]), np.array([0.0, 0.0, 1.0]))
     depths = camera.to_camera(places)[:, 2]
-    near, far = NEARER * float(depths.min()), FARTHER * float(depths.max())
+    near, far = SETTINGS.nearer_than * float(depths.min()), SETTINGS.farther_than * float(depths.max())
     depth = camera.to_camera(hits)[..., 2]
     depth = np.clip(np.where(np.isfinite(depth) & (depth > 0.0), depth, far), near, far)
     focal = float(np.asarray(camera.intrinsics)[0, 0]) / reduced
-    return Sizes((focal * body.radius / depth).astype(np.float32), focal * body.radius / near)
+    return Sizes((focal * body.radius / depth).astype(np.float32), focal * body.radius / near, body.radius, focal)
+
+
+def fixture_depths(fixtures: Sequence[Floats], camera: Camera, shape: tuple[int, int]) -> Array32:
+    """Return the distance along the camera's axis (H, W) [m] of the nearest convex solid, infinite where there is none.
+
+    fixtures: corners (n, 3) of each [m]. A ray enters a convex solid at the last of the planes that it crosses inwards,
+    and misses it where it crosses one outwards before (Cyrus & Beck 1978, Computers & Graphics 3:23).
+    """
+    nearest = np.full(shape, np.inf)
+    pixels, _ = _pixels(camera, shape)
+    rays = camera.rays(pixels)
+    rays = rays / (camera.to_camera(camera.centre + rays)[..., 2:])
+    for corners in fixtures:
+        planes = ConvexHull(corners).equations
+        enter, leave = np.zeros(shape), np.full(shape, np.inf)
+        for plane in planes:
+            towards = rays @ plane[:3]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                crossed = -(float(plane[:3] @ camera.centre) + plane[3]) / towards
+            enter = np.where(towards < 0.0, np.maximum(enter, crossed), enter)
+            leave = np.where(towards > 0.0, np.minimum(leave, crossed), leave)
+        nearest = np.where((enter < leave) & (enter > 0.0), np.minimum(nearest, enter), nearest)
+    return np.asarray(nearest, dtype=np.float32)
+
+
+def _pixels(camera: Camera, shape: tuple[int, int]) -> tuple[Floats, float]:
+    """Pixels (H, W, 2) of the camera at those of an image of `shape`, and by how much that is reduced."""
+    height, width = shape
+    reduced = camera.width / width
+    v, u = np.mgrid[0:height, 0:width]
+    return np.stack([(u + 0.5) * reduced - 0.5, (v + 0.5) * reduced - 0.5], axis=-1).astype(float), reduced

@@ -15,16 +15,9 @@ from matplotlib.colors import CSS4_COLORS, XKCD_COLORS, to_rgb
 from numpy.typing import NDArray
 
 from atw_mcp.perception.appearance import bin_colours
+from atw_mcp.perception.known.settings import SETTINGS
 
 Floats = NDArray[np.float64]
-
-CHROMA_SIGMA = 0.1  # of saturation times the unit vector of the hue
-VALUE_SIGMA = 0.45  # of ln(brightness): shading, exposure
-DARKER = 0.45  # ln(brightness) by which a body in a scene is darker than a patch on a screen, typically
-SHADES = 0.6  # share of bodies called by a name that have the colour of one of its shades
-DIM = 0.08  # brightness added before saturation is taken: the hue of what is nearly black is noise
-FLOOR = 0.02  # share of any colour: highlights, reflections
-TYPICAL = 300.0  # bins a typical foreground occupies, as in `appearance.log_likelihood`
 
 
 def colour_word(text: str) -> str | None:
@@ -61,11 +54,11 @@ def word_likelihood(word: str) -> Floats:
     density = np.zeros(len(colours))
     for k, prototype in enumerate(prototypes):
         own = _chroma(np.array([prototype]))[0]
-        off = np.linalg.norm(chroma - own, axis=1) / CHROMA_SIGMA
-        shade = (np.log(value + 0.05) - np.log(max(prototype) + 0.05) + DARKER) / VALUE_SIGMA
-        weight = 1.0 - SHADES if k == 0 else SHADES / max(len(prototypes) - 1, 1)
+        off = np.linalg.norm(chroma - own, axis=1) / SETTINGS.chroma
+        shade = (np.log(value + 0.05) - np.log(max(prototype) + 0.05) + SETTINGS.darker) / SETTINGS.value
+        weight = 1.0 - SETTINGS.shades if k == 0 else SETTINGS.shades / max(len(prototypes) - 1, 1)
         density += weight * np.nan_to_num(_normalised(np.exp(-0.5 * (off**2 + shade**2))))
-    likelihood: Floats = np.log((1.0 - FLOOR) * density * TYPICAL + FLOOR)
+    likelihood: Floats = np.log((1.0 - SETTINGS.any_colour) * density * SETTINGS.typical + SETTINGS.any_colour)
     return likelihood
 
 
@@ -81,7 +74,7 @@ def _chroma(rgb: Floats) -> Floats:
     x = rgb[:, 0] - 0.5 * (rgb[:, 1] + rgb[:, 2])
     y = np.sqrt(0.75) * (rgb[:, 1] - rgb[:, 2])
     length = np.hypot(x, y)
-    saturation = (high - low) / (high + DIM)
+    saturation = (high - low) / (high + SETTINGS.dim)
     unit = np.stack([x, y], axis=1) / np.maximum(length, 1e-9)[:, None]
     chroma: Floats = saturation[:, None] * unit
     return chroma

@@ -9,17 +9,12 @@ import cv2
 import numpy as np
 
 from atw_mcp.perception.background import LUMINANCE, Array32, Background
+from atw_mcp.perception.known.settings import SETTINGS
 from atw_mcp.perception.video import Frames
 
-SHADOW, OTHER = 0.05, 0.02  # shares of pixels in shadows, and of things that are neither background nor known
-TYPICAL = 300.0  # colour bins of a typical body
-OWN_BINS, SHADOW_BINS = 8.0, 60.0  # bins over which noise, and shadows of any depth, spread a background's colour
-UNDESCRIBED = float(np.log(OTHER))
-PLAIN = float(np.log((1.0 - SHADOW - OTHER) * TYPICAL / OWN_BINS))
-SHADOWED = float(np.log(SHADOW * TYPICAL / SHADOW_BINS))
-LEAST_NOISE = 3.0  # levels: rounding, and what compression does to flat colours
-DARKEST, BRIGHTEST, SOFT = 0.3, 1.15, 0.05  # brightness ratios of shadows and highlights, and their margin
-FARTHEST = 80.0  # squared deviations beyond which all are alike
+UNDESCRIBED = float(np.log(SETTINGS.other))
+PLAIN = float(np.log((1.0 - SETTINGS.shadow - SETTINGS.other) * SETTINGS.typical / SETTINGS.own_bins))
+SHADOWED = float(np.log(SETTINGS.shadow * SETTINGS.typical / SETTINGS.shadow_bins))
 
 
 def nothing_there(frame: Frames, background: Background) -> Array32:
@@ -30,13 +25,13 @@ def nothing_there(frame: Frames, background: Background) -> Array32:
     """
     image = frame.astype(np.float32)
     lit = background.relit(frame)
-    noise = max(float(background.noise.max()), LEAST_NOISE)
+    noise = max(float(background.noise.max()), SETTINGS.least_noise)
     kernel = np.ones((3, 3), np.uint8)
     off = np.maximum(np.maximum(cv2.erode(lit, kernel) - image, image - cv2.dilate(lit, kernel)), 0.0) / noise
-    plain = PLAIN - 0.5 * np.minimum(np.einsum("ijk,ijk->ij", off, off), FARTHEST)
+    plain = PLAIN - 0.5 * np.minimum(np.einsum("ijk,ijk->ij", off, off), SETTINGS.farthest)
     shade = (image @ LUMINANCE + 4.0) / (lit @ LUMINANCE + 4.0)
     tint = np.abs(image - lit * shade[..., None]).max(axis=2) / (noise + 2.0)
-    outside = np.maximum(np.maximum(DARKEST - shade, shade - BRIGHTEST), 0.0) / SOFT
-    shadowed = SHADOWED - 0.5 * np.minimum(tint**2 + outside**2, FARTHEST)
+    outside = np.maximum(np.maximum(SETTINGS.darkest - shade, shade - SETTINGS.brightest), 0.0) / SETTINGS.soft
+    shadowed = SHADOWED - 0.5 * np.minimum(tint**2 + outside**2, SETTINGS.farthest)
     both: Array32 = np.logaddexp(np.logaddexp(plain, shadowed), UNDESCRIBED).astype(np.float32)
     return both

@@ -9,7 +9,7 @@ Process., 428036).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from atw_mcp.perception.appearance import BIN_COUNT, colour_bins, histogram, log_likelihood
 from atw_mcp.perception.background import Array32, Mask, model_background
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
-from atw_mcp.perception.known.bodies import KnownBody, sizes_of
+from atw_mcp.perception.known.bodies import KnownBody, Sizes, fixture_depths, sizes_of
 from atw_mcp.perception.known.colour_words import colour_word, word_likelihood
 from atw_mcp.perception.known.evidence import nothing_there
-from atw_mcp.perception.known.finding import Candidate, best_path, candidates
-from atw_mcp.perception.known.outlines import assign_by_size, outlines
+from atw_mcp.perception.known.finding import Candidate, Places, hiding
+from atw_mcp.perception.known.outlines import Window, around, assign_by_size, outlines
+from atw_mcp.perception.known.paths import best_path
+from atw_mcp.perception.known.settings import SETTINGS
 from atw_mcp.perception.known.still import StillBodies
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.observe import describe, enlarged, reduced
@@ -31,14 +33,6 @@ from polyworld.camera import Camera
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 3  # of looking: by name, then twice by the colours found
-SHARED = 0.6  # radii within which two bodies cannot be
-STILL = -1.0  # log likelihood that stands for a background that a body may cover
-LEARNED = 0.9  # radii within which colours are learned
-NAME_WEIGHT = -2.0  # log weight of a name's colours beside the learned ones
-LEAST_PIXELS = 30  # to learn colours from
-HALF = 1.0  # log likelihood ratio per pixel at which a body's place is half sure
-
 
 def observe_known(
     path: str | Path,
@@ -46,15 +40,18 @@ def observe_known(
     camera: Camera,
     places: Floats,
     *,
+    floor: float = 0.0,
+    fixtures: Sequence[Floats] = (),
     stride: int = 1,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> ImageObservation:
     """Find and follow known bodies in a video. places (k, 3): known points of the scene [m].
 
-    Objects have the bodies' names; a body that was not found is named in the warnings. Raises ObservationError for a
-    body whose colour is not a colour's name, VideoError for a file that cannot be read. Equal inputs give equal
-    observations.
+    floor: its z [m]; fixtures: corners (n, 3) [m] of convex solids that may hide bodies. Objects have the bodies'
+    names; a body that was not found is named in the warnings. Raises ObservationError for a body whose colour is not a
+    colour's name or whose pixel is in a frame that is not looked at, VideoError for a file that cannot be read. Equal
+    inputs give equal observations.
     """
     words = [_word(body) for body in bodies]
     tell = progress or (lambda _share, _what: None)
@@ -70,11 +67,15 @@ def observe_known(
     if motion is not None:
         frames = stabilised(frames, motion)
     tell(0.1, "modelling the background")
-    search = _Search(frames, bodies, words, camera, places)
-    for turn in range(ROUNDS):
-        tell(0.15 + 0.7 * turn / ROUNDS, f"looking for {len(bodies)} bodies, round {turn + 1} of {ROUNDS}")
+    said = [_said(body, stride, len(frames), frames.shape[2] / camera.width) for body in bodies]
+    shape = (frames.shape[1], frames.shape[2])
+    sizes = [sizes_of(body, camera, places, shape, floor) for body in bodies]
+    search = _Search(frames, words, sizes, fixture_depths(fixtures, camera, shape), said)
+    rounds = SETTINGS.rounds
+    for turn in range(rounds):
+        tell(0.15 + 0.7 * turn / rounds, f"looking for {len(bodies)} bodies, round {turn + 1} of {rounds}")
         search.look(stop)
-        if turn < ROUNDS - 1:
+        if turn < rounds - 1:
             search.learn()
     tell(0.85, "outlining")
     masks = search.outlined()
@@ -107,54 +108,83 @@ def _word(body: KnownBody) -> str:
     return word
 
 
+@dataclass(frozen=True)
+class _Said:
+    """Where a body was pointed at (x, y) [px of the reduced frames]: by row, or in the first row that shows it."""
+
+    rows: dict[int, tuple[float, float]]
+    first: tuple[float, float] | None
+
+    def __bool__(self) -> bool:
+        return bool(self.rows) or self.first is not None
+
+
+def _said(body: KnownBody, stride: int, count: int, scale: float) -> _Said:
+    if body.pixel is None:
+        return _Said({}, None)
+    place = ((body.pixel[0] + 0.5) * scale - 0.5, (body.pixel[1] + 0.5) * scale - 0.5)
+    if body.frame is None:
+        return _Said({}, place)
+    row, rest = divmod(body.frame, stride)
+    if rest or row >= count:
+        near = f"{stride * row} or {stride * (row + 1)}" if row < count - 1 else f"{stride * (count - 1)}"
+        raise ObservationError(
+            f"{body.name}: its pixel is in frame {body.frame}, which is not looked at (stride {stride}, last frame "
+            f"{stride * (count - 1)}): give a pixel in a frame that is, such as {near}"
+        )
+    return _Said({row: place}, None)
+
+
 class _Search:
-    """What is found of each body, and what is known of its colours."""
+    """What is found of each body, and what is known of its colours. fixtures (H, W): distances [m] of what may hide
+    them."""
 
     def __init__(
-        self, frames: Frames, bodies: Sequence[KnownBody], words: Sequence[str], camera: Camera, places: Floats
+        self, frames: Frames, words: Sequence[str], sizes: Sequence[Sizes], fixtures: Array32, said: Sequence[_Said]
     ) -> None:
-        self.bodies, self.words = bodies, words
+        self.words, self.sizes, self.said, self.fixtures = words, sizes, said, fixtures
         self.background = model_background(frames)
         self.bins = [colour_bins(f) for f in frames]
         self.nothing = [nothing_there(f, self.background) for f in frames]
         self.shape = (frames.shape[1], frames.shape[2])
-        self.sizes = [sizes_of(body, camera, places, self.shape) for body in bodies]
         still = StillBodies(self.background)
         self.colours = [word_likelihood(word) for word in words]
-        self.covered = [still.covered_by(c, s) for c, s in zip(self.colours, self.sizes, strict=True)]
-        scale = self.shape[1] / camera.width
-        self.said = [
-            {row: ((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5) for row, x, y in body.pixels if row < len(frames)}
-            for body in bodies
-        ]
-        self.places: list[list[Candidate | None]] = [[None] * len(frames) for _ in bodies]
+        self.covered = [still.covered_by(c, s) for c, s in zip(self.colours, sizes, strict=True)]
+        self.looks = [Places(s, fixtures) for s in sizes]
+        self.places: list[list[Candidate | None]] = [[None] * len(frames) for _ in words]
 
-    def ratio(self, k: int, t: int) -> Array32:
-        """Log likelihood ratio (H, W) of a frame's pixels to be a body's."""
-        nothing = np.where(self.covered[k], np.minimum(self.nothing[t], STILL), self.nothing[t])
-        ratio: Array32 = (self.colours[k][self.bins[t]] - nothing).astype(np.float32)
+    def ratio(self, k: int, t: int, window: Window = (slice(None), slice(None))) -> Array32:
+        """Log likelihood ratio of a frame's pixels (H, W), or those of a part of it, to be a body's."""
+        nothing = self.nothing[t][window]
+        nothing = np.where(self.covered[k][window], np.minimum(nothing, -SETTINGS.still), nothing)
+        ratio: Array32 = (self.colours[k][self.bins[t][window]] - nothing).astype(np.float32)
         return ratio
 
     def look(self, stop: Callable[[], None]) -> None:
         """Find every body's best path, the surest first; places of one are not free for the next."""
         free: list[list[list[Candidate]]] = []
-        for k in range(len(self.bodies)):
+        for k, places in enumerate(self.looks):
             stop()
-            free.append([candidates(self.ratio(k, t), self.sizes[k]) for t in range(len(self.bins))])
-        left = sorted(range(len(self.bodies)), key=lambda k: -len(self.said[k]))
+            free.append([places.candidates(self.ratio(k, t)) for t in range(len(self.bins))])
+        left = list(range(len(self.words)))
+        paths = {k: self._path(k, free[k]) for k in left}
         while left:
-            paths = {k: best_path(free[k], self.said[k]) for k in left}
             first = max(left, key=lambda k: paths[k][0])
             left.remove(first)
             self.places[first] = paths[first][1]
-            for t, taken in enumerate(self.places[first]):
-                if taken is not None:
-                    for k in left:
-                        free[k][t] = [c for c in free[k][t] if not c.near(taken, SHARED)]
+            for k in left:
+                still_free = [
+                    frame if taken is None else [c for c in frame if not c.near(taken, SETTINGS.shared)]
+                    for frame, taken in zip(free[k], self.places[first], strict=True)
+                ]
+                if still_free != free[k]:
+                    free[k], paths[k] = still_free, self._path(k, still_free)
+
+    def _path(self, k: int, free: list[list[Candidate]]) -> tuple[float, list[Candidate | None]]:
+        return best_path(free, self.said[k].rows, self.said[k].first)
 
     def learn(self) -> None:
         """Learn each body's colours from the better half of the frames in which it was found."""
-        y, x = np.mgrid[0 : self.shape[0], 0 : self.shape[1]]
         for k, path in enumerate(self.places):
             seen = [(t, c) for t, c in enumerate(path) if c is not None]
             if not seen:
@@ -163,22 +193,34 @@ class _Search:
             counts = np.zeros(BIN_COUNT)
             for t, c in seen:
                 if c.score >= middle:
-                    inside = np.hypot(x - c.x, y - c.y) < LEARNED * c.radius
-                    counts += histogram(self.bins[t][inside & (self.ratio(k, t) > 0.0)])
-            if counts.sum() > LEAST_PIXELS:
-                named = word_likelihood(self.words[k]) + NAME_WEIGHT
+                    window, away = around(c, SETTINGS.learned, self.shape)
+                    own = (away < SETTINGS.learned) & (self._uncovered(k, t, window, c) > 0.0)
+                    counts += histogram(self.bins[t][window][own])
+            if counts.sum() > SETTINGS.least_pixels:
+                named = word_likelihood(self.words[k]) - SETTINGS.named
                 self.colours[k] = np.logaddexp(log_likelihood(counts), named)
+
+    def _uncovered(self, k: int, t: int, window: Window, place: Candidate) -> Array32:
+        """The ratio of a body at a place, not positive where a fixture is certainly in front of it."""
+        ratio = self.ratio(k, t, window)
+        before = hiding(place.radius, self.sizes[k].within(window), self.fixtures[window], 1.0 / SETTINGS.depth_doubt)
+        return np.where(before, np.minimum(ratio, 0.0), ratio)
+
+    def _masks(self, t: int) -> list[Mask]:
+        places = [series[t] for series in self.places]
+
+        def ratio(k: int, window: Window) -> Array32:
+            place = places[k]
+            return self.ratio(k, t, window) if place is None else self._uncovered(k, t, window, place)
+
+        return outlines(ratio, places, self.shape)
 
     def outlined(self) -> dict[int, list[Mask]]:
         """Masks of each body in all frames; sizes say which is which of look-alikes that nobody pointed at."""
-        count, total = len(self.bins), len(self.bodies)
-        by_frame = [
-            outlines([self.ratio(k, t) for k in range(total)], [self.places[k][t] for k in range(total)])
-            for t in range(count)
-        ]
-        masks = {k: [by_frame[t][k] for t in range(count)] for k in range(total)}
+        by_frame = [self._masks(t) for t in range(len(self.bins))]
+        masks = {k: [frame[k] for frame in by_frame] for k in range(len(self.words))}
         for word in sorted(set(self.words)):
-            alike = [k for k in range(total) if self.words[k] == word and not self.said[k]]
+            alike = [k for k, own in enumerate(self.words) if own == word and not self.said[k]]
             areas = {k: np.array([float(m.sum()) for m in masks[k]]) for k in alike}
             which = assign_by_size(alike, areas, {k: self.places[k] for k in alike}, {k: self.sizes[k] for k in alike})
             masks.update({which[k]: series for k, series in [(k, masks[k]) for k in alike]})
@@ -196,7 +238,8 @@ def _exchanged(places: list[list[Candidate | None]], which: dict[int, int]) -> l
 def _described(k: int, masks: list[Mask], frames: Frames, search: _Search, white: float) -> ObservedObject | None:
     """The body as an object, with a confidence that follows how clearly its pixels are its own."""
     clarity = [
-        0.0 if place is None else float(1.0 / (1.0 + np.exp(-(place.score - HALF)))) for place in search.places[k]
+        0.0 if place is None else float(1.0 / (1.0 + np.exp(-(place.score - SETTINGS.half))))
+        for place in search.places[k]
     ]
     alone = [_is_alone(k, t, search) for t in range(len(masks))]
     return describe(masks, frames, clarity, alone, white)
@@ -207,4 +250,6 @@ def _is_alone(k: int, t: int, search: _Search) -> bool:
     if own is None:
         return False
     others = [series[t] for n, series in enumerate(search.places) if n != k]
-    return all(np.hypot(o.x - own.x, o.y - own.y) > 1.2 * (o.radius + own.radius) for o in others if o is not None)
+    return all(
+        np.hypot(o.x - own.x, o.y - own.y) > SETTINGS.alone * (o.radius + own.radius) for o in others if o is not None
+    )

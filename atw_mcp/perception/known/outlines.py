@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import permutations
 
 import cv2
@@ -12,37 +12,40 @@ from numpy.typing import NDArray
 from atw_mcp.perception.background import Array32, Mask
 from atw_mcp.perception.known.bodies import Sizes
 from atw_mcp.perception.known.finding import Candidate
+from atw_mcp.perception.known.settings import SETTINGS
 
 Floats = NDArray[np.float64]
-
-CORE, CORE_GAIN = 0.7, 1.0  # radii within which a pixel is rather the body's, and by how much (log likelihood)
-FALL = 12.0  # cost of one radius outside the expected outline, squared
-FARTHEST = 1.9  # radii from the centre that a body may reach
-PIECE = 0.3  # of the largest piece, from which another is the same body behind something
-MOST_ALIKE = 5  # look-alikes that sizes are to distinguish
-UNKNOWN_SIZE = 0.5  # ln of a size ratio that counts where none was seen
+Window = tuple[slice, slice]  # rows and columns of an image
 
 
-def outlines(ratios: Sequence[Array32], places: Sequence[Candidate | None]) -> list[Mask]:
+def outlines(
+    ratio: Callable[[int, Window], Array32], places: Sequence[Candidate | None], shape: tuple[int, int]
+) -> list[Mask]:
     """Return each body's mask (H, W) in a frame: pixels more likely its than another body's or none's.
 
-    ratios: log likelihood ratios (H, W) of each body; places: where each is, None where it is not seen.
+    ratio: returns log likelihood ratios of a body in a part of the frame; places: where each is, None where unseen.
     """
-    height, width = ratios[0].shape
-    best, owner = np.zeros((height, width), dtype=np.float32), np.full((height, width), -1)
-    for k, (ratio, place) in enumerate(zip(ratios, places, strict=True)):
+    best, owner = np.zeros(shape, dtype=np.float32), np.full(shape, -1)
+    for k, place in enumerate(places):
         if place is None:
             continue
-        reach = FARTHEST * place.radius
-        rows = slice(max(int(place.y - reach), 0), min(int(place.y + reach) + 2, height))
-        columns = slice(max(int(place.x - reach), 0), min(int(place.x + reach) + 2, width))
-        y, x = np.mgrid[rows, columns]
-        away = np.hypot(x - place.x, y - place.y) / place.radius
-        smooth = cv2.blur(ratio, (3, 3))[rows, columns]
-        score = smooth - FALL * np.maximum(away - 1.0, 0.0) ** 2 + CORE_GAIN * (away < CORE)
-        take = (score > best[rows, columns]) & (away < FARTHEST)
-        best[rows, columns][take], owner[rows, columns][take] = score[take], k
+        window, away = around(place, SETTINGS.farthest_edge, shape)
+        smooth = cv2.blur(ratio(k, window), (3, 3))
+        score = smooth - SETTINGS.fall * np.maximum(away - 1.0, 0.0) ** 2 + SETTINGS.core_gain * (away < SETTINGS.core)
+        take = (score > best[window]) & (away < SETTINGS.farthest_edge)
+        best[window][take], owner[window][take] = score[take], k
     return [_whole(owner == k) for k in range(len(places))]
+
+
+def around(place: Candidate, reach: float, shape: tuple[int, int]) -> tuple[Window, Floats]:
+    """Return the part of images of `shape` within `reach` radii of a place, and its pixels' distances in radii."""
+    height, width = shape
+    length = reach * place.radius
+    rows = slice(max(int(place.y - length), 0), min(int(place.y + length) + 2, height))
+    columns = slice(max(int(place.x - length), 0), min(int(place.x + length) + 2, width))
+    y, x = np.mgrid[rows, columns]
+    away: Floats = np.hypot(x - place.x, y - place.y) / place.radius
+    return (rows, columns), away
 
 
 def _whole(mask: Mask) -> Mask:
@@ -54,7 +57,7 @@ def _whole(mask: Mask) -> Mask:
         return np.zeros(mask.shape, dtype=bool)
     area = stats[:, cv2.CC_STAT_AREA].astype(float)
     area[0] = 0.0
-    kept = (area >= PIECE * area.max())[labels]
+    kept = (area >= SETTINGS.piece * area.max())[labels]
     edges, _ = cv2.findContours(kept.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = np.zeros(mask.shape, dtype=np.uint8)
     cv2.drawContours(filled, edges, -1, 1, cv2.FILLED)
@@ -70,7 +73,7 @@ def assign_by_size(
 
     areas (T,) [px] and places (T,) by found body.
     """
-    if not 2 <= len(alike) <= MOST_ALIKE:
+    if not 2 <= len(alike) <= SETTINGS.most_alike:
         return {k: k for k in alike}
     off = {}
     for found in alike:
@@ -78,9 +81,9 @@ def assign_by_size(
             ratios = [
                 float(np.log(np.sqrt(area / np.pi) / _expected(sizes[body], place)))
                 for area, place in zip(areas[found], places[found], strict=True)
-                if place is not None and area > 12
+                if place is not None and area > SETTINGS.least_area
             ]
-            off[found, body] = abs(float(np.median(ratios))) if ratios else UNKNOWN_SIZE
+            off[found, body] = abs(float(np.median(ratios))) if ratios else SETTINGS.unknown_size
     orders = permutations(alike)
     best = min(orders, key=lambda order: sum(off[f, b] for f, b in zip(alike, order, strict=True)))
     return dict(zip(alike, best, strict=True))
