@@ -54,12 +54,23 @@ def word_likelihood(word: str) -> Floats:
     density = np.zeros(len(colours))
     for k, prototype in enumerate(prototypes):
         own = _chroma(np.array([prototype]))[0]
-        off = np.linalg.norm(chroma - own, axis=1) / SETTINGS.chroma
+        off = _off(chroma, own)
         shade = (np.log(value + 0.05) - np.log(max(prototype) + 0.05) + SETTINGS.darker) / SETTINGS.value
         weight = 1.0 - SETTINGS.shades if k == 0 else SETTINGS.shades / max(len(prototypes) - 1, 1)
         density += weight * np.nan_to_num(_normalised(np.exp(-0.5 * (off**2 + shade**2))))
     likelihood: Floats = np.log((1.0 - SETTINGS.any_colour) * density * SETTINGS.typical + SETTINGS.any_colour)
     return likelihood
+
+
+def _off(chroma: Floats, own: Floats) -> Floats:
+    """Deviations (n,) [standard deviations] of colours from one: highlights and ambient light change its saturation
+    more than its hue."""
+    saturation = float(np.linalg.norm(own))
+    along = own / saturation if saturation > 0.0 else np.array([1.0, 0.0])
+    difference = chroma - own
+    across = difference @ np.array([-along[1], along[0]])
+    off: Floats = np.hypot(difference @ along / SETTINGS.saturation, across / SETTINGS.hue)
+    return off
 
 
 def _normalised(density: Floats) -> Floats:

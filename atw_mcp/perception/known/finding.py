@@ -104,12 +104,8 @@ class Places:
         for scale in self.scales:
             inner = odd(SETTINGS.square * scale.radius)
             outer = odd(SETTINGS.square * SETTINGS.ring * scale.radius, 3)
-            counted, inside = ratio, scale.inside
-            if scale.hidden is not None:
-                silent = scale.hidden & (ratio < 0.0)
-                counted = np.where(silent, np.float32(0.0), ratio)
-                inside = box_mean((~silent).astype(np.float32), inner)
-            mean = box_mean(counted, inner) / np.maximum(inside, SETTINGS.least_inside)
+            counted = ratio if scale.hidden is None else np.where(scale.hidden, positive, ratio)
+            mean = box_mean(counted, inner) / np.maximum(scale.inside, SETTINGS.least_inside)
             around = box_mean(positive, outer) * outer**2 - box_mean(positive, inner) * inner**2
             score = mean - SETTINGS.goes_on * around / (outer**2 - inner**2)
             better = scale.fits & (score > best)

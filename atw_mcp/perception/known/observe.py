@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.appearance import BIN_COUNT, colour_bins, histogram, log_likelihood
-from atw_mcp.perception.background import Array32, Mask, model_background
+from atw_mcp.perception.background import SAMPLES, Array32, Background, Mask, model_background
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
 from atw_mcp.perception.known.bodies import KnownBody, Sizes, fixture_depths, sizes_of
 from atw_mcp.perception.known.colour_words import colour_word, word_likelihood
@@ -143,7 +143,7 @@ class _Search:
         self, frames: Frames, words: Sequence[str], sizes: Sequence[Sizes], fixtures: Array32, said: Sequence[_Said]
     ) -> None:
         self.words, self.sizes, self.said, self.fixtures = words, sizes, said, fixtures
-        self.background = model_background(frames)
+        self.background = _with_fixtures(model_background(frames), frames, np.isfinite(fixtures))
         self.bins = [colour_bins(f) for f in frames]
         self.nothing = [nothing_there(f, self.background) for f in frames]
         self.shape = (frames.shape[1], frames.shape[2])
@@ -226,6 +226,14 @@ class _Search:
             masks.update({which[k]: series for k, series in [(k, masks[k]) for k in alike]})
             self.places = _exchanged(self.places, which)
         return masks
+
+
+def _with_fixtures(background: Background, frames: Frames, where: Mask) -> Background:
+    """The background with fixtures (H, W) as they look in most frames: its model takes them for objects at rest."""
+    image = background.image.copy()
+    picks = np.unique(np.linspace(0, len(frames) - 1, SAMPLES).round().astype(int))
+    image[where] = np.median(frames[picks][:, where], axis=0)
+    return replace(background, image=image, still=background.still & ~where)
 
 
 def _exchanged(places: list[list[Candidate | None]], which: dict[int, int]) -> list[list[Candidate | None]]:

@@ -111,18 +111,20 @@ class _Paths:
         cost = np.minimum(np.where(self.known[rows][:, :, None], moving, unknown), SETTINGS.struck)
         away = (self.unseen[t] - self.unseen[rows + 1])[:, None, None] - 2.0 * SETTINGS.appears
         value = (self.best_of[rows][:, :, None] + away - cost).reshape(-1, self.most)
-        where, gain = value.argmax(axis=0), value.max(axis=0)
-        forgotten = self.best_of[:begin] - self.unseen[1 : begin + 1, None] if begin else np.zeros((0, 1))
-        for k in range(self.most):
-            if gain[k] > fresh[k]:
-                fresh[k] = gain[k]
-                self.back_gap[t, k] = (int(rows[where[k] // self.most]), int(where[k] % self.most))
-        if forgotten.size:
-            row, place = np.unravel_index(int(forgotten.argmax()), forgotten.shape)
-            gain_old = float(forgotten.max()) + self.unseen[t] - 2.0 * SETTINGS.appears
-            for k in np.flatnonzero(gain_old > fresh):
-                fresh[k] = gain_old
-                self.back_gap[t, int(k)] = (int(row), int(place))
+        for k, where in enumerate(value.argmax(axis=0)):
+            row, place = divmod(int(where), self.most)
+            self._continue(t, k, (begin + row, place), float(value[where, k]), fresh)
+        if begin > 0:
+            forgotten = self.best_of[:begin] - self.unseen[1 : begin + 1, None]
+            row, place = divmod(int(forgotten.argmax()), self.most)
+            for k in range(self.most):
+                gain = float(forgotten.max()) + self.unseen[t] - 2.0 * SETTINGS.appears
+                self._continue(t, k, (row, place), gain, fresh)
+
+    def _continue(self, t: int, k: int, before: tuple[int, int], gain: float, fresh: Floats) -> None:
+        if gain > fresh[k]:
+            fresh[k] = gain
+            self.back_gap[t, k] = before
 
     def best(self) -> tuple[float, list[Candidate | None]]:
         """Return the best path that ends in any frame, or no path at all."""
@@ -131,7 +133,8 @@ class _Paths:
         ends = self.total + (self.unseen[-1] - self.unseen[1:] - leaves)[:, None, None]
         if ends.max() <= self.unseen[-1]:
             return float(self.unseen[-1]), [None] * count
-        t, i, j = (int(v) for v in np.unravel_index(int(ends.argmax()), ends.shape))
+        t, rest = divmod(int(ends.argmax()), (self.most + 1) * self.most)
+        i, j = divmod(rest, self.most)
         path: list[Candidate | None] = [None] * count
         while True:
             path[t] = self.frames[t][j]
