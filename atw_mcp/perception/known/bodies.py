@@ -4,13 +4,13 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from atw_mcp.perception.background import Array32
+from atw_mcp.perception.background import Array32, Mask
 from atw_mcp.perception.known.settings import SETTINGS
 from polyworld.camera import Camera
 
@@ -35,16 +35,15 @@ class KnownBody:
 @dataclass(frozen=True)
 class Sizes:
     """Radius [px] that a body has in the image: on_floor (H, W) where it rests on the floor, largest at the nearest
-    place. radius: its own [m]; focal: length [px], by which both give the distance [m]."""
+    place. floor (H, W): whether the floor is there, within reach; radius: the body's own [m]; focal: length [px], by
+    which both give the distance [m]; farthest: of distances [m]."""
 
     on_floor: Array32
     largest: float
+    floor: Mask
     radius: float
     focal: float
-
-    def within(self, window: tuple[slice, slice]) -> Sizes:
-        """Return the sizes in a part of the image, given by its rows and columns."""
-        return replace(self, on_floor=self.on_floor[window])
+    farthest: float
 
 
 def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, int], floor: float = 0.0) -> Sizes:
@@ -58,9 +57,11 @@ def sizes_of(body: KnownBody, camera: Camera, places: Floats, shape: tuple[int, 
     depths = camera.to_camera(places)[:, 2]
     near, far = SETTINGS.nearer_than * float(depths.min()), SETTINGS.farther_than * float(depths.max())
     depth = camera.to_camera(hits)[..., 2]
-    depth = np.clip(np.where(np.isfinite(depth) & (depth > 0.0), depth, far), near, far)
+    there = np.isfinite(depth) & (depth > 0.0) & (depth <= far)
+    depth = np.clip(np.where(there, depth, far), near, far)
     focal = float(np.asarray(camera.intrinsics)[0, 0]) / reduced
-    return Sizes((focal * body.radius / depth).astype(np.float32), focal * body.radius / near, body.radius, focal)
+    size = focal * body.radius
+    return Sizes((size / depth).astype(np.float32), size / near, there, body.radius, focal, far)
 
 
 def fixture_depths(fixtures: Sequence[Floats], camera: Camera, shape: tuple[int, int]) -> Array32:

@@ -53,7 +53,9 @@ def word_likelihood(word: str) -> Floats:
     chroma, value = _chroma(colours), colours.max(axis=1)
     density = np.zeros(len(colours))
     for k, prototype in enumerate(prototypes):
-        own = _chroma(np.array([prototype]))[0]
+        grey = max(prototype)
+        dull = [grey - SETTINGS.duller * (grey - level) for level in prototype]
+        own = _chroma(np.array([dull]))[0]
         off = _off(chroma, own)
         shade = (np.log(value + 0.05) - np.log(max(prototype) + 0.05) + SETTINGS.darker) / SETTINGS.value
         weight = 1.0 - SETTINGS.shades if k == 0 else SETTINGS.shades / max(len(prototypes) - 1, 1)

@@ -44,17 +44,24 @@ def fits(radius: float, sizes: Sizes) -> Mask:
     return inside
 
 
-def hiding(radius: float, sizes: Sizes, fixtures: Array32, doubt: float) -> Mask:
-    """Return the pixels (H, W) where a fixture is in front of a body of a radius [px].
+def hiding(radius: float, sizes: Sizes, fixtures: Array32) -> Mask:
+    """Return the pixels (H, W) where a fixture is in front of a body of a radius [px]. fixtures (H, W): distances [m].
 
-    fixtures (H, W): distances [m]. A fixture hides a body that is farther away by more than its own radius, both at the
-    distance that its size in the image says and at that where it would rest on the floor. doubt: a factor of the
-    former, above 1 for what may hide the body, below for what certainly does.
+    A body is in front unless it is farther by more than its own radius: at its place on the floor where it has about
+    the size that it has there, else at the distance that its size says, less what the steps of size leave open.
     """
-    by_size = doubt * sizes.focal * sizes.radius / radius
+    by_size = min(sizes.focal * sizes.radius / radius / SETTINGS.depth_doubt, sizes.farthest)
     on_floor = sizes.focal * sizes.radius / sizes.on_floor
-    hidden: Mask = fixtures + sizes.radius < np.minimum(by_size, on_floor)
+    resting = sizes.floor & (radius < SETTINGS.resting * sizes.on_floor)
+    hidden: Mask = fixtures + sizes.radius < np.where(resting, on_floor, by_size)
     return hidden
+
+
+def aloft(radius: float, sizes: Sizes, fixtures: Array32) -> Array32:
+    """Return what a radius [px] costs (H, W) that is not that of a body on the floor, where nothing hides that."""
+    off = np.log(radius / sizes.on_floor) / SETTINGS.size_spread
+    cost = np.where(sizes.floor & np.isinf(fixtures), SETTINGS.aloft * np.minimum(0.5 * off**2, 1.0), 0.0)
+    return np.asarray(cost, dtype=np.float32)
 
 
 def odd(length: float, least: int = 1) -> int:
@@ -70,11 +77,12 @@ def box_mean(image: Array32, side: int) -> Array32:
 
 @dataclass(frozen=True)
 class _Scale:
-    """A radius [px] that is tried: where (H, W) a body may have it, the part of its square that is in the image, and
-    the pixels where something is in front of it, None where nothing is."""
+    """A radius [px] that is tried: where (H, W) a body may have it, what that costs, the part of its square that is in
+    the image, and the pixels where something is in front of it, None where nothing is."""
 
     radius: float
     fits: Mask
+    aloft: Array32
     inside: Array32
     hidden: Mask | None
 
@@ -89,9 +97,11 @@ class Places:
             where = fits(radius, sizes)
             if not where.any():
                 continue
-            hidden = hiding(radius, sizes, fixtures, SETTINGS.depth_doubt)
+            hidden = hiding(radius, sizes, fixtures)
             inside = box_mean(one, odd(SETTINGS.square * radius))
-            self.scales.append(_Scale(radius, where, inside, hidden if hidden.any() else None))
+            self.scales.append(
+                _Scale(radius, where, aloft(radius, sizes, fixtures), inside, hidden if hidden.any() else None)
+            )
 
     def candidates(self, ratio: Array32) -> list[Candidate]:
         """Return the places in a frame where log likelihood ratios (H, W) gather in the body's size, best first.
@@ -104,10 +114,14 @@ class Places:
         for scale in self.scales:
             inner = odd(SETTINGS.square * scale.radius)
             outer = odd(SETTINGS.square * SETTINGS.ring * scale.radius, 3)
-            counted = ratio if scale.hidden is None else np.where(scale.hidden, positive, ratio)
-            mean = box_mean(counted, inner) / np.maximum(scale.inside, SETTINGS.least_inside)
+            counted, inside = ratio, scale.inside
+            if scale.hidden is not None:
+                silent = scale.hidden & (ratio < 0.0)
+                counted = np.where(silent, np.float32(0.0), ratio)
+                inside = box_mean((~silent).astype(np.float32), inner)
+            mean = box_mean(counted, inner) / np.maximum(inside, SETTINGS.least_inside)
             around = box_mean(positive, outer) * outer**2 - box_mean(positive, inner) * inner**2
-            score = mean - SETTINGS.goes_on * around / (outer**2 - inner**2)
+            score = mean - SETTINGS.goes_on * around / (outer**2 - inner**2) - scale.aloft
             better = scale.fits & (score > best)
             best[better], radius[better] = score[better], scale.radius
         return highest(best, radius, SETTINGS.candidates, SETTINGS.faintest)

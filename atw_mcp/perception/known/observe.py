@@ -20,8 +20,8 @@ from atw_mcp.perception.background import SAMPLES, Array32, Background, Mask, mo
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
 from atw_mcp.perception.known.bodies import KnownBody, Sizes, fixture_depths, sizes_of
 from atw_mcp.perception.known.colour_words import colour_word, word_likelihood
-from atw_mcp.perception.known.evidence import nothing_there
-from atw_mcp.perception.known.finding import Candidate, Places, hiding
+from atw_mcp.perception.known.evidence import UNDESCRIBED, nothing_there
+from atw_mcp.perception.known.finding import Candidate, Places
 from atw_mcp.perception.known.outlines import Window, around, assign_by_size, outlines
 from atw_mcp.perception.known.paths import best_path
 from atw_mcp.perception.known.settings import SETTINGS
@@ -142,21 +142,21 @@ class _Search:
     def __init__(
         self, frames: Frames, words: Sequence[str], sizes: Sequence[Sizes], fixtures: Array32, said: Sequence[_Said]
     ) -> None:
-        self.words, self.sizes, self.said, self.fixtures = words, sizes, said, fixtures
+        self.words, self.sizes, self.said = words, sizes, said
         self.background = _with_fixtures(model_background(frames), frames, np.isfinite(fixtures))
         self.bins = [colour_bins(f) for f in frames]
         self.nothing = [nothing_there(f, self.background) for f in frames]
         self.shape = (frames.shape[1], frames.shape[2])
         still = StillBodies(self.background)
         self.colours = [word_likelihood(word) for word in words]
-        self.covered = [still.covered_by(c, s) for c, s in zip(self.colours, sizes, strict=True)]
+        self.covered = [still.covered_by(c, s, np.isfinite(fixtures)) for c, s in zip(self.colours, sizes, strict=True)]
         self.looks = [Places(s, fixtures) for s in sizes]
         self.places: list[list[Candidate | None]] = [[None] * len(frames) for _ in words]
 
     def ratio(self, k: int, t: int, window: Window = (slice(None), slice(None))) -> Array32:
         """Log likelihood ratio of a frame's pixels (H, W), or those of a part of it, to be a body's."""
         nothing = self.nothing[t][window]
-        nothing = np.where(self.covered[k][window], np.minimum(nothing, -SETTINGS.still), nothing)
+        nothing = np.minimum(nothing, np.maximum(self.covered[k][window], UNDESCRIBED))
         ratio: Array32 = (self.colours[k][self.bins[t][window]] - nothing).astype(np.float32)
         return ratio
 
@@ -194,26 +194,15 @@ class _Search:
             for t, c in seen:
                 if c.score >= middle:
                     window, away = around(c, SETTINGS.learned, self.shape)
-                    own = (away < SETTINGS.learned) & (self._uncovered(k, t, window, c) > 0.0)
+                    own = (away < SETTINGS.learned) & (self.ratio(k, t, window) > 0.0)
                     counts += histogram(self.bins[t][window][own])
             if counts.sum() > SETTINGS.least_pixels:
                 named = word_likelihood(self.words[k]) - SETTINGS.named
                 self.colours[k] = np.logaddexp(log_likelihood(counts), named)
 
-    def _uncovered(self, k: int, t: int, window: Window, place: Candidate) -> Array32:
-        """The ratio of a body at a place, not positive where a fixture is certainly in front of it."""
-        ratio = self.ratio(k, t, window)
-        before = hiding(place.radius, self.sizes[k].within(window), self.fixtures[window], 1.0 / SETTINGS.depth_doubt)
-        return np.where(before, np.minimum(ratio, 0.0), ratio)
-
     def _masks(self, t: int) -> list[Mask]:
         places = [series[t] for series in self.places]
-
-        def ratio(k: int, window: Window) -> Array32:
-            place = places[k]
-            return self.ratio(k, t, window) if place is None else self._uncovered(k, t, window, place)
-
-        return outlines(ratio, places, self.shape)
+        return outlines(lambda k, window: self.ratio(k, t, window), places, self.shape)
 
     def outlined(self) -> dict[int, list[Mask]]:
         """Masks of each body in all frames; sizes say which is which of look-alikes that nobody pointed at."""

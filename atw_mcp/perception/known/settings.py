@@ -21,13 +21,14 @@ class KnownSettings:
         nearer_than, farther_than: parts of the distances from the camera to the nearest and the farthest known place
         between which bodies are; points for a camera lie around the motion, not at its bounds.
     Colours called by a name
-        All by maximum likelihood of the visible pixels of 90 bodies of 14 colours in 30 rendered clips.
-        saturation, hue: standard deviations of saturation times the hue's unit vector along and across it. value,
-        darker: standard deviation and mean of ln(brightness) of a body in a scene beside a patch on a screen:
-        a diffuse solid shows all angles to the light. shades: part of the bodies called by a name that have the colour
-        of one of its shades. dim: brightness added before saturation is taken; the hue of what is nearly black is
-        noise. any_colour: part of a body's pixels of any colour, highlights and reflections. typical: bins of colour
-        that a typical body occupies, as in `appearance.log_likelihood`.
+        All by maximum likelihood of the visible pixels of 90 bodies of 14 colours in 30 rendered clips. saturation,
+        hue: standard deviations of saturation times the hue's unit vector along and across it. duller: ratio of a
+        solid's saturation to that of a patch on a screen. value, darker: standard deviation and mean of ln(brightness)
+        of a body in a scene beside a patch on a screen: a diffuse solid shows all angles to the light. shades: part of
+        the bodies called by a name that have the colour of one of its shades. dim: brightness added before saturation
+        is taken; the hue of what is nearly black is noise. any_colour: part of a body's pixels of any colour,
+        highlights and reflections. typical: bins of colour that a typical body occupies, as in
+        `appearance.log_likelihood`.
     Where no known body is
         shadow, other: parts of the pixels in shadows, and of what is neither background nor known. own_bins,
         shadow_bins: bins over which noise, and shadows of any depth, spread a colour of the background. least_noise:
@@ -35,25 +36,27 @@ class KnownSettings:
         shadows and highlights, and standard deviation beyond them. farthest: squared deviations beyond which all are
         alike, so that no single pixel decides.
     Places in a frame
-        step: ratio of neighbouring radii; a square's response falls by a tenth halfway between. smaller, nearer: of
-        the radius on the floor, what may be seen of a body, and how much nearer to the camera one flies. square: side
-        of a square with a disc's area. ring, goes_on: outer radius of the surroundings where the body must not go on,
-        and the weight of what looks like it there. least_inside: part of a square that is in the image.
+        step: ratio of neighbouring radii; a square's response falls by a tenth halfway between. smaller, nearer: of the
+        radius on the floor, what may be seen of a body, and how much nearer to the camera one flies. square: side of a
+        square with a disc's area. ring, goes_on: outer radius of the surroundings where the body must not go on, and
+        the weight of what looks like it there. least_inside: part of a square that is in the image and not hidden.
         candidates: of a frame; the right one was among the ten best wherever it was among them at all. faintest: of a
-        candidate. apart: of two candidates, just less than two bodies side by side. depth_doubt: factor of the
-        distance that a radius leaves open, half a step.
+        candidate. apart: of two candidates, just less than two bodies side by side. depth_doubt: factor of the distance
+        that a radius leaves open, half a step. resting: ratio to the radius on the floor below which a body may be on
+        it, a step. size_spread: standard deviation of ln(radius) on the floor, of steps and of a solid's sides; aloft:
+        most that another radius costs, since most bodies are on the floor most of the time.
     Paths
         unseen: log likelihood ratio from which a body is seen. clearest: beyond which a place is no better. turn: cost
         of a change of velocity by one radius per frame. jump: of a step of one radius where no velocity is known.
-        struck: most that a change of velocity costs, since bodies collide. appears: of appearing or vanishing.
-        pointed: of a place that was pointed at, more than colours can outweigh; within `pointed_reach` of its middle.
-        longest: frames out of sight after which the velocity says nothing of the place.
+        struck: most that a change of velocity costs, since bodies collide. appears: of appearing or vanishing. pointed:
+        of a place that was pointed at, more than colours can outweigh; within `pointed_reach` of its middle. longest:
+        frames out of sight after which the velocity says nothing of the place.
     Rounds
-        rounds: of looking, by name, then by the colours found. shared: within which two bodies cannot be. still:
-        log likelihood of a background that a body may cover is at most minus this. learned: within which colours are
-        learned. named: by how much less a name's colours weigh beside those. least_pixels: to learn from. half: log
-        likelihood ratio at which a place is half sure. alone: of the sum of two radii, beyond which bodies do not
-        touch.
+        rounds: of looking, by name, then by the colours found. shared: within which two bodies cannot be. still: minus
+        the log likelihood of a background that a body may cover, beside the excess of its place over others. learned:
+        within which colours are learned. named: by how much less a name's colours weigh beside those. least_pixels: to
+        learn from. half: log likelihood ratio at which a place is half sure. alone: of the sum of two radii, beyond
+        which bodies do not touch.
     Bodies at rest in the background
         clusters: of its colours. lightness: weight beside chroma, which shading and texture vary less. inner, gap,
         outer: radii of the core and of the ring that surrounds it. rare: part of a ring below which a colour does not
@@ -70,6 +73,7 @@ class KnownSettings:
     farther_than: float = 1.15
     saturation: float = 0.15
     hue: float = 0.1
+    duller: float = 0.85
     value: float = 0.4
     darker: float = 0.45
     shades: float = 0.4
@@ -96,6 +100,9 @@ class KnownSettings:
     faintest: float = 0.3
     apart: float = 0.7
     depth_doubt: float = 1.12
+    resting: float = 1.25
+    size_spread: float = 0.2
+    aloft: float = 0.5
     unseen: float = 1.0
     clearest: float = 6.0
     turn: float = 0.15

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.appearance import colour_bins
-from atw_mcp.perception.background import Background, Mask
+from atw_mcp.perception.background import Array32, Background, Mask
 from atw_mcp.perception.known.bodies import Sizes
 from atw_mcp.perception.known.finding import box_mean, fits, highest, odd, radii_of
 from atw_mcp.perception.known.settings import SETTINGS
@@ -27,8 +27,12 @@ class StillBodies:
         self.labels = cluster_colours(lab, SETTINGS.clusters)
         self.counts = np.bincount(self.labels.ravel(), minlength=SETTINGS.clusters)
 
-    def covered_by(self, likelihood: Floats, sizes: Sizes) -> Mask:
-        """Return the pixels (H, W) that a body may cover. likelihood (BIN_COUNT,): of its colours, by its name."""
+    def covered_by(self, likelihood: Floats, sizes: Sizes, fixed: Mask) -> Array32:
+        """Return the most (H, W) that the log likelihood of a background is that a body may cover; infinite elsewhere.
+
+        likelihood (BIN_COUNT,): of the body's colours, by its name; fixed (H, W): where it may lie besides the floor.
+        How much the clearest place exceeds the next one says how far it is from what the background has by chance.
+        """
         summed = np.bincount(self.labels.ravel(), weights=likelihood[self.bins].ravel(), minlength=SETTINGS.clusters)
         named = summed / np.maximum(self.counts, 1)
         own = [(c, (self.labels == c).astype(np.float32)) for c in range(SETTINGS.clusters) if self.counts[c]]
@@ -36,7 +40,7 @@ class StillBodies:
         one = np.ones((height, width), dtype=np.float32)
         best, radius = np.full(one.shape, -np.inf, dtype=np.float32), np.zeros_like(one)
         for r in radii_of(sizes):
-            place = fits(r, sizes)
+            place = fits(r, sizes) & (sizes.floor | fixed)
             if not place.any():
                 continue
             core, gap, ring = (
@@ -53,14 +57,16 @@ class StillBodies:
                 total += share * (named[c] - np.log(np.maximum(beside, 0.0) + SETTINGS.rare))
             better = place & (total > best)
             best[better], radius[better] = total[better], r
-        covered = np.zeros(one.shape, dtype=bool)
+        covered = np.full(one.shape, np.inf, dtype=np.float32)
         y, x = np.mgrid[0:height, 0:width]
-        for found in highest(best, radius, SETTINGS.places, SETTINGS.clear):
+        peaks = highest(best, radius, SETTINGS.places, 0.0)
+        for k, found in enumerate(p for p in peaks if p.score > SETTINGS.clear):
+            excess = found.score - (peaks[1].score if len(peaks) > 1 else 0.0) if k == 0 else 0.0
             away = np.hypot(x - found.x, y - found.y) / found.radius
             inner = self._shares(away < SETTINGS.inner)
             ring_share = self._shares((away > SETTINGS.reach) & (away < SETTINGS.outer))
             unlike = np.log(inner + SETTINGS.rare) - np.log(ring_share + SETTINGS.rare) > SETTINGS.unlike
-            covered |= (away < SETTINGS.reach) & unlike[self.labels]
+            covered[(away < SETTINGS.reach) & unlike[self.labels] & (covered == np.inf)] = -SETTINGS.still - excess
         return covered
 
     def _shares(self, where: Mask) -> Floats:
