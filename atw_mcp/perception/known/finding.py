@@ -44,17 +44,18 @@ def fits(radius: float, sizes: Sizes) -> Mask:
     return inside
 
 
-def hiding(radius: float, sizes: Sizes, fixtures: Array32) -> Mask:
-    """Return the pixels (H, W) where a fixture is in front of a body of a radius [px]. fixtures (H, W): distances [m].
+def hiding(radius: float, sizes: Sizes, fixtures: Array32) -> tuple[Mask, Mask]:
+    """Return the pixels (H, W) where a fixture is in front of a body of a radius [px] that is on the floor, and that is
+    above it. fixtures (H, W): distances [m].
 
     A body is in front unless it is farther by more than its own radius: at its place on the floor where it has about
     the size that it has there, else at the distance that its size says, less what the steps of size leave open.
     """
-    by_size = min(sizes.focal * sizes.radius / radius / SETTINGS.depth_doubt, sizes.farthest)
-    on_floor = sizes.focal * sizes.radius / sizes.on_floor
     resting = sizes.floor & (radius < SETTINGS.resting * sizes.on_floor)
-    hidden: Mask = fixtures + sizes.radius < np.where(resting, on_floor, by_size)
-    return hidden
+    before = fixtures + sizes.radius
+    on_floor = resting & (before < sizes.focal * sizes.radius / sizes.on_floor)
+    by_size = min(sizes.focal * sizes.radius / radius / SETTINGS.depth_doubt, sizes.farthest)
+    return on_floor, ~resting & (before < by_size)
 
 
 def aloft(radius: float, sizes: Sizes, fixtures: Array32) -> Array32:
@@ -78,13 +79,14 @@ def box_mean(image: Array32, side: int) -> Array32:
 @dataclass(frozen=True)
 class _Scale:
     """A radius [px] that is tried: where (H, W) a body may have it, what that costs, the part of its square that is in
-    the image, and the pixels where something is in front of it, None where nothing is."""
+    the image, and the pixels where something is in front of it on the floor, and above it."""
 
     radius: float
     fits: Mask
     aloft: Array32
     inside: Array32
-    hidden: Mask | None
+    hidden: Mask
+    hidden_aloft: Mask
 
 
 class Places:
@@ -97,16 +99,16 @@ class Places:
             where = fits(radius, sizes)
             if not where.any():
                 continue
-            hidden = hiding(radius, sizes, fixtures)
             inside = box_mean(one, odd(SETTINGS.square * radius))
-            self.scales.append(
-                _Scale(radius, where, aloft(radius, sizes, fixtures), inside, hidden if hidden.any() else None)
-            )
+            cost = aloft(radius, sizes, fixtures)
+            self.scales.append(_Scale(radius, where, cost, inside, *hiding(radius, sizes, fixtures)))
 
     def candidates(self, ratio: Array32) -> list[Candidate]:
         """Return the places in a frame where log likelihood ratios (H, W) gather in the body's size, best first.
 
-        Pixels behind which the body may be count where they are like it, and say nothing where they are not.
+        Pixels behind which the body may be count where they are like it, and say nothing where they are not. Where it
+        would be on the floor they are left out, as those outside the image are; above the floor, where any size may
+        be, they are not, so that no part of a larger body does as well as the whole.
         """
         positive = np.maximum(ratio, 0.0)
         best = np.full(ratio.shape, -np.inf, dtype=np.float32)
@@ -115,9 +117,11 @@ class Places:
             inner = odd(SETTINGS.square * scale.radius)
             outer = odd(SETTINGS.square * SETTINGS.ring * scale.radius, 3)
             counted, inside = ratio, scale.inside
-            if scale.hidden is not None:
+            if scale.hidden_aloft.any():
+                counted = np.where(scale.hidden_aloft, positive, ratio)
+            if scale.hidden.any():
                 silent = scale.hidden & (ratio < 0.0)
-                counted = np.where(silent, np.float32(0.0), ratio)
+                counted = np.where(silent, np.float32(0.0), counted)
                 inside = box_mean((~silent).astype(np.float32), inner)
             mean = box_mean(counted, inner) / np.maximum(inside, SETTINGS.least_inside)
             around = box_mean(positive, outer) * outer**2 - box_mean(positive, inner) * inner**2

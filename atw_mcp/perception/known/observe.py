@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -143,7 +144,8 @@ class _Search:
         self, frames: Frames, words: Sequence[str], sizes: Sequence[Sizes], fixtures: Array32, said: Sequence[_Said]
     ) -> None:
         self.words, self.sizes, self.said = words, sizes, said
-        self.background = _with_fixtures(model_background(frames), frames, np.isfinite(fixtures))
+        bare = np.isfinite(fixtures) | ~np.any([s.floor for s in sizes], axis=0)
+        self.background = _with_supports(model_background(frames), frames, bare)
         self.bins = [colour_bins(f) for f in frames]
         self.nothing = [nothing_there(f, self.background) for f in frames]
         self.shape = (frames.shape[1], frames.shape[2])
@@ -217,12 +219,15 @@ class _Search:
         return masks
 
 
-def _with_fixtures(background: Background, frames: Frames, where: Mask) -> Background:
-    """The background with fixtures (H, W) as they look in most frames: its model takes them for objects at rest."""
+def _with_supports(background: Background, frames: Frames, bare: Mask) -> Background:
+    """The background without objects at rest where there are none (H, W): on fixtures, which are taken for such
+    themselves, and where no floor is within reach."""
+    removed = cv2.dilate(background.still.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    where = removed & bare
     image = background.image.copy()
     picks = np.unique(np.linspace(0, len(frames) - 1, SAMPLES).round().astype(int))
     image[where] = np.median(frames[picks][:, where], axis=0)
-    return replace(background, image=image, still=background.still & ~where)
+    return replace(background, image=image, still=background.still & ~bare)
 
 
 def _exchanged(places: list[list[Candidate | None]], which: dict[int, int]) -> list[list[Candidate | None]]:
