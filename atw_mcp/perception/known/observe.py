@@ -12,13 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.appearance import BIN_COUNT, colour_bins, histogram, log_likelihood
-from atw_mcp.perception.background import SAMPLES, Array32, Background, Mask, model_background
+from atw_mcp.perception.background import Array32, Mask, model_background
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
+from atw_mcp.perception.known.bare_background import uncovered, with_supports
 from atw_mcp.perception.known.bodies import KnownBody, Sizes, fixture_depths, sizes_of
 from atw_mcp.perception.known.colour_words import colour_word, word_likelihood
 from atw_mcp.perception.known.evidence import UNDESCRIBED, nothing_there
@@ -77,6 +77,7 @@ def observe_known(
         tell(0.15 + 0.7 * turn / rounds, f"looking for {len(bodies)} bodies, round {turn + 1} of {rounds}")
         search.look(stop)
         if turn < rounds - 1:
+            search.uncover()
             search.learn()
     tell(0.85, "outlining")
     masks = search.outlined()
@@ -145,7 +146,7 @@ class _Search:
     ) -> None:
         self.words, self.sizes, self.said = words, sizes, said
         bare = np.isfinite(fixtures) | ~np.any([s.floor for s in sizes], axis=0)
-        self.background = _with_supports(model_background(frames), frames, bare)
+        self.frames, self.background = frames, with_supports(model_background(frames), frames, bare)
         self.bins = [colour_bins(f) for f in frames]
         self.nothing = [nothing_there(f, self.background) for f in frames]
         self.shape = (frames.shape[1], frames.shape[2])
@@ -185,6 +186,13 @@ class _Search:
     def _path(self, k: int, free: list[list[Candidate]]) -> tuple[float, list[Candidate | None]]:
         return best_path(free, self.said[k].rows, self.said[k].first)
 
+    def uncover(self) -> None:
+        """Estimate the background where bodies were found at rest from the frames in which they are elsewhere."""
+        better = uncovered(self.background, self.frames, self.places)
+        if better is not None:
+            self.background = better
+            self.nothing = [nothing_there(f, better) for f in self.frames]
+
     def learn(self) -> None:
         """Learn each body's colours from the better half of the frames in which it was found."""
         for k, path in enumerate(self.places):
@@ -217,17 +225,6 @@ class _Search:
             masks.update({which[k]: series for k, series in [(k, masks[k]) for k in alike]})
             self.places = _exchanged(self.places, which)
         return masks
-
-
-def _with_supports(background: Background, frames: Frames, bare: Mask) -> Background:
-    """The background without objects at rest where there are none (H, W): on fixtures, which are taken for such
-    themselves, and where no floor is within reach."""
-    removed = cv2.dilate(background.still.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    where = removed & bare
-    image = background.image.copy()
-    picks = np.unique(np.linspace(0, len(frames) - 1, SAMPLES).round().astype(int))
-    image[where] = np.median(frames[picks][:, where], axis=0)
-    return replace(background, image=image, still=background.still & ~bare)
 
 
 def _exchanged(places: list[list[Candidate | None]], which: dict[int, int]) -> list[list[Candidate | None]]:
