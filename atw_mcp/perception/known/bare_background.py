@@ -20,17 +20,13 @@ Rows = NDArray[np.int64]
 def with_supports(background: Background, frames: Frames, bare: Mask) -> Background:
     """Return the background with what was taken for objects at rest put back where there are none.
 
-    bare (H, W): on fixtures, which are taken for such themselves, and where no floor is within reach. What the model
-    removed there is put back, and what stays the same in nearly all frames.
+    bare (H, W): on fixtures, which are taken for such themselves, and where no floor is within reach. A smooth surface
+    says nothing of those at all: there the median of the frames takes its place.
     """
-    sample = frames[_picks(len(frames))]
-    median = np.median(sample, axis=0).astype(np.float32)
     removed = cv2.dilate(background.still.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    noise = 3.0 * max(float(background.noise.max()), SETTINGS.least_noise)
-    same = np.mean([np.abs(frame - median).max(axis=2) < noise for frame in sample], axis=0) > SETTINGS.constant
-    where = bare & (removed | same)
+    where = bare if background.smooth else bare & removed
     image = background.image.copy()
-    image[where] = median[where]
+    image[where] = np.median(frames[_picks(len(frames))][:, where], axis=0)
     return replace(background, image=image, still=background.still & ~bare)
 
 

@@ -35,9 +35,8 @@ class KnownSettings:
         levels by which rounding and compression change flat colours. darkest, brightest, soft: ratios of brightness of
         shadows and highlights, and standard deviation beyond them. farthest: squared deviations beyond which all are
         alike, so that no single pixel decides.
-        constant: part of the frames in which a pixel stays the same that belongs to the background. dwelling, least_free:
-        part of the frames in which a body covers a pixel from which on it may have become background, and frames
-        without it that then show the background.
+        dwelling, least_free: part of the frames in which a body covers a pixel from which on it may have become
+        background, and frames without it that then show the background.
     Places in a frame
         step: ratio of neighbouring radii; a square's response falls by a tenth halfway between. smaller, nearer: of the
         radius on the floor, what may be seen of a body, and how much nearer to the camera one flies. square: side of a
@@ -92,7 +91,6 @@ class KnownSettings:
     brightest: float = 1.15
     soft: float = 0.05
     farthest: float = 80.0
-    constant: float = 0.9
     dwelling: float = 0.25
     least_free: int = 3
     step: float = 1.25
