@@ -106,7 +106,7 @@ class _Paths:
         frames = (t - rows)[:, None, None].astype(float)
         expected = self.places[rows] + self.velocity[rows] * frames
         squared = ((self.places[t] - expected[:, :, None]) ** 2).sum(axis=-1) / self.radius[t] ** 2
-        moving = SETTINGS.turn * squared * 6.0 / (frames * (frames + 1.0) * (2.0 * frames + 1.0))
+        moving = SETTINGS.drift * squared * 6.0 / (frames * (frames + 1.0) * (2.0 * frames + 1.0))
         unknown = SETTINGS.jump * squared / frames**2
         cost = np.minimum(np.where(self.known[rows][:, :, None], moving, unknown), SETTINGS.struck)
         away = (self.unseen[t] - self.unseen[rows + 1])[:, None, None] - 2.0 * SETTINGS.appears

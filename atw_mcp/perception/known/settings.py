@@ -49,10 +49,12 @@ class KnownSettings:
         most that another radius costs, since most bodies are on the floor most of the time.
     Paths
         unseen: log likelihood ratio from which a body is seen. clearest: beyond which a place is no better. turn: cost
-        of a change of velocity by one radius per frame. jump: of a step of one radius where no velocity is known.
-        struck: most that a change of velocity costs, since bodies collide. appears: of appearing or vanishing. pointed:
-        of a place that was pointed at, more than colours can outweigh; within `pointed_reach` of its middle. longest:
-        frames out of sight after which the velocity says nothing of the place.
+        of a change of velocity by one radius per frame: the places found are off by a part of that. drift: the same out
+        of sight, for accelerations of 0.2 radii a frame, as of gravity on a hand's breadth at 24 frames a second.
+        jump: of a step of one radius where no velocity is known. struck: most that a change of velocity costs, since
+        bodies collide. appears: of appearing or vanishing. pointed: of a place that was pointed at, more than colours
+        can outweigh; within `pointed_reach` of its middle. longest: frames out of sight after which the velocity says
+        nothing of the place.
     Rounds
         rounds: of looking, by name, then by the colours found. shared: within which two bodies cannot be. still: minus
         the log likelihood of a background that a body may cover, beside the excess of its place over others. learned:
@@ -110,6 +112,7 @@ class KnownSettings:
     unseen: float = 1.0
     clearest: float = 6.0
     turn: float = 0.15
+    drift: float = 12.0
     jump: float = 0.05
     struck: float = 3.0
     appears: float = 0.5
