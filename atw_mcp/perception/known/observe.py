@@ -152,7 +152,7 @@ class _Search:
         self.shape = (frames.shape[1], frames.shape[2])
         still = StillBodies(self.background)
         self.colours = [word_likelihood(word) for word in words]
-        self.covered = [still.covered_by(c, s, np.isfinite(fixtures)) for c, s in zip(self.colours, sizes, strict=True)]
+        self.covered = [still.covered_by(c, s, fixtures) for c, s in zip(self.colours, sizes, strict=True)]
         self.looks = [Places(s, fixtures) for s in sizes]
         self.places: list[list[Candidate | None]] = [[None] * len(frames) for _ in words]
 
