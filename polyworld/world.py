@@ -12,7 +12,7 @@ import json
 from functools import cached_property
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from polyworld.camera import Camera
 from polyworld.consistency import check_consistent
@@ -27,6 +27,7 @@ from polyworld.description import (
     Positive,
     Quaternion,
     Vec3,
+    unit_quaternion,
 )
 from polyworld.observer import Observer
 from polyworld.representations.attachment import Attachment, Region
@@ -58,6 +59,11 @@ class StaticObject(Description):
         description="whether its friction and restitution, where stated, are a contact's as they are; default: the "
         "geometric mean with the touching object's",
     )
+
+    @field_validator("orientation")
+    @classmethod
+    def _unit(cls, value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        return unit_quaternion(value)
 
 
 class Components(Description):
