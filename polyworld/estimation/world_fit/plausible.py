@@ -37,9 +37,9 @@ JOINT = 0.3  # of the acceleration of gravity by dry friction, and [1/s] by damp
 def plausible_unknowns(world: World, tracks: ObservedTracks, unknowns: Sequence[Unknown]) -> list[Unknown]:
     """Give the unknowns of a spatial world priors, drop the motion that supports forbid, and add unobserved spins.
 
-    Added too: rolling resistance of what can roll, and restitution of fixed things that bodies bounce on, where
-    collisions among bodies show another. Bodies of one shape and size, at least `ALIKE` of them, such as the balls of a
-    game, share their contact parameters and have equal masses.
+    Added too: rolling resistance of what can roll, restitution of fixed things that bodies bounce on and friction of
+    those they lie on, where collisions among bodies show another. Bodies of one shape and size, at least `ALIKE` of
+    them, such as the balls of a game, share their contact parameters and have equal masses.
     """
     shown = Shown(world, tracks)
     on = supports(world, tracks)
@@ -54,7 +54,7 @@ def plausible_unknowns(world: World, tracks: ObservedTracks, unknowns: Sequence[
         if state.moves and not _held(world, name):
             found += [_spin(world, item, on.get(name), axis, begin) for axis in _spins(item, on.get(name))
                       if f"objects.{name}.angular_velocity.{axis}" not in taken]  # fmt: skip
-    return [*_shared(world, found), *_bounced_on(world, shown, on)]
+    return [*_shared(world, found), *_of_statics(world, shown, on)]
 
 
 def _shared(world: World, unknowns: list[Unknown]) -> list[Unknown]:
@@ -79,28 +79,37 @@ def _shared(world: World, unknowns: list[Unknown]) -> list[Unknown]:
     return list(found.values())
 
 
-def _bounced_on(world: World, shown: Shown, on: dict[str, Support]) -> list[Unknown]:
-    """Restitution of what bodies bounce on, one value, where they also meet one another."""
-    statics = {s.name for s in world.statics}
-    resting = {(name, support.static) for name, support in on.items()}
+def _of_statics(world: World, shown: Shown, on: dict[str, Support]) -> list[Unknown]:
+    """Restitution of what bodies bounce on and friction of what they lie on, where they also meet one another.
+
+    A coefficient belongs to a pair of surfaces: ball on ball is another pair than ball on cloth.
+    """
+    statics = {s.name: s for s in world.statics}
     bounced: dict[str, float] = {}
-    meetings = False
+    meetings: list[float] = []
     for pair, time in shown.contacts.items():
         fixed = [name for name in pair if name in statics]
         if not fixed:
-            meetings = True
+            meetings.append(time)
             continue
         body = next(name for name in pair if name != fixed[0])
-        if (body, fixed[0]) not in resting:
+        if body not in on or on[body].static != fixed[0]:
             bounced.setdefault(fixed[0], time)
-    own = [s for s in world.statics if s.name in bounced and s.restitution is None]
-    if not meetings or not own:
+    if not meetings:
         return []
-    paths = tuple(f"statics.{s.name}.restitution" for s in own)
-    name = f"restitution of {', '.join(s.name for s in own)}"
-    begin = min(bounced[s.name] for s in own)
-    mean, sd = RESTITUTION
-    return [Unknown(name, paths, "1", mean, 0.0, 1.0, sd, prior=RESTITUTION, enters=begin)]
+    lain = dict.fromkeys((support.static for name, support in on.items() if name in shown.begins), min(meetings))
+    found = []
+    for field, (mean, sd), most, since in (
+        ("restitution", RESTITUTION, 1.0, bounced),
+        ("friction", FRICTION, MOST_FRICTION, lain),
+    ):
+        own = [name for name in since if getattr(statics[name], field) is None]
+        if own:
+            paths = tuple(f"statics.{name}.{field}" for name in own)
+            begin = min(since[name] for name in own)
+            name = f"{field} of {', '.join(own)}"
+            found.append(Unknown(name, paths, "1", mean, 0.0, most, sd, prior=(mean, sd), enters=begin))
+    return found
 
 
 def joint_unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:

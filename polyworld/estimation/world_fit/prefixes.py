@@ -2,7 +2,8 @@
 
 The first frames show initial states nearly linearly; every longer stretch starts from what the shorter one found, so
 that each collision is met with a path that reaches it at about the right place and time. Where the whole is not
-described within the noise, further starts are drawn from the priors, the initial states kept.
+described within the noise, further starts are drawn from the priors, the initial states kept; one that falls behind the
+best start over a stretch is abandoned there (racing, Maron & Moore 1994).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ STAGES = (0.35, 0.7, 1.0)  # of the samples
 ITERATIONS = (6, 8, 16)  # at most
 TOLERANCE = 1e-3  # converged, as a share of the loss
 GOOD = 1.5  # loss up to which no further start is tried: only noise is left
+BEHIND = 1.1  # times the lowest loss over a stretch above which a further start is abandoned
 SCATTER = 1.0  # standard deviations of a prior by which a further start departs
 
 
@@ -43,7 +45,7 @@ def fit_by_prefixes(
     progress: Callable[[int, int, float], None] | None = None,
     cancelled: Cancelled | None = None,
 ) -> tuple[Start, ...]:
-    """Fit from each start over growing stretches; the starts in order of their best loss.
+    """Fit from each start over growing stretches; the starts that were not abandoned in order of their best loss.
 
     progress: start, starts, loss so far. A cancelled fit returns what was reached, with status `cancelled`.
     """
@@ -51,6 +53,8 @@ def fit_by_prefixes(
     rng = np.random.default_rng([settings.seed, 0x9F])
     space = problem.space
     contact = np.array([_of_contact(u.paths[0]) for u in space.unknowns])
+    stages = _stages(problem)
+    reached = np.full(len(stages), np.inf)  # lowest loss over each stretch
     starts: list[Start] = []
     for number in range(settings.starts):
         problem.begin()
@@ -60,7 +64,8 @@ def fit_by_prefixes(
             at = np.clip(at, space.lower, space.upper)
         status: Status = "completed"
         history: list[LossPoint] = []
-        for samples, iterations in zip(_stages(problem), ITERATIONS, strict=True):
+        behind = False
+        for stage, (samples, iterations) in enumerate(zip(stages, ITERATIONS, strict=True)):
             at, points, status = descend(
                 problem, at, samples, iterations=iterations, tolerance=TOLERANCE, cancelled=cancelled
             )
@@ -69,6 +74,13 @@ def fit_by_prefixes(
                 progress(number + 1, settings.starts, history[-1].best if history else float("nan"))
             if status == "cancelled":
                 break
+            loss = float(problem.losses(at[None], samples)[0])
+            behind = loss > BEHIND * reached[stage]
+            reached[stage] = min(reached[stage], loss)
+            if behind:
+                break
+        if behind:
+            continue
         starts.append(Start(problem.finish("prefixes", status, at, None, history, settings.seed)))
         if status == "cancelled" or starts[-1].best.loss <= GOOD:
             break
