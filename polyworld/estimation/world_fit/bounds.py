@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.multistart import Start
+from polyworld.estimation.world_fit.prefixes import GOOD
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import descend
 from polyworld.estimation.world_fit.result import FitResult
@@ -40,6 +41,7 @@ def refit_with_wider_bounds(
             wider.space.coordinates(start.best.by_name),
             wider.samples,
             iterations=ITERATIONS,
+            enough=GOOD,
             cancelled=cancelled,
         )
         found = wider.finish(start.best.method, status, at, None, history, start.best.seed)

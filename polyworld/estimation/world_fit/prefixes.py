@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 STAGES = (0.35, 0.7, 1.0)  # of the samples
 ITERATIONS = (6, 8, 16)  # at most
 TOLERANCE = 1e-3  # converged, as a share of the loss
-GOOD = 1.5  # loss up to which no further start is tried: only noise is left
+GOOD = 1.5  # loss up to which nothing further is tried: only noise is left
 BEHIND = 1.1  # times the lowest loss over a stretch above which a further start is abandoned
 SCATTER = 1.0  # standard deviations of a prior by which a further start departs
 
@@ -67,7 +67,13 @@ def fit_by_prefixes(
         behind = False
         for stage, (samples, iterations) in enumerate(zip(stages, ITERATIONS, strict=True)):
             at, points, status = descend(
-                problem, at, samples, iterations=iterations, tolerance=TOLERANCE, cancelled=cancelled
+                problem,
+                at,
+                samples,
+                iterations=iterations,
+                tolerance=TOLERANCE,
+                enough=GOOD,
+                cancelled=cancelled,
             )
             history += points
             if progress is not None:

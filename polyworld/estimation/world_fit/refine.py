@@ -45,11 +45,13 @@ def descend(
     *,
     iterations: int,
     tolerance: float = TOLERANCE,
+    enough: float = 0.0,
     cancelled: Cancelled | None = None,
 ) -> tuple[Array, list[LossPoint], Status]:
     """Minimise the loss over the first `samples` samples from search coordinates (P,), by Levenberg-Marquardt.
 
     Only unknowns that can show by then are varied. tolerance: converged when the loss falls by less than this share.
+    enough: loss at or below which that is so at once; above it, other steps of the differences are tried first.
     """
     space = problem.space
     entered = space.entered(float(problem.objective.sample_times[samples - 1]))
@@ -82,6 +84,6 @@ def descend(
             at, loss = candidates[best], float(losses[best])
             damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
         span = span + 1 if gain < tolerance else 0
-        if span == len(SPANS):
+        if span == len(SPANS) or (span and loss <= enough):
             break
     return at, history, status

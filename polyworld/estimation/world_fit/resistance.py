@@ -19,6 +19,7 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.multistart import Start
 from polyworld.estimation.world_fit.plausible import joint_unknowns
+from polyworld.estimation.world_fit.prefixes import GOOD
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import descend
 from polyworld.estimation.world_fit.result import Status
@@ -162,7 +163,7 @@ def _fitted(problem: FitProblem, before: _Fitted, laws: tuple[Law, ...], cancell
     wider = _with_laws(problem, laws)
     values = {u.name: before.values.get(u.name, u.start) for u in wider.space.unknowns}
     at = wider.space.coordinates(values)
-    at, _, status = descend(wider, at, wider.samples, iterations=ITERATIONS, cancelled=cancelled)
+    at, _, status = descend(wider, at, wider.samples, iterations=ITERATIONS, enough=GOOD, cancelled=cancelled)
     return _Fitted(laws, wider, at, wider.loss(at), status)
 
 
