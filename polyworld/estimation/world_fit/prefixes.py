@@ -8,34 +8,19 @@ best start over a stretch is abandoned there (racing, Maron & Moore 1994).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.world_fit.multistart import Start, in_order
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.refine import descend
+from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import LossPoint, Status
 from polyworld.estimation.world_fit.search import Cancelled
+from polyworld.estimation.world_fit.settings import PrefixSettings
 
 Array = NDArray[np.float64]
-
-STAGES = (0.35, 0.7, 1.0)  # of the samples
-ITERATIONS = (6, 8, 16)  # at most
-TOLERANCE = 1e-3  # converged, as a share of the loss
-GOOD = 1.5  # loss up to which nothing further is tried: only noise is left
-BEHIND = 1.1  # times the lowest loss over a stretch above which a further start is abandoned
-SCATTER = 1.0  # standard deviations of a prior by which a further start departs
-
-
-@dataclass(frozen=True)
-class PrefixSettings:
-    """starts: most starts tried. seed: of the further ones."""
-
-    starts: int = 3
-    seed: int = 0
 
 
 def fit_by_prefixes(
@@ -53,25 +38,25 @@ def fit_by_prefixes(
     rng = np.random.default_rng([settings.seed, 0x9F])
     space = problem.space
     contact = np.array([_of_contact(u.paths[0]) for u in space.unknowns])
-    stages = _stages(problem)
+    stages = _stages(problem, settings.stages)
     reached = np.full(len(stages), np.inf)  # lowest loss over each stretch
     starts: list[Start] = []
     for number in range(settings.starts):
         problem.begin()
         at = space.mean.copy()
         if number:
-            at = np.where(contact, at + SCATTER * space.sd * rng.standard_normal(len(at)), at)
+            at = np.where(contact, at + settings.scatter * space.sd * rng.standard_normal(len(at)), at)
             at = np.clip(at, space.lower, space.upper)
         status: Status = "completed"
         history: list[LossPoint] = []
         behind = False
-        for stage, (samples, iterations) in enumerate(zip(stages, ITERATIONS, strict=True)):
+        for stage, (samples, iterations) in enumerate(zip(stages, settings.iterations, strict=True)):
             at, points, status = descend(
                 problem,
                 at,
                 samples,
                 iterations=iterations,
-                tolerance=TOLERANCE,
+                tolerance=settings.tolerance,
                 enough=GOOD,
                 cancelled=cancelled,
             )
@@ -81,7 +66,7 @@ def fit_by_prefixes(
             if status == "cancelled":
                 break
             loss = float(problem.losses(at[None], samples)[0])
-            behind = loss > BEHIND * reached[stage]
+            behind = loss > settings.behind * reached[stage]
             reached[stage] = min(reached[stage], loss)
             if behind:
                 break
@@ -93,9 +78,9 @@ def fit_by_prefixes(
     return in_order(starts)
 
 
-def _stages(problem: FitProblem) -> list[int]:
+def _stages(problem: FitProblem, shares: Sequence[float]) -> list[int]:
     least = min(6, problem.samples)
-    return [max(least, round(share * problem.samples)) for share in STAGES]
+    return [max(least, round(share * problem.samples)) for share in shares]
 
 
 def _of_contact(path: str) -> bool:

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 SPANS = (1.0, 0.3, 3.0, 0.1, 10.0)
 STEP = 1e-3  # of the differences, as a share of a parameter's range
 TOLERANCE = 1e-4  # converged when the loss falls by less than this share of itself
+# Loss up to which only noise is left: a perfect model exceeds it once in a thousand fits to 100 observed components
+# (chi-square), and never to more.
+GOOD = 1.5
 # Trial dampings of one iteration, as factors of the last successful one: tried in a single batch.
 TRIALS = 10.0 ** np.arange(-3.0, 5.0)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,11 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.multistart import Start
 from polyworld.estimation.world_fit.plausible import joint_unknowns
-from polyworld.estimation.world_fit.prefixes import GOOD
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.refine import descend
+from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import Status
 from polyworld.estimation.world_fit.search import Cancelled
+from polyworld.estimation.world_fit.settings import ResistanceSettings
 from polyworld.parameters import specification
 from polyworld.tracks import ObservedTracks
 from polyworld.world import Effect, World
@@ -31,10 +32,6 @@ from polyworld.world import Effect, World
 Array = NDArray[np.float64]
 
 AIR = "air_resistance"
-ITERATIONS = 6
-STEP = 2e-3  # of a law's range, by which its derivative at zero is taken
-BEYOND = 5.0  # times its usual range that a law is fitted over: on its bound it would lose to one that is not
-PROMISING = 0.5  # share of the needed fall that a score test must predict: it is linear, and errs on the low side
 
 
 @dataclass(frozen=True)
@@ -56,11 +53,14 @@ class Tested:
     kept: bool
 
 
-def laws_of_resistance(world: World, tracks: ObservedTracks, taken: set[str]) -> list[Law]:
+def laws_of_resistance(
+    world: World, tracks: ObservedTracks, taken: set[str], settings: ResistanceSettings | None = None
+) -> list[Law]:
     """Laws that a spatial world of rigid bodies may have beside friction and rolling resistance.
 
     taken: paths that are fitted already.
     """
+    beyond = (settings or ResistanceSettings()).beyond
     shown = Shown(world, tracks)
     moving = tuple(name for name in shown.begins if shown.states[name].moves)
     if not moving:
@@ -68,35 +68,42 @@ def laws_of_resistance(world: World, tracks: ObservedTracks, taken: set[str]) ->
     found = [Law(u.name, world, u) for u in joint_unknowns(world, tracks) if u.paths[0] not in taken]
     paths = tuple(f"objects.{o.name}.linear_damping" for o in world.objects)
     if not taken & set(paths) and not any(world.object(n).linear_damping for n in moving):
-        found.append(Law("linear_damping", world, _at_zero("linear_damping", world, paths)))
+        found.append(Law("linear_damping", world, _at_zero("linear_damping", world, paths, beyond)))
     drags = ("quadratic_damping", "quadratic_drag", "linear_drag")
     if not any(effect.kind in drags for effect in world.effects):
         air = Effect(name=AIR, kind="quadratic_damping", parameters={"rate": 0.0})
         with_air = world.model_copy(update={"effects": (*world.effects, air)})
-        found.append(Law("quadratic_damping", with_air, _at_zero(AIR, with_air, (f"effects.{AIR}.rate",))))
+        found.append(Law("quadratic_damping", with_air, _at_zero(AIR, with_air, (f"effects.{AIR}.rate",), beyond)))
     return found
 
 
 def choose_resistance(
-    problem: FitProblem, start: Start, laws: Sequence[Law], *, cancelled: Cancelled | None = None
+    problem: FitProblem,
+    start: Start,
+    laws: Sequence[Law],
+    *,
+    settings: ResistanceSettings | None = None,
+    cancelled: Cancelled | None = None,
 ) -> tuple[FitProblem, Start, tuple[Tested, ...]]:
     """Add laws to a fit while the evidence asks for them, and drop those that a later one makes needless.
 
     Returns the problem and fit that has them.
     """
+    settings = settings or ResistanceSettings()
     first = start.best
     if first.status != "completed":
         return problem, start, ()
+    refitted = partial(_fitted, problem, settings.iterations, cancelled)
     needed = float(np.log(max(_count(problem), 2)))
     best = _Fitted((), problem, problem.space.coordinates(first.by_name), first.loss)
     tested: dict[str, Tested] = {}
     while cancelled is None or not cancelled():
         left = [law for law in laws if law.name not in best.names]
-        trials = []
-        for law, gain in zip(left, _predicted(problem, best, left), strict=True):
+        trials: list[_Fitted] = []
+        for law, gain in zip(left, _predicted(problem, best, left, settings.step), strict=True):
             tested[law.name] = Tested(law.name, gain, needed, False)
-            if gain >= PROMISING * needed:
-                trials.append(_fitted(problem, best, (*best.laws, law), cancelled))
+            if gain >= settings.promising * needed:
+                trials.append(refitted(best, (*best.laws, law)))
                 tested[law.name] = Tested(law.name, _gain(best, trials[-1]), needed, False)
         deepest = max((_gain(best, trial) for trial in trials), default=0.0)
         if deepest <= needed:
@@ -105,7 +112,7 @@ def choose_resistance(
         found = next(trial for trial in trials if _gain(best, trial) >= deepest - needed)
         tested[found.laws[-1].name] = Tested(found.laws[-1].name, _gain(best, found), needed, True)
         for law in best.laws:
-            without = _fitted(problem, found, tuple(o for o in found.laws if o is not law), cancelled)
+            without = refitted(found, tuple(o for o in found.laws if o is not law))
             if _gain(without, found) <= needed:
                 tested[law.name] = Tested(law.name, _gain(without, found), needed, False)
                 found = without
@@ -158,30 +165,32 @@ def _with_laws(problem: FitProblem, laws: Sequence[Law]) -> FitProblem:
     return problem.with_unknowns((*problem.space.unknowns, *(law.unknown for law in laws)), world)
 
 
-def _fitted(problem: FitProblem, before: _Fitted, laws: tuple[Law, ...], cancelled: Cancelled | None) -> _Fitted:
+def _fitted(
+    problem: FitProblem, iterations: int, cancelled: Cancelled | None, before: _Fitted, laws: tuple[Law, ...]
+) -> _Fitted:
     """Refit with other laws from the values before; problem: the one without any law."""
     wider = _with_laws(problem, laws)
     values = {u.name: before.values.get(u.name, u.start) for u in wider.space.unknowns}
     at = wider.space.coordinates(values)
-    at, _, status = descend(wider, at, wider.samples, iterations=ITERATIONS, enough=GOOD, cancelled=cancelled)
+    at, _, status = descend(wider, at, wider.samples, iterations=iterations, enough=GOOD, cancelled=cancelled)
     return _Fitted(laws, wider, at, wider.loss(at), status)
 
 
-def _predicted(problem: FitProblem, best: _Fitted, laws: Sequence[Law]) -> list[float]:
+def _predicted(problem: FitProblem, best: _Fitted, laws: Sequence[Law], step: float) -> list[float]:
     """Falls of chi-square by the score test of each law at zero, in units of the noise that the fit leaves."""
     if not laws:
         return []
     base, at = best.problem, best.at
     root = np.sqrt(base.huber_weights(at))
     residual = root * base.residuals(at[None])[0]
-    others = base.difference_quotients(at, STEP * base.space.width) * base.space.width * root[:, None]
+    others = base.difference_quotients(at, step * base.space.width) * base.space.width * root[:, None]
     ridge = np.vstack([others, 1e-6 * np.eye(others.shape[1])])
     found = []
     for law in laws:
         wider = _with_laws(problem, (*best.laws, law))
         values = best.values | {law.unknown.name: law.unknown.start}
         width, last = wider.space.width, np.arange(len(wider.space.width)) == len(wider.space.width) - 1
-        quotients = wider.difference_quotients(wider.space.coordinates(values), STEP * width, only=last)
+        quotients = wider.difference_quotients(wider.space.coordinates(values), step * width, only=last)
         own = quotients[:, -1] * width[-1] * root
         target = np.concatenate([own, np.zeros(others.shape[1])])
         adjusted = own - others @ np.linalg.lstsq(ridge, target, rcond=None)[0]
@@ -195,7 +204,7 @@ def _count(problem: FitProblem) -> float:
     return problem.objective.weight(problem.samples)
 
 
-def _at_zero(name: str, world: World, paths: tuple[str, ...]) -> Unknown:
+def _at_zero(name: str, world: World, paths: tuple[str, ...], beyond: float) -> Unknown:
     spec = specification(world, paths[0])
     usual = spec.search[1]
-    return Unknown(name, paths, spec.unit, 0.0, 0.0, min(BEYOND * usual, spec.upper), 0.25 * usual)
+    return Unknown(name, paths, spec.unit, 0.0, 0.0, min(beyond * usual, spec.upper), 0.25 * usual)

@@ -98,7 +98,7 @@ def test_a_body_of_another_size_stays_out_of_the_set() -> None:
     assert set(found["objects.a.friction"].paths) == {f"objects.{name}.friction" for name in "abc"}
 
 
-def test_a_wall_gets_a_restitution_of_its_own_where_bodies_also_meet() -> None:
+def test_walls_and_floors_get_coefficients_of_their_own_where_bodies_also_meet() -> None:
     wall = StaticObject(
         name="wall", shape=Box(half_extents=(0.05, 1.0, 0.2)), position=(0.9, 0.0, 0.2), restitution=None
     )
@@ -109,6 +109,7 @@ def test_a_wall_gets_a_restitution_of_its_own_where_bodies_also_meet() -> None:
         found = unknowns(world_of([ball("a"), ball("b")], tracks, (FLOOR, wall)), tracks)
         assert ("statics.wall.restitution" in found) is has
         assert "statics.floor.restitution" not in found  # they rest on it
+        assert ("statics.floor.friction" in found) is has
 
 
 def test_priors_that_were_given_are_kept_and_states_have_none() -> None:

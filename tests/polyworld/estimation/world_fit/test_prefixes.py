@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,18 @@ def test_progress_counts_starts() -> None:
     )
     assert set(seen) <= {(1, 2), (2, 2)}
     assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"starts": 0}, "starts"),
+        ({"stages": (0.5, 1.0)}, "equally many"),
+        ({"stages": (0.7, 0.35, 1.0)}, "increase"),
+        ({"stages": (0.3, 0.6, 0.9)}, "end at 1"),
+        ({"behind": 0.9}, "behind"),
+    ],
+)
+def test_settings_that_make_no_schedule_are_refused(wrong: dict[str, Any], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        PrefixSettings(**wrong)
