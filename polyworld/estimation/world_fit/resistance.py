@@ -154,8 +154,12 @@ class _Fitted:
 
 
 def _gain(few: _Fitted, many: _Fitted) -> float:
-    """Twice the difference of log-likelihoods: the noise is what a fit leaves, at least what the tracks state."""
-    return float(_count(many.problem) * np.log(few.noise / many.noise))
+    """Twice the difference of log-likelihoods.
+
+    The variance of the noise is the stated one where a fit comes below it, and what the fit leaves where it does not.
+    """
+    misfits = [fit.loss - 1.0 if fit.loss < 1.0 else float(np.log(fit.loss)) for fit in (few, many)]
+    return _count(many.problem) * (misfits[0] - misfits[1])
 
 
 def _with_laws(problem: FitProblem, laws: Sequence[Law]) -> FitProblem:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -79,6 +81,14 @@ def test_air_resists_a_throw_as_speed_its_square_or_not_at_all(
         assert result.by_name["linear_damping"] == pytest.approx(viscous, rel=0.1)
     if law == "quadratic_damping":
         assert result.by_name["air_resistance"] == pytest.approx(quadratic, rel=0.1)
+
+
+def test_a_law_shows_below_a_noise_that_was_stated_three_times_too_large() -> None:
+    tracks = tracks_of({"ball": thrown(frames(30), (6.0, 1.0, 5.0), 0.3, 0.0)})
+    tracks = replace(tracks, position_sigma=3.0 * tracks.position_sigma)
+    result, kept = chosen(scene([ball()], tracks, statics=()), tracks)
+    assert kept == {"linear_damping"}
+    assert result.by_name["linear_damping"] == pytest.approx(0.3, rel=0.1)
 
 
 def cart(viscous: float, dry: float, times: Array) -> Array:
