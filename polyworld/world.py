@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -179,6 +180,12 @@ class World(Description):
     def id(self) -> str:
         """`world-` and the first 16 hex digits of the SHA-256 of the canonical JSON."""
         return "world-" + hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Copy the world; the copy's id is that of its own content, not the one cached here."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("id", None)
+        return copied
 
     def canonical_json(self) -> str:
         """The world as JSON with sorted keys and no spaces: equal worlds give equal bytes."""

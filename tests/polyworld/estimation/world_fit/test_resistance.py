@@ -91,6 +91,17 @@ def test_a_law_shows_below_a_noise_that_was_stated_three_times_too_large() -> No
     assert result.by_name["linear_damping"] == pytest.approx(0.3, rel=0.1)
 
 
+def test_a_world_that_gets_a_law_is_another_world() -> None:
+    """What is drawn from the posterior is set in the world with the law, which is found by its id."""
+    tracks = tracks_of({"ball": thrown(frames(20), (2.0, 0.0, 3.0), 0.0, 0.0)})
+    world = scene([ball()], tracks, statics=())
+    known = world.id
+    (law,) = [law for law in laws_of_resistance(world, tracks, set()) if law.name == "quadratic_damping"]
+    assert law.world.id != known
+    assert law.world.id == World.model_validate_json(law.world.model_dump_json()).id
+    assert world.id == known
+
+
 def cart(viscous: float, dry: float, times: Array) -> Array:
     """Places (T, 3) of a cart on a track, slowed by c v and by a constant force; it does not turn back."""
 
