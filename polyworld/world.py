@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from polyworld.camera import Camera
 from polyworld.consistency import check_consistent
@@ -27,6 +28,7 @@ from polyworld.description import (
     Positive,
     Quaternion,
     Vec3,
+    unit_quaternion,
 )
 from polyworld.observer import Observer
 from polyworld.representations.attachment import Attachment, Region
@@ -58,6 +60,11 @@ class StaticObject(Description):
         description="whether its friction and restitution, where stated, are a contact's as they are; default: the "
         "geometric mean with the touching object's",
     )
+
+    @field_validator("orientation")
+    @classmethod
+    def _unit(cls, value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        return unit_quaternion(value)
 
 
 class Components(Description):
@@ -173,6 +180,12 @@ class World(Description):
     def id(self) -> str:
         """`world-` and the first 16 hex digits of the SHA-256 of the canonical JSON."""
         return "world-" + hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Copy the world; the copy's id is that of its own content, not the one cached here."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("id", None)
+        return copied
 
     def canonical_json(self) -> str:
         """The world as JSON with sorted keys and no spaces: equal worlds give equal bytes."""

@@ -73,6 +73,20 @@ def test_static_coefficients_mix_by_geometric_mean_and_default_to_the_bodys_own(
     assert bounced.events[0][0].impulse == pytest.approx(1.5 * np.sqrt(2 * GRAVITY), rel=1e-3)
 
 
+def test_a_cylinder_rolls_down_a_ramp_whose_quaternion_was_rounded() -> None:
+    """At 2/3 g sin(tilt), however many digits its orientation was given with."""
+    tilt, radius, time = 0.284704, 0.05, 0.5
+    normal = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    ramp = StaticObject(name="ramp", shape=Box(half_extents=(1.0, 0.3, 0.02)), orientation=(0.9899, 0.0, 0.1419, 0.0))
+    lain = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+    shape = Cylinder(radius=radius, half_height=0.05)
+    roller = body("roller", shape, normal * (0.02 + radius), orientation=lain, restitution=0.0)
+    trajectory = rollout(make_world(roller, statics=(ramp,)), time).trajectory
+    way = np.linalg.norm(trajectory.positions[-1, 0] - trajectory.positions[0, 0])
+    assert way == pytest.approx(GRAVITY * np.sin(tilt) * time**2 / 3.0, rel=0.01)
+    assert abs(trajectory.positions[-1, 0, 1]) < 1e-4
+
+
 def test_heavier_rolling_resistance_of_the_two_counts() -> None:
     """A ball without rolling resistance of its own, pressed by nothing else, rolls on for ever."""
     free = body("b", Sphere(radius=0.1), (0, 0, 0.1), velocity=(1, 0, 0), angular_velocity=(0, 10, 0))

@@ -20,9 +20,12 @@ class Inexpressible(Exception):
 
 
 def edits_of(clip: Clip, world: dict[str, Any], edit: dict[str, Any]) -> list[dict[str, Any]]:
-    """Edits of Rollout for one change of the scene. world: objects and joints as InspectWorld lists them."""
+    """Edits of Rollout for one change of the scene.
+
+    world: objects with their initial states, and joints, as InspectWorld lists them.
+    """
     op, name, f = edit["op"], edit["body"], float(edit["factor"])
-    objects = {item["name"]: item for item in world["objects"]}
+    objects = {item["name"]: item["initial_state"] for item in world["objects"]}
     if name and name not in objects:
         raise Inexpressible(f"{op} of {name}, which is not in the world")
     if op == "remove":
@@ -30,12 +33,12 @@ def edits_of(clip: Clip, world: dict[str, Any], edit: dict[str, Any]) -> list[di
     if op == "speed":
         return [{"action": "scale_velocity", "object": name, "factor": f}]
     if op == "turn":
-        return [_turned(clip, objects[name], np.radians(f))]
+        return [_turned(clip, name, objects[name], np.radians(f))]
     if op in ("shift", "raise"):
         place = np.asarray(objects[name]["position"]) + (np.array([f, 0, 0]) if op == "shift" else np.array([0, 0, f]))
         return [{"action": "move", "object": name, "position": place.tolist()}]
     if op == "angle":
-        return [_swung(clip, objects[name], f)]
+        return [_swung(clip, name, objects[name], f)]
     if op == "gravity":
         return [{"action": "environment", "gravity": [0.0, 0.0, -9.81 * f]}]
     return [{"action": "scale_parameter", "path": path, "factor": f} for path in _paths(clip, world, op, name)]
@@ -51,7 +54,7 @@ def _paths(clip: Clip, world: dict[str, Any], op: str, name: str) -> list[str]:
     if op == "friction":
         return [f"objects.{n}.{field}" for n in names for field in ("friction", "rolling_resistance")]
     if op == "damping":
-        joints = [f"joints.{j}.{field}" for j in world["joints"] for field in ("friction", "damping")]
+        joints = [f"joints.{j['name']}.{field}" for j in world["joints"] for field in ("friction", "damping")]
         return [*joints, *(f"objects.{n}.linear_damping" for n in names)]
     if op == "mutual restitution":
         if clip.kind not in ("floor", "entering"):
@@ -60,28 +63,28 @@ def _paths(clip: Clip, world: dict[str, Any], op: str, name: str) -> list[str]:
     raise Inexpressible(op)
 
 
-def _turned(clip: Clip, item: dict[str, Any], angle: float) -> dict[str, Any]:
+def _turned(clip: Clip, name: str, state: dict[str, Any], angle: float) -> dict[str, Any]:
     """A velocity turned about z, of a tossed body from x towards z."""
     c, s = np.cos(angle), np.sin(angle)
-    x, y, z = item["velocity"]
+    x, y, z = state["velocity"]
     upright = clip.kind in ("tossed", "bouncing")
     turned = [c * x - s * z, y, s * x + c * z] if upright else [c * x - s * y, s * x + c * y, z]
-    edit = {"action": "set_velocity", "object": item["name"], "velocity": [float(v) for v in turned]}
+    edit = {"action": "set_velocity", "object": name, "velocity": [float(v) for v in turned]}
     if not upright:
-        p, q, r = item["angular_velocity"]
+        p, q, r = state["angular_velocity"]
         edit["angular_velocity"] = [float(c * p - s * q), float(s * p + c * q), float(r)]
     return edit
 
 
-def _swung(clip: Clip, item: dict[str, Any], factor: float) -> dict[str, Any]:
+def _swung(clip: Clip, name: str, state: dict[str, Any], factor: float) -> dict[str, Any]:
     """A pendulum that starts at a multiple of its angle from the vertical, in the plane y = 0."""
-    pivot = next(b["pivot"] for b in clip.bodies if b["name"] == item["name"])
-    x, _, z = np.asarray(item["position"]) - pivot
+    pivot = next(b["pivot"] for b in clip.bodies if b["name"] == name)
+    x, _, z = np.asarray(state["position"]) - pivot
     half = 0.5 * (factor - 1.0) * float(np.arctan2(x, -z))
-    w, i, j, k = item["orientation"]
+    w, i, j, k = state["orientation"]
     c, s = np.cos(half), -np.sin(half)  # about y, from x towards -z
     turned = [c * w - s * j, c * i + s * k, c * j + s * w, c * k - s * i]
-    return {"action": "move", "object": item["name"], "orientation": [float(v) for v in turned]}
+    return {"action": "move", "object": name, "orientation": [float(v) for v in turned]}
 
 
 def question_of(clip: Clip, question: dict[str, Any], names: set[str]) -> tuple[dict[str, Any], bool]:

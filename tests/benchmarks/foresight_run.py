@@ -123,7 +123,7 @@ async def _probe(call: Caller, clip: Clip, found: ClipRun, modelled: dict[str, A
     case, world = modelled["case"], modelled["data"]["world"]
     found.verdict = str(modelled["data"]["verdict"])
     await call("CommitWorld", case=case, world=world, even_if_failed=True)  # what it says is scored all the same
-    looked = (await call("InspectWorld", case=case))["data"]
+    looked = (await call("InspectWorld", case=case, fields=["initial_state"]))["data"]
     names = {item["name"] for item in (*looked["objects"], *looked["statics"])}
     hidden = clip.hidden
     await _branch(call, clip, found, case, None, [], hidden["continuation"], names)

@@ -151,7 +151,7 @@ def video_arguments(clip: Clip) -> dict[str, Any]:
     objects = []
     for body in clip.bodies:
         pointed = body.get("pointed_at")
-        hint = {} if pointed is None else {"pixel": pointed["pixel"]}
+        hint = {} if pointed is None else {"pixel": pointed["pixel"], "frame": pointed["frame"]}
         objects.append({"name": body["name"], "shape": shape_of(body), "color": body["color"], **hint})
     points = [{"world": p["position"], "pixel": p["pixel"]} for p in clip.known["camera_points"]["points"]]
     return {

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from atw_mcp.fit_reading import ROWS, doubts, open_questions
+from atw_mcp.fit_reading import ROWS, doubts, next_step, open_questions, verdict_in_words
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box
 from polyworld.world import World
@@ -25,6 +25,12 @@ def document(losses: list[float], position: float, rotation: float) -> dict[str,
         "loss_start": 9.0,
         "starts": [{"loss": loss} for loss in losses],
         "accuracy": {"position_rmse": position, "rotation_rmse": rotation},
+        "verdict": {"verdict": "good", "why": "", "bodies": []},
+        "values": [],
+        "undetermined": [],
+        "widened": {},
+        "outlying": [],
+        "resistance": [],
     }
 
 
@@ -43,6 +49,31 @@ def test_the_deeper_of_two_basins_is_not_doubted_and_the_other_is(world: World) 
     assert "another seed" in found
     (found,) = doubts(world, document([0.25, 2.3, 2.4], 0.008, 0.05))
     assert "only one of 3 searches" in found
+
+
+def test_each_verdict_is_said_first_and_has_a_step_of_its_own(world: World) -> None:
+    asked = document([1.0], 0.008, 0.05)
+    assert verdict_in_words(asked) == "good fit:"
+    assert "CommitWorld" in next_step("case", "world", asked)
+    off = {"object": "cube", "verdict": "poor", "error_m": 0.03, "noise_m": 0.005, "of_radius": 0.12}
+    value = {"name": "cube.friction", "paths": ["objects.cube.friction"], "value": 0.999, "bounds": [0.0, 1.0]}
+    poor = {**asked, "verdict": {"verdict": "poor", "why": "cube is off", "bodies": [off]}, "values": [value]}
+    assert verdict_in_words(poor) == "POOR fit (cube is off; searched cube.friction 0 to 1):"
+    assert "FindDiscrepancy" in next_step("case", "world", poor)
+    said = " ".join(doubts(world, poor))
+    assert "cube by 0.03 m (12% of its radius)" in said
+    assert "cube.friction = 0.999" in said  # on its bound
+    failed = {**poor, "verdict": {**poor["verdict"], "verdict": "failed"}}
+    assert "CommitWorld" not in next_step("case", "world", failed)
+
+
+def test_frames_that_weigh_less_and_bounds_that_were_widened_are_named(world: World) -> None:
+    asked = document([1.0], 0.008, 0.05)
+    asked["outlying"] = [{"object": "cube", "frames": [4, 9], "worst": 31.0}]
+    asked["widened"] = {"cube.friction": [0.0, 3.0]}
+    said = doubts(world, asked)
+    assert any("frames 4, 9" in item and "31" in item for item in said)
+    assert any("cube.friction" in item and "0 to 3" in item for item in said)
 
 
 def test_objects_that_never_move_are_said_to_be_still_once_and_rows_are_few() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.polyworld.estimation.world_fit.floor_scenes import frames, thrown, tracks_of
 from tests.polyworld.sliding_block import block_places, stopping_distance
 from tests.server.calls import Session
 from tests.server.clips import write_tracks
@@ -211,3 +212,26 @@ def test_a_world_that_was_never_fitted_is_refused_with_what_to_do(tmp_path: Path
 )
 def test_refusals_say_what_to_give(session: Session, rollout: str, arguments: dict[str, Any], complaint: str) -> None:
     assert complaint in session.refused("QueryWorld", rollout=rollout, **arguments), json.dumps(arguments)
+
+
+def test_the_members_of_a_world_that_got_a_law_of_resistance_have_it(tmp_path: Path) -> None:
+    """A ball thrown in a drag of 0.3 v^2: where it is after twice the clip, within what the members say."""
+    times = frames(60)
+    places = thrown(times, (6.0, 1.0, 5.0), 0.0, 0.3)
+    session, path = Session(tmp_path / "atw.db"), tmp_path / "tracks.json"
+    path.write_text(json.dumps(tracks_of({"ball": places[:30]}).to_dict()))
+    session("OpenCase", data=str(path), name="throw")
+    session("ImportObservation", case="throw", kind="tracks", path=str(path))
+    session("BuildWorld", case="throw", objects=[{"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}}])
+    fitted = session("FitWorld", case="throw", method="prefixes", patience_seconds=300)
+    assert [law["name"] for law in fitted["data"]["resistance"] if law["kept"]] == ["quadratic_damping"]
+    session("CommitWorld", case="throw", world=fitted["data"]["world"])
+    end = float(times[-1])
+    rolled = session("Rollout", case="throw", horizon_seconds=end, ensemble=20)["data"]["rollout"]
+    x = float(places[-1, 0])
+    for border, truth in ((x + 0.6, 1.0), (x - 0.6, 0.0)):
+        inside = {"predicate": "inside_region", "object": "ball", "lower": [-99, -99, -99], "upper": [border, 99, 99]}
+        asked = {"predicate": inside, "interval": [end - 0.01, end], "ensemble": 20}
+        assert session("QueryWorld", rollout=rolled, **asked)["data"]["ensemble"]["probability"] == pytest.approx(
+            truth, abs=0.1
+        )

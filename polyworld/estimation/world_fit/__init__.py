@@ -11,12 +11,19 @@ from polyworld.estimation.world_fit.objective import Objective, ObjectiveSetting
 from polyworld.estimation.world_fit.outlying import Outlying, outlying_frames
 from polyworld.estimation.world_fit.plausible import plausible_unknowns
 from polyworld.estimation.world_fit.posterior import PosteriorSample, sample_posterior
-from polyworld.estimation.world_fit.prefixes import PrefixSettings, fit_by_prefixes
+from polyworld.estimation.world_fit.prefixes import fit_by_prefixes
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import refine
 from polyworld.estimation.world_fit.resistance import Tested, choose_resistance, laws_of_resistance
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, Undetermined
 from polyworld.estimation.world_fit.search import SearchProgress, SearchSettings, fit, fit_by_random_search
+from polyworld.estimation.world_fit.settings import (
+    OrdinarySettings,
+    PrefixSettings,
+    ResistanceSettings,
+    SupportSettings,
+    WideningSettings,
+)
 from polyworld.estimation.world_fit.support import supports, with_supports
 
 __all__ = [
@@ -27,16 +34,20 @@ __all__ = [
     "FittedValue",
     "Objective",
     "ObjectiveSettings",
+    "OrdinarySettings",
     "Outlying",
     "PosteriorSample",
     "PrefixSettings",
+    "ResistanceSettings",
     "SearchProgress",
     "SearchSettings",
     "Shown",
     "Start",
+    "SupportSettings",
     "Tested",
     "Undetermined",
     "Unknown",
+    "WideningSettings",
     "accuracy",
     "choose_resistance",
     "default_unknowns",

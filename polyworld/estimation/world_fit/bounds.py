@@ -8,29 +8,31 @@ from dataclasses import replace
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.multistart import Start
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.refine import descend
+from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import FitResult
 from polyworld.estimation.world_fit.search import Cancelled
+from polyworld.estimation.world_fit.settings import WideningSettings
 from polyworld.parameters import specification
-
-ROUNDS = 3
-ITERATIONS = 8
-NEAR = 0.01  # of the width of its bounds, within which a value lies on one
-WIDER = 3.0  # factor by which the range grows
 
 
 def refit_with_wider_bounds(
-    problem: FitProblem, start: Start, *, keep: Collection[str] = (), cancelled: Cancelled | None = None
+    problem: FitProblem,
+    start: Start,
+    *,
+    keep: Collection[str] = (),
+    settings: WideningSettings | None = None,
+    cancelled: Cancelled | None = None,
 ) -> tuple[FitProblem, Start, dict[str, tuple[float, float]]]:
     """Refit while a value lies on a bound that is not physical; returns the bounds that were widened, by name.
 
     keep: paths whose bounds were given. A fit that does not become better is dropped, and its bounds with it.
     """
+    settings = settings or WideningSettings()
     widened: dict[str, tuple[float, float]] = {}
-    for _ in range(ROUNDS):
+    for _ in range(settings.rounds):
         if start.best.status == "cancelled" or (cancelled is not None and cancelled()):
             break
-        unknowns, moved = _widened(problem, start.best, keep)
+        unknowns, moved = _widened(problem, start.best, keep, settings)
         if not moved:
             break
         wider = problem.with_unknowns(unknowns, problem.world)
@@ -39,7 +41,8 @@ def refit_with_wider_bounds(
             wider,
             wider.space.coordinates(start.best.by_name),
             wider.samples,
-            iterations=ITERATIONS,
+            iterations=settings.iterations,
+            enough=GOOD,
             cancelled=cancelled,
         )
         found = wider.finish(start.best.method, status, at, None, history, start.best.seed)
@@ -51,7 +54,7 @@ def refit_with_wider_bounds(
 
 
 def _widened(
-    problem: FitProblem, result: FitResult, keep: Collection[str]
+    problem: FitProblem, result: FitResult, keep: Collection[str], settings: WideningSettings
 ) -> tuple[tuple[Unknown, ...], dict[str, tuple[float, float]]]:
     values = result.by_name
     unknowns, moved = [], {}
@@ -61,12 +64,12 @@ def _widened(
         lower, upper, value = u.lower, u.upper, values[u.name]
         if not set(keep) & set(u.paths):
             if u.scale == "log":
-                near = (u.upper / u.lower) ** NEAR
-                lower = max(least, u.lower / WIDER) if value < u.lower * near else lower
-                upper = min(most, u.upper * WIDER) if value > u.upper / near else upper
+                near = (u.upper / u.lower) ** settings.near
+                lower = max(least, u.lower / settings.wider) if value < u.lower * near else lower
+                upper = min(most, u.upper * settings.wider) if value > u.upper / near else upper
             else:
-                near = NEAR * (u.upper - u.lower)
-                grown = (WIDER - 1.0) * (u.upper - u.lower)
+                near = settings.near * (u.upper - u.lower)
+                grown = (settings.wider - 1.0) * (u.upper - u.lower)
                 lower = max(least, u.lower - grown) if value < u.lower + near else lower
                 upper = min(most, u.upper + grown) if value > u.upper - near else upper
         if (lower, upper) != (u.lower, u.upper):

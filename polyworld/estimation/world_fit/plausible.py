@@ -14,6 +14,7 @@ import numpy as np
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
+from polyworld.estimation.world_fit.settings import OrdinarySettings
 from polyworld.estimation.world_fit.support import Support, supports
 from polyworld.parameters import read_parameter, specification
 from polyworld.representations.rigid import RigidObject
@@ -21,48 +22,39 @@ from polyworld.shapes import Capsule, Cylinder, Sphere
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 
-# Mean and standard deviation: dry contacts of wood, plastic, rubber, metal and felt mostly lie within two of them.
-FRICTION, RESTITUTION = (0.35, 0.2), (0.5, 0.25)
-MOST_FRICTION = 2.0
-ROLLING = 0.015  # of the radius: mean and standard deviation of the lever arm of rolling resistance
-MOST_ROLLING = 0.3  # of the radius
-MASS = 0.6  # standard deviation as a share of the mass at the density that is assumed
-SURFACE_SPEED = 0.5  # [m/s] at the surface by a spin that is not observed
-SLIP = 0.5  # of the rolling spin: standard deviation of that of a body that may slide instead
-REACH = 6.0  # standard deviations within which a spin is searched
-ALIKE = 3  # bodies of one shape and size from which on they are taken for pieces of one set
-JOINT = 0.3  # of the acceleration of gravity by dry friction, and [1/s] by damping, that a joint may cause
 
-
-def plausible_unknowns(world: World, tracks: ObservedTracks, unknowns: Sequence[Unknown]) -> list[Unknown]:
+def plausible_unknowns(
+    world: World, tracks: ObservedTracks, unknowns: Sequence[Unknown], settings: OrdinarySettings | None = None
+) -> list[Unknown]:
     """Give the unknowns of a spatial world priors, drop the motion that supports forbid, and add unobserved spins.
 
-    Added too: rolling resistance of what can roll, and restitution of fixed things that bodies bounce on, where
-    collisions among bodies show another. Bodies of one shape and size, at least `ALIKE` of them, such as the balls of a
-    game, share their contact parameters and have equal masses.
+    Added too: rolling resistance of what can roll, restitution of fixed things that bodies bounce on and friction of
+    those they lie on, where collisions among bodies show another. Bodies of one shape and size, at least
+    `settings.alike` of them, such as the balls of a game, share their contact parameters and have equal masses.
     """
+    settings = settings or OrdinarySettings()
     shown = Shown(world, tracks)
     on = supports(world, tracks)
-    found = [with_prior(world, u) for u in unknowns if not _forbidden(u, on)]
+    found = [with_prior(world, u, settings) for u in unknowns if not _forbidden(u, on)]
     taken = {path for u in found for path in u.paths}
     for name, begin in shown.begins.items():
         item, state = world.object(name), shown.states[name]
         if isinstance(item.shape, Sphere | Cylinder | Capsule):
             path = f"objects.{name}.rolling_resistance"
             if path not in taken:
-                found.append(_rolling(world, item, begin))
+                found.append(_rolling(world, item, begin, settings))
         if state.moves and not _held(world, name):
-            found += [_spin(world, item, on.get(name), axis, begin) for axis in _spins(item, on.get(name))
+            found += [_spin(world, item, on.get(name), axis, begin, settings) for axis in _spins(item, on.get(name))
                       if f"objects.{name}.angular_velocity.{axis}" not in taken]  # fmt: skip
-    return [*_shared(world, found), *_bounced_on(world, shown, on)]
+    return [*_shared(world, found, settings.alike), *_of_statics(world, shown, on, settings)]
 
 
-def _shared(world: World, unknowns: list[Unknown]) -> list[Unknown]:
+def _shared(world: World, unknowns: list[Unknown], alike: int) -> list[Unknown]:
     """Tie the contact parameters of bodies that are alike, and drop their masses."""
     groups: dict[str, list[str]] = {}
     for item in world.objects:
         groups.setdefault(item.shape.model_dump_json(), []).append(item.name)
-    first = {name: own[0] for own in groups.values() if len(own) >= ALIKE for name in own}
+    first = {name: own[0] for own in groups.values() if len(own) >= alike for name in own}
     found: dict[tuple[str, str], Unknown] = {}
     for u in unknowns:
         parts = u.paths[0].split(".")
@@ -79,32 +71,42 @@ def _shared(world: World, unknowns: list[Unknown]) -> list[Unknown]:
     return list(found.values())
 
 
-def _bounced_on(world: World, shown: Shown, on: dict[str, Support]) -> list[Unknown]:
-    """Restitution of what bodies bounce on, one value, where they also meet one another."""
-    statics = {s.name for s in world.statics}
-    resting = {(name, support.static) for name, support in on.items()}
+def _of_statics(world: World, shown: Shown, on: dict[str, Support], settings: OrdinarySettings) -> list[Unknown]:
+    """Restitution of what bodies bounce on and friction of what they lie on, where they also meet one another.
+
+    A coefficient belongs to a pair of surfaces: ball on ball is another pair than ball on cloth.
+    """
+    statics = {s.name: s for s in world.statics}
     bounced: dict[str, float] = {}
-    meetings = False
+    meetings: list[float] = []
     for pair, time in shown.contacts.items():
         fixed = [name for name in pair if name in statics]
         if not fixed:
-            meetings = True
+            meetings.append(time)
             continue
         body = next(name for name in pair if name != fixed[0])
-        if (body, fixed[0]) not in resting:
+        if body not in on or on[body].static != fixed[0]:
             bounced.setdefault(fixed[0], time)
-    own = [s for s in world.statics if s.name in bounced and s.restitution is None]
-    if not meetings or not own:
+    if not meetings:
         return []
-    paths = tuple(f"statics.{s.name}.restitution" for s in own)
-    name = f"restitution of {', '.join(s.name for s in own)}"
-    begin = min(bounced[s.name] for s in own)
-    mean, sd = RESTITUTION
-    return [Unknown(name, paths, "1", mean, 0.0, 1.0, sd, prior=RESTITUTION, enters=begin)]
+    lain = dict.fromkeys((support.static for name, support in on.items() if name in shown.begins), min(meetings))
+    found = []
+    for field, (mean, sd), most, since in (
+        ("restitution", settings.restitution, 1.0, bounced),
+        ("friction", settings.friction, settings.most_friction, lain),
+    ):
+        own = [name for name in since if getattr(statics[name], field) is None]
+        if own:
+            paths = tuple(f"statics.{name}.{field}" for name in own)
+            begin = min(since[name] for name in own)
+            name = f"{field} of {', '.join(own)}"
+            found.append(Unknown(name, paths, "1", mean, 0.0, most, sd, prior=(mean, sd), enters=begin))
+    return found
 
 
-def joint_unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:
+def joint_unknowns(world: World, tracks: ObservedTracks, settings: OrdinarySettings | None = None) -> list[Unknown]:
     """Dry friction and damping of hinges and sliders whose bodies are seen to move, as candidates for a fit."""
+    most_joint = (settings or OrdinarySettings()).joint
     shown = Shown(world, tracks)
     found = []
     for joint in world.joints:
@@ -115,7 +117,7 @@ def joint_unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:
         arm = float(np.linalg.norm(np.asarray(joint.anchor) - np.asarray(item.position)))
         inertia, lever = (mass * arm**2, arm) if joint.kind == "hinge" else (mass, 1.0)
         weight = mass * float(np.linalg.norm(world.environment.gravity))
-        sizes = {"friction": JOINT * weight * lever, "damping": JOINT * 10.0 * inertia}
+        sizes = {"friction": most_joint * weight * lever, "damping": most_joint * 10.0 * inertia}
         for field, most in sizes.items():
             path = f"joints.{joint.name}.{field}"
             spec = specification(world, path)
@@ -139,29 +141,29 @@ def _forbidden(unknown: Unknown, on: dict[str, Support]) -> bool:
     return not support.rolls and parts[3] in "xy"
 
 
-def with_prior(world: World, unknown: Unknown) -> Unknown:
+def with_prior(world: World, unknown: Unknown, settings: OrdinarySettings | None = None) -> Unknown:
     """The unknown with what is ordinary of a contact parameter or a mass as its prior."""
     if unknown.prior is not None or len(unknown.paths) != 1 or not unknown.paths[0].startswith("objects."):
         return unknown
+    settings = settings or OrdinarySettings()
     field = unknown.paths[0].split(".")[-1]
-    if field == "friction":
-        upper = max(MOST_FRICTION, unknown.upper)
-        return replace(unknown, prior=FRICTION, start=FRICTION[0], typical=FRICTION[1], upper=upper)
-    if field == "restitution":
-        return replace(unknown, prior=RESTITUTION, start=RESTITUTION[0], typical=RESTITUTION[1])
+    if field in ("friction", "restitution"):
+        mean, sd = settings.friction if field == "friction" else settings.restitution
+        upper = max(settings.most_friction, unknown.upper) if field == "friction" else unknown.upper
+        return replace(unknown, prior=(mean, sd), start=mean, typical=sd, upper=upper)
     if field == "mass":
-        return replace(unknown, prior=(unknown.start, MASS * unknown.start))
+        return replace(unknown, prior=(unknown.start, settings.mass * unknown.start))
     if field == "rolling_resistance":
-        return _rolling(world, world.object(unknown.paths[0].split(".")[1]), unknown.enters)
+        return _rolling(world, world.object(unknown.paths[0].split(".")[1]), unknown.enters, settings)
     return unknown
 
 
-def _rolling(world: World, item: RigidObject, begin: float) -> Unknown:
+def _rolling(world: World, item: RigidObject, begin: float, settings: OrdinarySettings) -> Unknown:
     assert isinstance(item.shape, Sphere | Cylinder | Capsule)
-    path, usual = f"objects.{item.name}.rolling_resistance", ROLLING * item.shape.radius
+    path, usual = f"objects.{item.name}.rolling_resistance", settings.rolling * item.shape.radius
     spec = specification(world, path)
     name = path.removeprefix("objects.")
-    most = MOST_ROLLING * item.shape.radius
+    most = settings.most_rolling * item.shape.radius
     return Unknown(name, (path,), spec.unit, usual, 0.0, most, usual, prior=(usual, usual), enters=begin)
 
 
@@ -180,13 +182,15 @@ def _spins(item: RigidObject, support: Support | None) -> Collection[str]:
     return "xy" if support.level else "xyz"
 
 
-def _spin(world: World, item: RigidObject, support: Support | None, axis: str, begin: float) -> Unknown:
+def _spin(
+    world: World, item: RigidObject, support: Support | None, axis: str, begin: float, settings: OrdinarySettings
+) -> Unknown:
     assert isinstance(item.shape, Sphere | Cylinder | Capsule)
     path = f"objects.{item.name}.angular_velocity.{axis}"
     start = read_parameter(world, path) or 0.0
-    sd = SURFACE_SPEED / item.shape.radius
+    sd = settings.surface_speed / item.shape.radius
     if support is not None:
-        sd = max(SLIP * float(np.linalg.norm(item.angular_velocity)), 0.1 * sd)
+        sd = max(settings.slip * float(np.linalg.norm(item.angular_velocity)), 0.1 * sd)
     name = path.removeprefix("objects.")
-    lower, upper = start - REACH * sd, start + REACH * sd
+    lower, upper = start - settings.reach * sd, start + settings.reach * sd
     return Unknown(name, (path,), "rad/s", start, lower, upper, sd, prior=(start, sd), enters=begin)

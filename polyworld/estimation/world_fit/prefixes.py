@@ -2,38 +2,25 @@
 
 The first frames show initial states nearly linearly; every longer stretch starts from what the shorter one found, so
 that each collision is met with a path that reaches it at about the right place and time. Where the whole is not
-described within the noise, further starts are drawn from the priors, the initial states kept.
+described within the noise, further starts are drawn from the priors, the initial states kept; one that falls behind the
+best start over a stretch is abandoned there (racing, Maron & Moore 1994).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.world_fit.multistart import Start, in_order
 from polyworld.estimation.world_fit.problem import FitProblem
-from polyworld.estimation.world_fit.refine import descend
+from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import LossPoint, Status
 from polyworld.estimation.world_fit.search import Cancelled
+from polyworld.estimation.world_fit.settings import PrefixSettings
 
 Array = NDArray[np.float64]
-
-STAGES = (0.35, 0.7, 1.0)  # of the samples
-ITERATIONS = (6, 8, 16)  # at most
-TOLERANCE = 1e-3  # converged, as a share of the loss
-GOOD = 1.5  # loss up to which no further start is tried: only noise is left
-SCATTER = 1.0  # standard deviations of a prior by which a further start departs
-
-
-@dataclass(frozen=True)
-class PrefixSettings:
-    """starts: most starts tried. seed: of the further ones."""
-
-    starts: int = 3
-    seed: int = 0
 
 
 def fit_by_prefixes(
@@ -43,7 +30,7 @@ def fit_by_prefixes(
     progress: Callable[[int, int, float], None] | None = None,
     cancelled: Cancelled | None = None,
 ) -> tuple[Start, ...]:
-    """Fit from each start over growing stretches; the starts in order of their best loss.
+    """Fit from each start over growing stretches; the starts that were not abandoned in order of their best loss.
 
     progress: start, starts, loss so far. A cancelled fit returns what was reached, with status `cancelled`.
     """
@@ -51,33 +38,49 @@ def fit_by_prefixes(
     rng = np.random.default_rng([settings.seed, 0x9F])
     space = problem.space
     contact = np.array([_of_contact(u.paths[0]) for u in space.unknowns])
+    stages = _stages(problem, settings.stages)
+    reached = np.full(len(stages), np.inf)  # lowest loss over each stretch
     starts: list[Start] = []
     for number in range(settings.starts):
         problem.begin()
         at = space.mean.copy()
         if number:
-            at = np.where(contact, at + SCATTER * space.sd * rng.standard_normal(len(at)), at)
+            at = np.where(contact, at + settings.scatter * space.sd * rng.standard_normal(len(at)), at)
             at = np.clip(at, space.lower, space.upper)
         status: Status = "completed"
         history: list[LossPoint] = []
-        for samples, iterations in zip(_stages(problem), ITERATIONS, strict=True):
+        behind = False
+        for stage, (samples, iterations) in enumerate(zip(stages, settings.iterations, strict=True)):
             at, points, status = descend(
-                problem, at, samples, iterations=iterations, tolerance=TOLERANCE, cancelled=cancelled
+                problem,
+                at,
+                samples,
+                iterations=iterations,
+                tolerance=settings.tolerance,
+                enough=GOOD,
+                cancelled=cancelled,
             )
             history += points
             if progress is not None:
                 progress(number + 1, settings.starts, history[-1].best if history else float("nan"))
             if status == "cancelled":
                 break
+            loss = float(problem.losses(at[None], samples)[0])
+            behind = loss > settings.behind * reached[stage]
+            reached[stage] = min(reached[stage], loss)
+            if behind:
+                break
+        if behind:
+            continue
         starts.append(Start(problem.finish("prefixes", status, at, None, history, settings.seed)))
         if status == "cancelled" or starts[-1].best.loss <= GOOD:
             break
     return in_order(starts)
 
 
-def _stages(problem: FitProblem) -> list[int]:
+def _stages(problem: FitProblem, shares: Sequence[float]) -> list[int]:
     least = min(6, problem.samples)
-    return [max(least, round(share * problem.samples)) for share in STAGES]
+    return [max(least, round(share * problem.samples)) for share in shares]
 
 
 def _of_contact(path: str) -> bool:

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 SPANS = (1.0, 0.3, 3.0, 0.1, 10.0)
 STEP = 1e-3  # of the differences, as a share of a parameter's range
 TOLERANCE = 1e-4  # converged when the loss falls by less than this share of itself
+# Loss up to which only noise is left: a perfect model exceeds it once in a thousand fits to 100 observed components
+# (chi-square), and never to more.
+GOOD = 1.5
 # Trial dampings of one iteration, as factors of the last successful one: tried in a single batch.
 TRIALS = 10.0 ** np.arange(-3.0, 5.0)
 
@@ -45,11 +48,13 @@ def descend(
     *,
     iterations: int,
     tolerance: float = TOLERANCE,
+    enough: float = 0.0,
     cancelled: Cancelled | None = None,
 ) -> tuple[Array, list[LossPoint], Status]:
     """Minimise the loss over the first `samples` samples from search coordinates (P,), by Levenberg-Marquardt.
 
     Only unknowns that can show by then are varied. tolerance: converged when the loss falls by less than this share.
+    enough: loss at or below which that is so at once; above it, other steps of the differences are tried first.
     """
     space = problem.space
     entered = space.entered(float(problem.objective.sample_times[samples - 1]))
@@ -82,6 +87,6 @@ def descend(
             at, loss = candidates[best], float(losses[best])
             damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
         span = span + 1 if gain < tolerance else 0
-        if span == len(SPANS):
+        if span == len(SPANS) or (span and loss <= enough):
             break
     return at, history, status

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld import geometry
+from polyworld.estimation.world_fit.settings import SupportSettings
 from polyworld.initial_states import InitialState, initial_states
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere
@@ -19,12 +20,6 @@ from polyworld.tracks import ObservedTracks
 from polyworld.world import StaticObject, World
 
 Array = NDArray[np.float64]
-
-UPWARD = 0.5  # cosine between a surface's normal and the vertical, below which nothing rests on it
-CLOSE = 0.15  # of a body's half height by which a mean height may be off that of rest, beyond its noise
-SIGMAS = 4.0  # standard errors
-FLAT = 0.9  # cosine within which a body axis lies along or across the normal
-STEADY = 12  # samples looked at
 
 
 @dataclass(frozen=True)
@@ -49,13 +44,14 @@ class Support:
         return bool(self.normal[2] > 1.0 - 1e-9)
 
 
-def supports(world: World, tracks: ObservedTracks) -> dict[str, Support]:
+def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | None = None) -> dict[str, Support]:
     """Support of every tracked body of a spatial world that keeps its height over a fixed surface as its track begins.
 
     Surfaces are planes and the faces of boxes that look upward. Bodies that a joint holds are left out.
     """
     if world.planar or world.deformables:
         return {}
+    settings = settings or SupportSettings()
     held = {name for joint in world.joints for name in (joint.object, joint.other)}
     states = initial_states(tracks, seconds_per_frame=world.time.seconds_per_frame)
     found: dict[str, Support] = {}
@@ -65,24 +61,25 @@ def supports(world: World, tracks: ObservedTracks) -> dict[str, Support]:
             continue
         column = tracks.index(item.name)
         rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
-        rows = rows[tracks.frames[rows] <= max(state.free_until, state.frame + 2)][:STEADY]
+        rows = rows[tracks.frames[rows] <= max(state.free_until, state.frame + 2)][: settings.steady]
         points = tracks.positions[rows, column]
         times = tracks.frames[rows].astype(np.float64) * world.time.seconds_per_frame
         noise = float(max(state.noise, np.median(tracks.position_sigma[rows, column])))
-        own = [_on(item, state, points, times, noise, *face) for face in _faces(world.statics, state.position)]
+        faces = [face for face in _faces(world.statics, state.position) if face[2][2] >= settings.upward]
+        own = [_on(item, state, points, times, noise, *face, settings) for face in faces]
         best = [s for s in own if s is not None]
         if best:
             found[item.name] = min(best, key=lambda s: float(np.linalg.norm(s.position - state.position)))
     return found
 
 
-def with_supports(world: World, tracks: ObservedTracks) -> World:
+def with_supports(world: World, tracks: ObservedTracks, settings: SupportSettings | None = None) -> World:
     """The world with supported bodies in contact with what supports them, without velocity along its normal.
 
     Bodies that lie on a face turn about the normal alone; balls, and cylinders on their side, begin to roll without
     slip, as what has moved on a floor for a while does.
     """
-    found = supports(world, tracks)
+    found = supports(world, tracks, settings)
     objects = []
     for item in world.objects:
         support = found.get(item.name)
@@ -109,7 +106,7 @@ def rolling_spin(item: RigidObject, support: Support, velocity: Array) -> Array:
 
 
 def _faces(statics: tuple[StaticObject, ...], place: Array) -> list[tuple[str, Array, Array]]:
-    """Name, a point and the normal of the upward faces that lie under a place."""
+    """Name, a point and the normal of planes, and of the topmost faces of boxes that lie under a place."""
     found: list[tuple[str, Array, Array]] = []
     for static in statics:
         turn = geometry.quaternion_matrix(np.asarray(static.orientation))
@@ -125,7 +122,7 @@ def _faces(statics: tuple[StaticObject, ...], place: Array) -> list[tuple[str, A
             others = [k for k in range(3) if k != axis]
             if np.all(np.abs(local[others]) <= half[others]) and sign * local[axis] > 0.0:
                 found.append((static.name, centre + turn[:, axis] * sign * half[axis], turn[:, axis] * sign))
-    return [face for face in found if face[2][2] >= UPWARD]
+    return found
 
 
 def _on(
@@ -137,27 +134,30 @@ def _on(
     static: str,
     at: Array,
     normal: Array,
+    settings: SupportSettings,
 ) -> Support | None:
     """A body's support by one face, None where it is off it, leaves it or stands on an edge."""
     seen = np.asarray(item.orientation if state.orientation is None else state.orientation)
-    lain = _lain(item, seen, normal)
+    lain = _lain(item, seen, normal, settings.flat)
     if lain is None:
         return None
     orientation, reach, axis, rolls = lain
     heights = (points - at) @ normal - reach
     count = len(heights)
-    if abs(float(heights.mean())) > CLOSE * reach + SIGMAS * noise / np.sqrt(count):
+    if abs(float(heights.mean())) > settings.close * reach + settings.sigmas * noise / np.sqrt(count):
         return None
     if count >= 3:
         spread = times - times.mean()
         slope = float(spread @ heights) / float(spread @ spread)
-        if abs(slope) > SIGMAS * noise / float(np.sqrt(spread @ spread)):
+        if abs(slope) > settings.sigmas * noise / float(np.sqrt(spread @ spread)):
             return None
     position = state.position - normal * ((state.position - at) @ normal - reach)
     return Support(static, normal, position, orientation, axis, rolls)
 
 
-def _lain(item: RigidObject, orientation: Array, normal: Array) -> tuple[Array, float, Array | None, bool] | None:
+def _lain(
+    item: RigidObject, orientation: Array, normal: Array, flat: float
+) -> tuple[Array, float, Array | None, bool] | None:
     """How a body lies on a face: its orientation turned flat, the height of its centre, the axis about which it rolls.
 
     None for shapes that lie in no simple way, or that stand on an edge.
@@ -168,27 +168,28 @@ def _lain(item: RigidObject, orientation: Array, normal: Array) -> tuple[Array, 
     if isinstance(shape, Box):
         axis = int(np.argmax(np.abs(turn.T @ normal)))
         goal = normal * np.sign(turn[:, axis] @ normal)
-        flat = _turned_to(orientation, turn[:, axis], goal)
-        return None if flat is None else (flat, shape.half_extents[axis], None, False)
+        turned = _turned_to(orientation, turn[:, axis], goal, flat)
+        return None if turned is None else (turned, shape.half_extents[axis], None, False)
     if isinstance(shape, Cylinder | Capsule):
         axis_now = turn[:, 2]
         upright = abs(float(axis_now @ normal))
-        if upright > FLAT and isinstance(shape, Cylinder):
-            flat = _turned_to(orientation, axis_now, normal * np.sign(axis_now @ normal))
-            return None if flat is None else (flat, shape.half_height, None, False)
+        if upright > flat and isinstance(shape, Cylinder):
+            turned = _turned_to(orientation, axis_now, normal * np.sign(axis_now @ normal), flat)
+            return None if turned is None else (turned, shape.half_height, None, False)
         level = axis_now - normal * (axis_now @ normal)
-        if np.linalg.norm(level) < FLAT:
+        if np.linalg.norm(level) < flat:
             return None
         level = level / np.linalg.norm(level)
-        flat = _turned_to(orientation, axis_now, level)
-        return None if flat is None else (flat, shape.radius, level, True)
+        turned = _turned_to(orientation, axis_now, level, flat)
+        return None if turned is None else (turned, shape.radius, level, True)
     return None
 
 
-def _turned_to(orientation: Array, direction: Array, goal: Array) -> Array | None:
-    """An orientation turned the short way so that a world direction comes to lie along another; None if far."""
+def _turned_to(orientation: Array, direction: Array, goal: Array, flat: float) -> Array | None:
+    """An orientation turned the short way so that a world direction comes to lie along another; None if its cosine is
+    below `flat`."""
     cosine = float(direction @ goal)
-    if cosine < FLAT:
+    if cosine < flat:
         return None
     axis = np.cross(direction, goal)
     size = float(np.linalg.norm(axis))

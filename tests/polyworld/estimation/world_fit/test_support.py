@@ -1,0 +1,143 @@
+"""Which bodies a surface supports, and how they begin on it: known scenes with noise of the size of a track's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from polyworld import geometry
+from polyworld.estimation.world_fit import supports, with_supports
+from polyworld.representations.joint import Hinge
+from polyworld.rollout import rollout
+from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.world import Environment, MotionPlane, StaticObject, World
+from tests.polyworld.estimation.world_fit.floor_scenes import (
+    FLOOR,
+    GRAVITY,
+    RADIUS,
+    ball,
+    box,
+    frames,
+    scene,
+    slowed,
+    tracks_of,
+    upright,
+)
+
+COUNT = 20
+TILT = 0.3  # [rad] of a ramp
+SEEDS = range(5)
+
+
+def still(z: float = RADIUS, x: float = 0.0) -> np.ndarray:
+    return np.tile([x, 0.0, z], (COUNT, 1))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_ball_on_the_floor_begins_in_contact_and_rolls_without_slip(seed: int) -> None:
+    tracks = tracks_of({"ball": slowed(frames(COUNT), 0.8, 0.2)}, seed=seed)
+    start = scene([ball()], tracks)
+    assert start.object("ball").velocity[2] != 0.0  # noise
+    begun = with_supports(start, tracks).object("ball")
+    assert begun.position[2] == pytest.approx(RADIUS, abs=1e-12)
+    assert begun.velocity[2] == pytest.approx(0.0, abs=1e-12)
+    v = np.asarray(begun.velocity)
+    at_contact = v + np.cross(begun.angular_velocity, [0.0, 0.0, -RADIUS])
+    assert at_contact == pytest.approx(np.zeros(3), abs=1e-12)
+    assert v[0] == pytest.approx(0.8, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_box_lies_flat_and_turns_about_the_vertical_alone(seed: int) -> None:
+    turns = geometry.rotation_quaternion(frames(COUNT)[:, None] * [0.0, 0.0, 2.0])
+    tracks = tracks_of({"box": slowed(frames(COUNT), 1.5, 2.0)}, orientations={"box": turns}, seed=seed)
+    begun = with_supports(scene([box()], tracks), tracks).object("box")
+    up = geometry.quaternion_matrix(np.asarray(begun.orientation))[2]
+    assert np.abs(up).max() == pytest.approx(1.0, abs=1e-12)
+    assert begun.angular_velocity[:2] == (0.0, 0.0)
+    assert begun.angular_velocity[2] == pytest.approx(2.0, abs=0.6)
+    assert begun.velocity[2] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_body_at_rest_stays_at_rest(seed: int) -> None:
+    """Noise of 4 mm a frame would throw it at 0.1 m/s, were it taken for motion."""
+    tracks = tracks_of({"box": still(), "ball": still(x=1.0)}, sigma=0.004, seed=seed,
+                       orientations={"box": upright(COUNT)})  # fmt: skip
+    world = with_supports(scene([box(), ball()], tracks), tracks)
+    found = rollout(world, 2.0).trajectory
+    assert found.positions[-1] == pytest.approx(found.positions[0], abs=1e-4)
+    assert found.positions[-1, :, :2] == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.0]]), abs=0.005)
+
+
+def test_what_flies_falls_or_hovers_is_not_supported() -> None:
+    t = frames(COUNT)
+    up = still() + np.stack([0 * t, 0 * t, 2.0 * t - GRAVITY / 2 * t**2], axis=1)
+    tracks = tracks_of({"up": up, "high": still(z=0.4, x=1.0), "down": still(0.9) - up * [0, 0, 1]})
+    world = scene([ball("up"), ball("high"), ball("down")], tracks)
+    assert supports(world, tracks) == {}
+
+
+def test_a_slow_rise_from_the_floor_is_seen_before_the_body_has_left_it() -> None:
+    """After 0.76 s at 20 mm/s it is 15 mm up, within the tolerance of a mean height."""
+    t = frames(COUNT)
+    tracks = tracks_of({"ball": still() + np.stack([0 * t, 0 * t, 0.02 * t], axis=1)}, sigma=0.001)
+    assert supports(scene([ball()], tracks), tracks) == {}
+
+
+def ramp() -> StaticObject:
+    turn = geometry.rotation_quaternion(np.array([0.0, TILT, 0.0]))
+    return StaticObject(name="ramp", shape=Box(half_extents=(2.0, 0.5, 0.05)), orientation=tuple(turn.tolist()))
+
+
+def test_a_ball_on_a_ramp_begins_along_it() -> None:
+    """From rest it rolls at 5/7 g sin(tilt)."""
+    t, down = frames(COUNT), np.array([np.cos(TILT), 0.0, -np.sin(TILT)])
+    normal = np.array([np.sin(TILT), 0.0, np.cos(TILT)])
+    way = 5.0 / 14.0 * GRAVITY * np.sin(TILT) * t**2 + 0.3 * t
+    tracks = tracks_of({"ball": (0.05 + RADIUS) * normal + way[:, None] * down})
+    world = scene([ball()], tracks, statics=[ramp()])
+    found = supports(world, tracks)["ball"]
+    assert (found.static, found.level, found.rolls) == ("ramp", False, True)
+    assert found.normal == pytest.approx(normal, abs=1e-12)
+    begun = with_supports(world, tracks).object("ball")
+    assert normal @ np.asarray(begun.velocity) == pytest.approx(0.0, abs=1e-12)
+    assert down @ np.asarray(begun.velocity) == pytest.approx(0.3, abs=0.1)
+
+
+def test_what_lies_on_a_box_is_supported_by_it_and_what_lies_beside_it_by_the_floor() -> None:
+    table = StaticObject(name="table", shape=Box(half_extents=(0.3, 0.3, 0.2)), position=(0.0, 0.0, 0.2))
+    tracks = tracks_of({"on": still(z=0.4 + RADIUS), "beside": still(x=0.6)})
+    found = supports(scene([ball("on"), ball("beside")], tracks, statics=[FLOOR, table]), tracks)
+    assert {name: support.static for name, support in found.items()} == {"on": "table", "beside": "floor"}
+
+
+@pytest.mark.parametrize(("lies", "height", "rolls"), [(False, 0.08, False), (True, 0.05, True)])
+def test_a_cylinder_stands_on_its_end_or_rolls_about_its_axis(lies: bool, height: float, rolls: bool) -> None:
+    can = ball("can", shape=Cylinder(radius=0.05, half_height=0.08))
+    turn = geometry.rotation_quaternion(np.array([np.pi / 2 if lies else 0.0, 0.0, 0.0]))
+    tracks = tracks_of({"can": still(z=height)}, orientations={"can": np.tile(turn, (COUNT, 1))})
+    found = supports(scene([can], tracks), tracks)["can"]
+    assert found.rolls is rolls
+    assert found.position[2] == pytest.approx(height, abs=1e-12)
+    if lies:
+        assert found.axis is not None
+        assert abs(found.axis[1]) == pytest.approx(1.0, abs=0.01)
+        assert found.axis[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_box_on_its_edge_is_not_supported() -> None:
+    turn = geometry.rotation_quaternion(np.array([np.pi / 4, 0.0, 0.0]))
+    tracks = tracks_of({"box": still(z=RADIUS * np.sqrt(2.0))}, orientations={"box": np.tile(turn, (COUNT, 1))})
+    assert supports(scene([box()], tracks), tracks) == {}
+
+
+def test_bodies_that_a_joint_holds_and_planar_worlds_have_no_support() -> None:
+    tracks = tracks_of({"ball": still()})
+    joint = Hinge(name="pin", object="ball", anchor=(0.0, 0.0, 1.0), axis=(0.0, 1.0, 0.0))
+    assert supports(scene([ball()], tracks, joints=(joint,)), tracks) == {}
+    flat = World(
+        objects=(ball(representation="rigid_planar", shape=Sphere(radius=RADIUS)),),
+        environment=Environment(motion_plane=MotionPlane()),
+    )
+    assert supports(flat, tracks) == {}

@@ -1,0 +1,71 @@
+"""The verdict on a fit: good where the error is noise, failed where a body is off by more than contacts bear."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from atw_mcp.fit_verdict import BodyFit, FitVerdict, judge
+from polyworld.estimation.world_fit import FitProblem, FitResult, Unknown, default_unknowns, refine
+from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
+
+RADIUS, SIGMA = 0.1, 0.01  # [m]
+
+
+def fitted(*, held: float | None = None) -> tuple[FitResult, FitVerdict]:
+    """A thrown ball fitted to its noisy track, all it may vary or its speed alone held `held` m/s too low."""
+    world, tracks = thrown_ball(), observe(thrown_ball(), sigma=SIGMA)
+    unknowns = default_unknowns(world, tracks, each=())
+    if held is not None:
+        ball = world.objects[0].model_copy(update={"velocity": (2.0 - held, 1.0, 3.0)})
+        world = world.model_copy(update={"objects": (ball,)})
+        unknowns = [Unknown("spin", ("objects.ball.angular_velocity.z",), "rad/s", 2.0, -5.0, 5.0, 1.0)]
+    result = refine(FitProblem(world, tracks, unknowns, make_simulator=ClosedForm))
+    return result, judge(result, tracks, frozenset({"ball"}))
+
+
+def test_an_error_of_the_size_of_the_noise_is_good() -> None:
+    _, verdict = fitted()
+    (body,) = verdict.bodies
+    assert verdict.verdict == "good"
+    assert body.noise == pytest.approx(np.sqrt(3.0) * SIGMA)
+    assert body.error == pytest.approx(body.noise, rel=0.2)
+    assert body.radius == pytest.approx(RADIUS, rel=1e-3)
+    assert verdict.to_dict()["why"] == ""
+
+
+@pytest.mark.parametrize(("held", "expected"), [(0.08, "poor"), (0.4, "failed")])
+def test_a_speed_that_is_off_is_poor_or_failed_by_the_way_it_makes(held: float, expected: str) -> None:
+    """Over 0.96 s with damping 0.5 1/s the rms of the distance is about 0.46 s times the error of speed."""
+    _, verdict = fitted(held=held)
+    (body,) = verdict.bodies
+    assert body.error == pytest.approx(np.hypot(0.46 * held, body.noise), rel=0.15)
+    assert verdict.verdict == expected
+    assert "ball" in str(verdict.to_dict()["why"])
+
+
+def test_a_world_that_diverges_has_failed() -> None:
+    result, _ = fitted()
+    verdict = judge(replace(result, accuracy=None), observe(thrown_ball()), frozenset({"ball"}))
+    assert (verdict.verdict, verdict.diverged) == ("failed", True)
+    assert "diverges" in str(verdict.to_dict()["why"])
+
+
+def off(by: float, name: str = "a") -> BodyFit:
+    return BodyFit(name, by, SIGMA, RADIUS)
+
+
+def test_a_whole_fails_with_half_of_its_bodies_and_is_poor_with_one() -> None:
+    assert FitVerdict((off(0.005),) * 4).verdict == "good"
+    assert FitVerdict((off(0.03), *[off(0.005)] * 3)).verdict == "poor"
+    assert FitVerdict((off(0.09), *[off(0.005)] * 3)).verdict == "poor"
+    assert FitVerdict((off(0.09), off(0.09), *[off(0.005)] * 2)).verdict == "failed"
+    assert FitVerdict(()).verdict == "good"
+
+
+def test_a_noisy_track_is_no_fault_of_the_fit_and_a_small_error_none_of_an_exact_one() -> None:
+    assert BodyFit("a", 0.03, 0.02, RADIUS).verdict == "good"
+    assert BodyFit("a", 0.004, 1e-5, RADIUS).verdict == "good"
+    assert BodyFit("a", 0.006, 1e-5, RADIUS).verdict == "poor"
