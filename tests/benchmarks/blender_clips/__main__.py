@@ -23,14 +23,24 @@ ABSENT = (
 )
 
 
+PUSHED = ("floor", "billiard", "tossed", "cart")  # kinds with a body that a hand may have pushed
+
+
 def plan(seed: int, count: int, kinds: list[str]) -> list[tuple[str, str]]:
-    """Return kind and leading style of each clip: both in shuffled full rounds."""
+    """Return kind and leading style of each clip: both in shuffled full rounds, the hand where something is pushed."""
     rng = np.random.default_rng([seed, 11])
     todo: tuple[list[str], list[str]] = ([], [])
     for names, out in zip((kinds, list(STYLES)), todo, strict=True):
         while len(out) < count:
             out.extend(str(s) for s in rng.permutation(names))
-    return list(zip(todo[0][:count], todo[1][:count], strict=True))
+    pairs = list(zip(todo[0][:count], todo[1][:count], strict=True))
+    for i, (kind, style) in enumerate(pairs):
+        if style == "hand" and kind not in PUSHED:
+            for j, (other, theirs) in enumerate(pairs):
+                if other in PUSHED and theirs != "hand":
+                    pairs[i], pairs[j] = (kind, theirs), (other, style)
+                    break
+    return pairs
 
 
 def main() -> None:

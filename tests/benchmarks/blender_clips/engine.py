@@ -119,10 +119,14 @@ class Stage:
         self.scene.cycles.denoising_quality = "FAST"
         self.scene.cycles.denoising_prefilter = "FAST"
         self.scene.cycles.sample_clamp_indirect = 4.0
+        self.scene.cycles.use_light_tree = False
+        self.scene.cycles.sampling_pattern = "BLUE_NOISE"
+        self.scene.cycles.use_fast_gi, self.scene.cycles.ao_bounces_render = True, 2
         self.scene.cycles.caustics_reflective = self.scene.cycles.caustics_refractive = False
         self.file = Path(tempfile.mkdtemp(prefix="blender_clips_")) / "frame.png"
         world = bpy.data.worlds.new("world")
         world.use_nodes = True
+        world.cycles.sampling_method = "NONE"
         self.scene.world = world
         camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
         self.scene.collection.objects.link(camera)

@@ -14,7 +14,7 @@ from .setting import Setting
 from .shaders import linear
 from .stage import HAND_LABEL, Built, build
 
-SAMPLES, BOUNCES = 12, 3
+SAMPLES, BOUNCES = 4, 3
 TRIAL_SAMPLES = 6
 
 

@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from tests.benchmarks.video_clips.bodies import Vec, vec
 
-from .surfaces import Surface, any_surface, shifted, wood
+from .surfaces import Surface, any_surface, muted_rgb, shifted, wood
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,6 @@ class Furniture:
     hung: bool = False
 
 
-def _rgb(rng: Generator, grey: bool) -> Vec:
-    return vec(np.full(3, rng.uniform(0.1, 0.9))) if grey else vec(rng.uniform(0.08, 0.88, 3))
-
-
 def shelf(rng: Generator, grey: bool) -> Furniture:
     """Draw shelves with books."""
     w, d, h, levels = float(rng.uniform(0.6, 1.1)), 0.28, float(rng.uniform(0.8, 1.9)), int(rng.integers(3, 5))
@@ -48,7 +44,7 @@ def shelf(rng: Generator, grey: bool) -> Furniture:
         x = -w / 2 + 0.04
         while k < levels and x < w / 2 * float(rng.uniform(-0.2, 0.95)):
             thick, tall = float(rng.uniform(0.02, 0.05)), float(rng.uniform(0.5, 0.85)) * (h / levels)
-            rgb = _rgb(rng, grey)
+            rgb = muted_rgb(rng, grey)
             book = Surface("plain", rgb, rgb, 0.6)
             parts.append(Piece("box", (thick, 0.17, tall), (x, 0.02, z + 0.011 + tall / 2), book, 0.002))
             x += thick + 0.003
@@ -62,7 +58,7 @@ def sofa(rng: Generator, grey: bool) -> Furniture:
     parts = [Piece("box", (w, 0.7, 0.25), (0, 0, 0.2), s, 0.05), Piece("box", (w, 0.2, 0.5), (0, 0.27, 0.55), s, 0.08)]
     parts.extend(Piece("box", (0.18, 0.7, 0.55), (k * w / 2, 0, 0.3), s, 0.07) for k in (-1, 1))
     parts.extend(Piece("box", (w / 2 - 0.1, 0.55, 0.15), (k * w / 4, -0.06, 0.4), s, 0.06) for k in (-1, 1))
-    rgb = _rgb(rng, grey)
+    rgb = muted_rgb(rng, grey)
     parts.append(Piece("box", (0.4, 0.14, 0.38), (w * 0.25, 0.1, 0.6), Surface("plain", rgb, rgb, 0.95), 0.06))
     return Furniture("sofa", (w + 0.2, 0.75, 0.85), tuple(parts))
 
@@ -125,7 +121,9 @@ def chair(rng: Generator, grey: bool) -> Furniture:
 def picture(rng: Generator, grey: bool) -> Furniture:
     """Draw a framed picture on the wall."""
     w, h, z = float(rng.uniform(0.25, 0.7)), float(rng.uniform(0.25, 0.6)), float(rng.uniform(0.7, 1.5))
-    inner = Surface("marble", _rgb(rng, grey), _rgb(rng, grey), 0.4, scale=float(rng.uniform(3, 9)), upright=True)
+    inner = Surface(
+        "marble", muted_rgb(rng, grey), muted_rgb(rng, grey), 0.4, scale=float(rng.uniform(3, 9)), upright=True
+    )
     rim = any_surface(rng, grey)
     parts = (
         Piece("box", (w, 0.02, h), (0, -0.012, z), rim, 0.004),
@@ -144,6 +142,7 @@ def socket(_rng: Generator, _grey: bool) -> Furniture:
     )
 
 
-DRAWERS: tuple[Callable[[Generator, bool], Furniture], ...] = (
+INDOORS: tuple[Callable[[Generator, bool], Furniture], ...] = (
     shelf, sofa, cabinet, plant, crates, chair, picture, picture, socket,
 )  # fmt: skip
+OUTDOORS: tuple[Callable[[Generator, bool], Furniture], ...] = (plant, plant, crates, chair)

@@ -25,6 +25,17 @@ STYLES = (
 LIGHTS = ("window", "patches", "ceiling", "lamp", "outdoors")
 SIZES = ((480, 270), (480, 360), (270, 480))
 RATES = (24, 25, 30, 30, 30, 60)
+FRAME_COUNTS = (40, 49)  # least, and one more than most
+WALLS: tuple[Vec, ...] = (
+    (0.88, 0.87, 0.84),
+    (0.80, 0.77, 0.70),
+    (0.72, 0.74, 0.75),
+    (0.66, 0.72, 0.66),
+    (0.62, 0.70, 0.78),
+    (0.82, 0.70, 0.62),
+    (0.50, 0.53, 0.56),
+    (0.38, 0.45, 0.42),
+)
 FLOORS = ("wood", "tiles", "checker", "carpet", "concrete", "laminate")
 BY_STYLE = {
     "window_light": "window",
@@ -111,7 +122,7 @@ def draw_style(rng: Generator, style: str, kind: str) -> tuple[Look, Setting]:
     if size[0] < size[1] and kind in ("billiard", "cart", "ramp", "tossed"):
         size = SIZES[0]
     fps = int(rng.choice(RATES))
-    seconds = round(float(rng.uniform(40, 60))) / fps
+    seconds = (int(rng.integers(*FRAME_COUNTS)) - 1) / fps
     grey = bool(rng.random() < 0.08)
     level, tint = float(rng.uniform(0.3, 0.75)), np.zeros(3) if grey else rng.uniform(-0.12, 0.12, 3)
     bends = kind in ("rope", "cloth")
@@ -141,10 +152,9 @@ def draw_style(rng: Generator, style: str, kind: str) -> tuple[Look, Setting]:
     floor = floor or str(rng.choice(choices))
     high = light == "outdoors" or light == "patches"
     sun = (float(rng.uniform(-100, 100)), float(rng.uniform(28, 60)), float(rng.choice([0.53, 1.0, 3.0, 6.0])), 3.5)
-    fill = float(rng.uniform(0.5, 1.0) if light == "outdoors" else rng.uniform(0.12, 0.4))
+    fill = float(rng.uniform(0.5, 1.0) if light == "outdoors" else rng.uniform(0.2, 0.45))
     sky = (vec((0.55, 0.72, 1.0) if light == "outdoors" else (0.95, 0.96, 1.0)), fill)
-    shade = float(rng.uniform(0.45, 0.9))
-    wall_tint = np.zeros(3) if grey else rng.uniform(-0.15, 0.1, 3)
+    wall = np.asarray(WALLS[int(rng.integers(len(WALLS)))]) * float(rng.uniform(0.85, 1.05))
     transform, contrast = ("AgX", "AgX - Medium High Contrast") if rng.random() < 0.6 else ("Standard", "None")
     return look, Setting(
         light=light,
@@ -161,7 +171,7 @@ def draw_style(rng: Generator, style: str, kind: str) -> tuple[Look, Setting]:
         brightness=float(rng.uniform(0.36, 0.5)),
         wall_turn=float(rng.uniform(-25, 25)),
         wall_gap=float(rng.uniform(0.25, 1.2)),
-        wall_rgb=vec(np.clip(shade + wall_tint, 0.1, 0.95)),
+        wall_rgb=vec(np.clip(np.full(3, wall.mean()) if grey else wall, 0.1, 0.95)),
         rug=bool(rng.random() < 0.2) and kind != "billiard",
         cable=bool(rng.random() < 0.2),
         pieces=int(rng.integers(2, 7)),

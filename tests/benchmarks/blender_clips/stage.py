@@ -10,7 +10,7 @@ from tests.benchmarks.video_clips.bodies import Array, Fixture, Vec, vec
 from tests.benchmarks.video_clips.clip import Clip
 
 from .engine import Stage, Thing
-from .furniture import DRAWERS, Furniture
+from .furniture import INDOORS, OUTDOORS, Furniture
 from .hand import hand_solid, sleeve_solid, withdrawal
 from .motion import Motion
 from .place import Room, covers_path, covers_point, far_from_path
@@ -137,13 +137,16 @@ def _fixture_surface(rng: Generator, f: Fixture, grey: bool) -> Surface:
 
 def build_furniture(stage: Stage, rng: Generator, clip: Clip, setting: Setting, room: Room) -> list[str]:
     """Put furniture along the wall where it hides no measured point and stands in no path."""
+    drawers = OUTDOORS if setting.light == "outdoors" else INDOORS
     shown: list[str] = []
     taken: list[tuple[float, float]] = []
     ground = -0.78 if clip.scene.kind == "billiard" else 0.0
     for _ in range(40 * setting.pieces):
         if len(shown) == setting.pieces:
             break
-        item: Furniture = DRAWERS[int(rng.integers(len(DRAWERS)))](rng, clip.look.grey)
+        item: Furniture = drawers[int(rng.integers(len(drawers)))](rng, clip.look.grey)
+        if item.name == "socket" and item.name in shown:
+            continue
         x = float(rng.uniform(-1.05, 1.05)) * room.half
         y = room.back if item.hung else room.back - item.size[1] / 2 - float(rng.uniform(0.01, 0.08))
         if any(abs(x - other) < (item.size[0] + wide) / 2 + 0.03 for other, wide in taken):

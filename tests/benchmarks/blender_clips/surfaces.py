@@ -80,7 +80,8 @@ def floor_surface(rng: Generator, kind: str, rgb: Vec, mirror: bool) -> Surface:
         return Surface("carpet", rgb, shifted(rgb, -0.5), 0.95, bump=4e-3, scale=float(rng.uniform(120, 220)))
     if kind == "concrete":
         level = float(np.mean(rgb))
-        return Surface("noise", (level, level, 0.97 * level), shifted(rgb, -0.3), max(rough, 0.2), bump=5e-4, scale=4.0)
+        pale = vec(np.array([1.0, 0.99, 0.96]) * (0.7 * level + 0.1) + 0.1 * np.asarray(rgb))
+        return Surface("noise", pale, shifted(pale, -0.16), max(rough, 0.2), bump=5e-4, scale=float(rng.uniform(5, 12)))
     if kind == "felt":
         return Surface("carpet", rgb, shifted(rgb, -0.2), 0.95, bump=6e-4, scale=700.0)
     return Surface("plain", rgb, rgb, rough)
@@ -107,10 +108,20 @@ def _wall(rng: Generator, rgb: Vec, grey: bool) -> Surface:
     return Surface("noise", rgb, shifted(rgb, -0.06), 0.9, bump=6e-4, scale=30.0)
 
 
+def muted_rgb(rng: Generator, grey: bool) -> Vec:
+    """Draw a colour of things in rooms: mostly little saturated."""
+    level = float(rng.uniform(0.12, 0.88))
+    if grey:
+        return (level, level, level)
+    free = rng.uniform(0.1, 0.85, 3)
+    share = 0.8 if rng.random() < 0.2 else float(rng.uniform(0.1, 0.4))
+    return vec(np.clip((1 - share) * level * np.array([1.03, 1.0, 0.95]) + share * free, 0.03, 0.92))
+
+
 def any_surface(rng: Generator, grey: bool) -> Surface:
     """Draw the surface of a piece of furniture."""
     if rng.random() < 0.4 and not grey:
         return wood(rng)
-    rgb = vec(np.full(3, rng.uniform(0.15, 0.9))) if grey else vec(rng.uniform(0.12, 0.85, 3))
+    rgb = muted_rgb(rng, grey)
     pattern = str(rng.choice(["plain", "noise", "weave"]))
     return Surface(pattern, rgb, shifted(rgb, -0.3), float(rng.uniform(0.3, 0.9)), scale=float(rng.uniform(40, 150)))
