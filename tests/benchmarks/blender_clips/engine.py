@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -46,6 +46,7 @@ class Socket:
 
 
 Value = float | Sequence[float] | Socket
+Place = TypeVar("Place", str, int)  # of an input: its name or number
 
 
 class Node:
@@ -68,12 +69,14 @@ class Graph:
         self.tree: Any = self.material.node_tree
         self.tree.nodes.clear()
 
-    def add(self, kind: str, inputs: Mapping[str | int, Value] | None = None, **settings: str | float | bool) -> Node:
-        """Add a node with settings; inputs are constants or outputs of other nodes."""
+    def add(self, kind: str, inputs: Mapping[Place, Value] | None = None, **settings: str | float | bool) -> Node:
+        """Add a node with settings; inputs (by name or place) are constants or outputs of other nodes."""
         node = self.tree.nodes.new(kind)
         for name, value in settings.items():
             setattr(node, name, value)
-        for place, given in (inputs or {}).items():
+        if inputs is None:
+            return Node(node)
+        for place, given in inputs.items():
             target = node.inputs[place]
             if isinstance(given, Socket):
                 self.tree.links.new(given.socket, target)

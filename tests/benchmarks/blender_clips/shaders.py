@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.benchmarks.video_clips.bodies import Vec, vec
 
-from .engine import Graph, Socket
+from .engine import Graph, Socket, Value
 from .surfaces import Surface
 
 
@@ -19,12 +19,12 @@ def _coordinates(graph: Graph, surface: Surface, stretch: Vec = (1.0, 1.0, 1.0))
     base = graph.add("ShaderNodeTexCoord").out("UV" if surface.uv else "Object")
     factor = tuple(surface.scale * s for s in stretch)
     turn = (np.pi / 2, 0.0, 0.0) if surface.upright else (0.0, 0.0, 0.0)
-    inputs = {"Vector": base, "Scale": factor, "Rotation": turn}
+    inputs: dict[str, Value] = {"Vector": base, "Scale": factor, "Rotation": turn}
     return graph.add("ShaderNodeMapping", inputs, vector_type="POINT").out()
 
 
 def _noise(graph: Graph, at: Socket, scale: float, detail: float = 3.0, distortion: float = 0.0) -> Socket:
-    inputs = {"Vector": at, "Scale": scale, "Detail": detail, "Distortion": distortion}
+    inputs: dict[str, Value] = {"Vector": at, "Scale": scale, "Detail": detail, "Distortion": distortion}
     return graph.add("ShaderNodeTexNoise", inputs).out(0)
 
 
@@ -105,7 +105,7 @@ def paint(surface: Surface, name: str = "surface") -> Graph:
     """Make the material of a surface."""
     graph = Graph(name)
     color, height = _pattern(graph, surface)
-    inputs: dict[str | int, Socket | float | Vec] = {
+    inputs: dict[str, Value] = {
         "Base Color": color,
         "Roughness": surface.roughness,
         "Metallic": surface.metallic,

@@ -60,8 +60,8 @@ def cylinder(diameter: float, length: float, bevel: float = 0.0) -> Solid:
 
 def capsule(diameter: float, length: float) -> Solid:
     """Return a capsule along z; length: of its straight part."""
-    polar = np.linspace(-np.pi / 2 + 0.01, np.pi / 2 - 0.01, 17)
-    shift = np.where(np.arange(17) < 8.5, -0.5, 0.5) * length
+    polar = np.concatenate([np.linspace(-np.pi / 2 + 0.01, 0.0, 9), np.linspace(0.0, np.pi / 2 - 0.01, 9)])
+    shift = np.repeat([-0.5, 0.5], 9) * length
     return lathe(np.column_stack([np.cos(polar) * diameter / 2, np.sin(polar) * diameter / 2 + shift]), 24)
 
 

@@ -89,13 +89,13 @@ def build_room(stage: Stage, rng: Generator, clip: Clip, setting: Setting, room:
             _turn(room.yaw),
         )
     if setting.rug:
-        wide = rng.uniform(0.8, 1.8, 2)
+        extents = rng.uniform(0.8, 1.8, 2)
         cloth = replace(floor_surface(rng, "carpet", any_surface(rng, look.grey).rgb, False), bump=1e-3)
         at = room.at(float(rng.normal(0, 0.3)), float(rng.normal(0, 0.2)), -0.0046)
         _put(
             stage,
             "rug",
-            box((float(wide[0]), float(wide[1]), 0.01)),
+            box((float(extents[0]), float(extents[1]), 0.01)),
             cloth,
             at,
             _turn(room.yaw + float(rng.normal(0, 0.2))),
