@@ -74,17 +74,18 @@ class Graph:
         node = self.tree.nodes.new(kind)
         for name, value in settings.items():
             setattr(node, name, value)
-        if inputs is None:
-            return Node(node)
-        for place, given in inputs.items():
-            target = node.inputs[place]
-            if isinstance(given, Socket):
-                self.tree.links.new(given.socket, target)
-            elif isinstance(given, int | float):
-                target.default_value = given
-            else:
-                target.default_value = (*given, 1.0) if len(target.default_value) == 4 and len(given) == 3 else given
+        if inputs is not None:
+            for place, given in inputs.items():
+                self._give(node.inputs[place], given)
         return Node(node)
+
+    def _give(self, target: Any, value: Value) -> None:
+        if isinstance(value, Socket):
+            self.tree.links.new(value.socket, target)
+        elif isinstance(value, int | float):
+            target.default_value = value
+        else:  # a colour needs its opacity
+            target.default_value = (*value, 1.0) if len(target.default_value) == 4 and len(value) == 3 else value
 
     def ramp(self, factor: Socket, low: Vec, high: Vec, start: float = 0.0, end: float = 1.0) -> Socket:
         """Map a factor to colours between two ends."""
