@@ -118,15 +118,12 @@ class Stage:
         render.image_settings.file_format = "PNG"
         render.image_settings.color_mode, render.image_settings.color_depth = "RGB", "8"
         render.image_settings.compression = 0
-        self.scene.cycles.use_adaptive_sampling = False
-        self.scene.cycles.denoiser = "OPENIMAGEDENOISE"
-        self.scene.cycles.denoising_quality = "FAST"
-        self.scene.cycles.denoising_prefilter = "FAST"
-        self.scene.cycles.sample_clamp_indirect = 4.0
-        self.scene.cycles.use_light_tree = False
-        self.scene.cycles.sampling_pattern = "BLUE_NOISE"
-        self.scene.cycles.use_fast_gi, self.scene.cycles.ao_bounces_render = True, 2
-        self.scene.cycles.caustics_reflective = self.scene.cycles.caustics_refractive = False
+        cycles = self.scene.cycles
+        cycles.use_adaptive_sampling = cycles.use_light_tree = False
+        cycles.denoiser, cycles.denoising_quality, cycles.denoising_prefilter = "OPENIMAGEDENOISE", "FAST", "FAST"
+        cycles.sampling_pattern, cycles.sample_clamp_indirect = "BLUE_NOISE", 4.0
+        cycles.use_fast_gi, cycles.ao_bounces_render = True, 2
+        cycles.caustics_reflective = cycles.caustics_refractive = False
         self.file = Path(tempfile.mkdtemp(prefix="blender_clips_")) / "frame.png"
         world = bpy.data.worlds.new("world")
         world.use_nodes = True
