@@ -11,7 +11,7 @@ from .motion import read_motion
 from .optics import blender_camera
 from .place import find_room, path_points
 from .setting import Setting
-from .shaders import linear
+from .shaders import to_linear
 from .stage import HAND_LABEL, Built, build
 
 SAMPLES, BOUNCES = 4, 3
@@ -23,13 +23,10 @@ def exposure(stage: Stage, size: tuple[int, int], wanted: float) -> float:
     stage.set_size((size[0] // 4, size[1] // 4))
     stage.set_quality(TRIAL_SAMPLES, 2, False)
     stops = 0.0
-    for _ in range(4):
+    for _ in range(4):  # a bright picture is clipped, so one step is not enough
         stage.set_film("Standard", "None", stops)
-        seen = stage.picture(0).astype(float).mean(axis=2) / 255
-        share = linear((wanted, wanted, wanted))[0] / max(
-            float(np.mean([linear((v, v, v))[0] for v in seen.mean(axis=1)])), 1e-3
-        )
-        stops += float(np.clip(np.log2(share), -3, 3))
+        mean = float(to_linear(stage.picture(0) / 255.0).mean())
+        stops += float(np.clip(np.log2(float(to_linear(np.array(wanted))) / max(mean, 1e-3)), -3, 3))
     stage.set_size(size)
     return stops
 
@@ -42,7 +39,6 @@ def film(rng: Generator, clip: Clip, setting: Setting, threads: int) -> tuple[Fi
     built = build(stage, rng, clip, setting, motion, room)
     focus = float(clip.cameras[0].project(path_points(clip).mean(axis=0))[0, 2])
     gains = light_gain(rng, clip.look)
-    fstop = setting.fstop * 0.5
     stage.set_camera(blender_camera(clip.cameras[0]), focus, 0.0)
     stops = exposure(stage, clip.look.size, setting.brightness)
     stage.set_quality(SAMPLES, BOUNCES, True)
@@ -51,7 +47,7 @@ def film(rng: Generator, clip: Clip, setting: Setting, threads: int) -> tuple[Fi
     for n, camera in enumerate(clip.cameras):
         for update in built.updates:
             update(n)
-        stage.set_camera(blender_camera(camera), focus, fstop)
+        stage.set_camera(blender_camera(camera), focus, setting.fstop)
         stage.set_film(setting.transform, setting.contrast, stops + float(np.log2(gains[n])))
         frames.append(stage.picture(n, n))
     stage.label_layer()

@@ -1,6 +1,6 @@
 """Draw where and how a clip is filmed: light, room, lens, and the look that the other generator shares."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -79,8 +79,7 @@ class Setting:
     wall_rgb: Vec
     rug: bool
     cable: bool
-    pieces: int = 0
-    notes: dict[str, float] = field(default_factory=dict)
+    pieces: int  # of furniture, at most
 
 
 def _warmth(rng: Generator) -> Vec:
@@ -165,7 +164,7 @@ def draw_style(rng: Generator, style: str, kind: str) -> tuple[Look, Setting]:
         mirror=mirror,
         metal=also("metal_bodies", 0.06),
         hand=also("hand", 0.12),
-        fstop=float(rng.uniform(1.0, 2.0)) if also("shallow_focus", 0.05) else 0.0,
+        fstop=float(rng.uniform(0.5, 1.0)) if also("shallow_focus", 0.05) else 0.0,
         transform=transform,
         contrast=contrast,
         brightness=float(rng.uniform(0.36, 0.5)),

@@ -2,16 +2,21 @@
 
 import numpy as np
 
-from tests.benchmarks.video_clips.bodies import Vec, vec
+from tests.benchmarks.video_clips.bodies import Array, Vec, vec
 
 from .engine import Graph, Socket, Value
 from .surfaces import Surface
 
 
 def linear(rgb: Vec) -> Vec:
-    """Convert a displayed colour (sRGB, IEC 61966-2-1) to linear light."""
-    c = np.asarray(rgb)
-    return vec(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4))
+    """Convert a displayed colour to linear light."""
+    return vec(to_linear(np.asarray(rgb)))
+
+
+def to_linear(displayed: Array) -> Array:
+    """Convert displayed values of 0 to 1 to linear light (sRGB, IEC 61966-2-1)."""
+    dark = displayed <= 0.04045
+    return np.asarray(np.where(dark, displayed / 12.92, ((displayed + 0.055) / 1.055) ** 2.4))
 
 
 def _coordinates(graph: Graph, surface: Surface, stretch: Vec = (1.0, 1.0, 1.0)) -> Socket:
