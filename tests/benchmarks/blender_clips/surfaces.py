@@ -81,7 +81,9 @@ def floor_surface(rng: Generator, kind: str, rgb: Vec, mirror: bool) -> Surface:
     if kind == "concrete":
         level = float(np.mean(rgb))
         pale = vec(np.array([1.0, 0.99, 0.96]) * (0.7 * level + 0.1) + 0.1 * np.asarray(rgb))
-        return Surface("noise", pale, shifted(pale, -0.16), max(rough, 0.2), bump=5e-4, scale=float(rng.uniform(5, 12)))
+        return Surface(
+            "noise", pale, shifted(pale, -0.16), rough, bump=0.0 if mirror else 5e-4, scale=float(rng.uniform(5, 12))
+        )
     if kind == "felt":
         return Surface("carpet", rgb, shifted(rgb, -0.2), 0.95, bump=6e-4, scale=700.0)
     return Surface("plain", rgb, rgb, rough)
