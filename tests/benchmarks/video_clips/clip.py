@@ -69,7 +69,11 @@ def check(rng: Generator, clip: Clip) -> None:
 
 def draw_once(rng: Generator, kind: str, style: str) -> Clip:
     """Draw one clip or reject the draw."""
-    look = draw_look(rng, style)
+    return draw_with_look(rng, kind, draw_look(rng, style))
+
+
+def draw_with_look(rng: Generator, kind: str, look: Look) -> Clip:
+    """Draw one clip of a given look or reject the draw."""
     scene = paint(rng, KINDS[kind](rng, look), look)
     if kind == "billiard" and not look.grey and rng.random() < 0.5:
         felt = [(0.12, 0.42, 0.24), (0.15, 0.3, 0.5)][int(rng.integers(2))]

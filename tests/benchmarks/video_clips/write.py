@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from .clip import draw_clip, generator_for
+from .clip import Clip, draw_clip, generator_for
 from .edits import WANTED as CHANGES
 from .finish import finish, write_video
 from .known import known
 from .questions import WANTED
-from .render import render
+from .render import Film, render
 from .truth import truth
 
 
@@ -32,6 +32,11 @@ def write_clip(out: Path, name: str, seed: list[int], kind: str, style: str, cha
     """Draw, render and write one clip with up to so many edits; return a summary."""
     clip = draw_clip(seed, kind, style)
     film = render(generator_for(seed, 1), clip.scene, clip.look, clip.run, clip.cameras, clip.extent)
+    return write_film(out, name, seed, clip, film, changes)
+
+
+def write_film(out: Path, name: str, seed: list[int], clip: Clip, film: Film, changes: int = CHANGES) -> dict[str, Any]:
+    """Write the video, the known facts, the truth and the masks of a rendered clip; return a summary."""
     public, private = out / "public" / name, out / "private"
     public.mkdir(parents=True, exist_ok=True)
     private.mkdir(parents=True, exist_ok=True)
