@@ -97,7 +97,7 @@ def _match(
     model.matching = _matching(app, case, request, seen, progress)
     model.tracks = [_track_row(seen.object(name)) for name in model.matching.unlisted]
     if request.looked_for is not None and not model.matching.complete:
-        found = _look_for(app, case, request.looked_for, steps, model)
+        found = _look_for(app, case, request, steps, model)
         if found is not None:
             unseen = tuple(item.name for item in request.known if item.name not in found.names)
             others = [seen.object(name) for name in model.matching.unlisted]
@@ -148,14 +148,14 @@ def _was_looked_for(app: App, case: Case) -> bool:
     return False
 
 
-def _look_for(
-    app: App, case: Case, looked_for: list[dict[str, Any]], steps: Steps, model: VideoModel
-) -> ImageObservation | None:
+def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> ImageObservation | None:
     """Look for known objects; what is found if it is no less than was matched, else None and a doubt."""
     before = latest_image_observation(app, case)
+    scene = {"floor": request.floor} if request.floor else {}
+    scene |= {"obstacles": request.build["obstacles"]} if request.build.get("obstacles") else {}
     least = 0 if model.matching is None else len(model.matching.matches)
     try:
-        steps.call("ObserveObjects", case=case.id, known=looked_for)
+        steps.call("ObserveObjects", case=case.id, known=request.looked_for, **scene)
     except StepFailed as error:
         model.notes.append(f"objects could not be looked for by colour and size: {error.reason}")
         return None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field, ValidationError
@@ -36,6 +36,7 @@ from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, know
 from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, Point
 from evidence_store import Case
 
+Given = TypeVar("Given", bound=Argument)
 GROUP = ToolGroup("world construction")
 
 
@@ -154,8 +155,8 @@ def observe_objects(
         ),
     ] = None,
     obstacles: Annotated[
-        list[ObstacleArgument] | None,
-        Field(max_length=64, description="fixed solids, as of BuildWorld, behind which known objects may be hidden"),
+        list[dict[str, Any]] | None,
+        Field(max_length=64, description="as of BuildWorld, behind which known objects may be hidden"),
     ] = None,
     floor: Annotated[float, Field(description="z of the floor on which known objects rest [m]")] = 0.0,
     max_objects: Annotated[int, Field(ge=1, le=200, description="most objects to follow")] = 20,
@@ -237,23 +238,29 @@ class _Scene:
     """What is known of a scene: objects to look for, fixed solids, and z of the floor [m]."""
 
     known: list[dict[str, Any]]
-    obstacles: list[ObstacleArgument]
+    obstacles: list[dict[str, Any]]
     floor: float
+
+
+def _validated(name: str, kind: type[Given], items: list[dict[str, Any]]) -> list[Given]:
+    """Return items as arguments of a kind; raises ToolError naming the fields that do not suit it."""
+    try:
+        return [kind.model_validate(item) for item in items]
+    except ValidationError as error:
+        listed = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise ToolError(f"{name}: {listed}; fields are {', '.join(kind.model_fields)}") from error
 
 
 def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patience: float) -> Answer | LongWork:
     camera = latest_camera(app, case)
     if camera is None:
         raise ToolError(f"known objects are looked for by size: CalibrateCamera(case={case.id!r}) comes first")
-    try:
-        items = [KnownObject.model_validate(item) for item in scene.known]
-    except ValidationError as error:
-        listed = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        raise ToolError(f"known: {listed}; fields are {', '.join(KnownObject.model_fields)}") from error
+    items = _validated("known", KnownObject, scene.known)
+    obstacles = _validated("obstacles", ObstacleArgument, scene.obstacles)
     with explained():
         bodies = bodies_of([known_of(app, case, item) for item in items], camera)
         places = known_places(app, case, camera, scene.floor)
-        fixtures = corners_of([s for item in scene.obstacles for s in item.to_statics(partial(mesh_of, app, case))])
+        fixtures = corners_of([s for item in obstacles for s in item.to_statics(partial(mesh_of, app, case))])
 
     def look(progress: Progress) -> ImageObservation:
         return observe_known(
@@ -273,7 +280,7 @@ def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patienc
         "known": [item.model_dump(exclude_none=True) for item in items],
         "camera": camera.model_dump(mode="json"),
         "places": places.tolist(),
-        "obstacles": [item.model_dump(exclude_none=True) for item in scene.obstacles],
+        "obstacles": [item.model_dump(exclude_none=True) for item in obstacles],
         "floor": scene.floor,
         "stride": stride,
     }

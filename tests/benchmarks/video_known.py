@@ -13,6 +13,7 @@ from atw_mcp.matching import Known
 from atw_mcp.perception.calibration import calibrate_from_points
 from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.observation import ImageObservation
+from atw_mcp.perception.observe import observe
 from atw_mcp.tools.known_objects import bodies_of, corners_of
 from atw_mcp.tools.world_arguments import ObstacleArgument, ShapeArgument
 from tests.benchmarks.foresight_scene import DEFORMABLE, shape_of
@@ -36,6 +37,8 @@ def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageOb
         said = thing.get("pointed_at")
         pixel, frame = (None, None) if said is None else ((said["pixel"][0], said["pixel"][1]), said["frame"])
         things.append(Known(thing["name"], shape, thing["color"], pixel=pixel, frame=frame))
+    if not things:
+        return observe(file)  # cloth and rope are not looked for
     return observe_known(file, bodies_of(things, camera), camera, places, fixtures=_fixtures(known))
 
 
