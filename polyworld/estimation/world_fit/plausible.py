@@ -26,7 +26,7 @@ from polyworld.world import World
 def plausible_unknowns(
     world: World, tracks: ObservedTracks, unknowns: Sequence[Unknown], settings: OrdinarySettings | None = None
 ) -> list[Unknown]:
-    """Give the unknowns of a spatial world priors, drop the motion that supports forbid, and add unobserved spins.
+    """Give the unknowns of a spatial world priors, drop motion that supports and sliders forbid, add unobserved spins.
 
     Added too: rolling resistance of what can roll, restitution of fixed things that bodies bounce on and friction of
     those they lie on, where collisions among bodies show another. Bodies of one shape and size, at least
@@ -35,7 +35,7 @@ def plausible_unknowns(
     settings = settings or OrdinarySettings()
     shown = Shown(world, tracks)
     on = supports(world, tracks)
-    found = [with_prior(world, u, settings) for u in unknowns if not _forbidden(u, on)]
+    found = [with_prior(world, u, settings) for u in unknowns if not _forbidden(u, on) and not _guided(world, u)]
     taken = {path for u in found for path in u.paths}
     for name, begin in shown.begins.items():
         item, state = world.object(name), shown.states[name]
@@ -139,6 +139,16 @@ def _forbidden(unknown: Unknown, on: dict[str, Support]) -> bool:
     if parts[2] == "rotation":
         return parts[3] in "xy"
     return not support.rolls and parts[3] in "xy"
+
+
+def _guided(world: World, unknown: Unknown) -> bool:
+    """Whether an unknown is a component of a velocity that a slider to the world takes up at once."""
+    parts = unknown.paths[0].split(".")
+    if parts[0] != "objects" or len(parts) != 4 or parts[2] not in ("velocity", "angular_velocity"):
+        return False
+    sliders = [j for j in world.joints if j.kind == "slider" and j.object == parts[1] and j.other is None]
+    axes = [np.asarray(j.axis) / np.linalg.norm(j.axis) for j in sliders]
+    return any(parts[2] == "angular_velocity" or abs(axis["xyz".index(parts[3])]) < 1e-9 for axis in axes)
 
 
 def with_prior(world: World, unknown: Unknown, settings: OrdinarySettings | None = None) -> Unknown:

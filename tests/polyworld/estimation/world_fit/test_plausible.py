@@ -68,6 +68,14 @@ def test_a_ball_in_the_air_may_spin_about_any_axis_and_a_rolling_one_about_level
     assert rolling.lower < 0.0 < rolling.upper  # it may as well slide, or spin backwards
 
 
+def test_a_cart_on_a_track_moves_along_it_alone() -> None:
+    tracks = tracks_of({"box": along(0.8)}, orientations={"box": upright(COUNT)})
+    track = Slider(name="track", object="box", anchor=(0.0, 0.0, RADIUS), axis=(1.0, 0.0, 0.0))
+    found = unknowns(scene([box()], tracks, statics=(), joints=(track,)), tracks)
+    speeds = {path for path in found if ".velocity." in path or ".angular_velocity." in path}
+    assert speeds == {"objects.box.velocity.x"}
+
+
 def test_what_can_roll_may_resist_rolling_and_a_box_may_not() -> None:
     tracks = tracks_of({"box": along(1.0), "ball": along(0.8, y=2.0)}, orientations={"box": upright(COUNT)})
     found = unknowns(world_of([box(), ball()], tracks), tracks)
