@@ -14,6 +14,7 @@ from polyworld.estimation.world_fit import (
     FitProblem,
     FitResult,
     ObjectiveSettings,
+    OrdinarySettings,
     Outlying,
     PosteriorSample,
     PrefixSettings,
@@ -34,6 +35,7 @@ from polyworld.estimation.world_fit import (
     plausible_unknowns,
     refine,
     refit_with_wider_bounds,
+    release_shared,
     restarts,
     sample_posterior,
 )
@@ -103,9 +105,12 @@ def observed_of(world: World, tracks: ObservedTracks) -> ObservedTracks:
     return replace(chosen, shapes=tuple(item for item in chosen.shapes if item.object in soft))
 
 
-def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest) -> list[Unknown]:
+def chosen_parameters(
+    world: World, tracks: ObservedTracks, request: FitRequest, ordinary: OrdinarySettings | None = None
+) -> list[Unknown]:
     """The unknowns of a fit: those the tracks can show, changed as the agent asked.
 
+    ordinary: priors of a spatial world fitted by `prefixes`, and from how many on bodies alike share parameters.
     Raises KeyError for an unknown path, ValueError for bounds that do not suit it or when nothing is left.
     """
     # What is held out must not tell where to begin the search.
@@ -121,7 +126,7 @@ def chosen_parameters(world: World, tracks: ObservedTracks, request: FitRequest)
         materials=request.materials,
     )
     if request.method == "prefixes" and request.fit_initial_states:
-        parameters = plausible_unknowns(world, seen, parameters)
+        parameters = plausible_unknowns(world, seen, parameters, ordinary)
     for override in request.overrides:
         for path in override.paths:
             specification(world, path)
@@ -184,6 +189,7 @@ def run_fit(
     if run.result.status == "cancelled":
         return _judged(problem, run)
     if request.method == "prefixes":
+        problem, run = _released(problem, run, request, progress)
         problem, run = _completed(problem, run, request, progress)
         if run.result.status == "cancelled":
             return _judged(problem, run)
@@ -198,6 +204,16 @@ def run_fit(
 def _judged(problem: FitProblem, run: FitRun) -> FitRun:
     shown = Shown(problem.world, problem.window)
     return replace(run, verdict=judge(run.result, problem.window, frozenset(shown.begins)))
+
+
+def _released(problem: FitProblem, run: FitRun, request: FitRequest, progress: Progress) -> tuple[FitProblem, FitRun]:
+    """Contact parameters of bodies alike, and their masses, each for itself where the evidence asks for that."""
+    best, rest = run.starts[0], run.starts[1:]
+    apart = OrdinarySettings(alike=len(problem.world.objects) + 1)
+    own = chosen_parameters(problem.world, problem.window, request, apart)
+    progress.note(progress.done, progress.total, "comparing shared with separate contact parameters")
+    problem, best = release_shared(problem, best, own, cancelled=progress.cancelled)
+    return problem, replace(run, result=best.best, starts=(best, *rest))
 
 
 def _completed(problem: FitProblem, run: FitRun, request: FitRequest, progress: Progress) -> tuple[FitProblem, FitRun]:

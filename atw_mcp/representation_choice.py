@@ -55,9 +55,28 @@ def choose(
         )
     if plane is not None:
         return "planar", "a motion plane was given"
+    kind, why = _level(tracks, half_heights, heights_assumed=heights_assumed)
     rolling = rolling_bodies(tracks, shapes)
-    if rolling:
+    if rolling and kind == "planar":
         return "spatial", f"{', '.join(rolling)} can roll, about level axes that a planar world has not"
+    return kind, why
+
+
+def also_planar(
+    tracks: ObservedTracks,
+    half_heights: Mapping[str, float],
+    shapes: Mapping[str, BodyShape],
+    *,
+    statics: tuple[StaticObject, ...],
+    heights_assumed: bool,
+) -> bool:
+    """Whether a world without parts is spatial only since bodies can roll: all objects keep their heights."""
+    level, _ = _level(tracks, half_heights, heights_assumed=heights_assumed)
+    return level == "planar" and bool(rolling_bodies(tracks, shapes)) and not _needs_space(shapes, statics, Parts())
+
+
+def _level(tracks: ObservedTracks, half_heights: Mapping[str, float], *, heights_assumed: bool) -> tuple[Chosen, str]:
+    """Planar where every tracked object keeps its height, and why."""
     if heights_assumed:
         return "planar", "positions were measured by assuming that objects stay on the floor"
     for column, name in enumerate(tracks.names):

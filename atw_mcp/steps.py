@@ -55,7 +55,8 @@ class Steps:
         and Cancelled once that job has been cancelled too.
         """
         tool = self._tools[name]
-        begin, end = self._progress.done, self._shares[name]
+        begin = self._progress.done
+        end = max(begin, self._shares[name])  # a step that is made twice
         self._progress.report(begin, 1.0, name)
         try:
             outcome = tool.fn(self._app, **tool.checked(arguments))

@@ -58,9 +58,13 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
         if request.calibrate is not None:
             steps.call("CalibrateCamera", case=case.id, **request.calibrate)
         names = _match(app, case, request, seen, steps, model, progress)
-        built = steps.call("BuildWorld", case=case.id, **_build_arguments(request, model, names))
+        building = _build_arguments(request, model, names)
+        built = steps.call("BuildWorld", case=case.id, **building)
         fitted = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
         _compare(app, case, fitted, model, progress)
+        other = built.data.get("alternative_representation")
+        if other is not None and (model.diverged or any(not error.follows for error in model.errors)):
+            fitted = _better(app, case, request, steps, model, fitted, {**building, "representation": other}, progress)
     except StepFailed as error:
         return failure_report(case, error, steps, model)
     return fit_report(case, fitted, steps, model)
@@ -231,6 +235,35 @@ def _fit_arguments(request: VideoRequest, names: list[str]) -> dict[str, Any]:
             if key in request.bodies.get(name, {}) and path not in asked:
                 given.append({"paths": [path], "fixed": True})
     return {**request.fit, **({"parameters": given} if given else {})}
+
+
+def _better(
+    app: App,
+    case: Case,
+    request: VideoRequest,
+    steps: Steps,
+    model: VideoModel,
+    fitted: Step,
+    building: dict[str, Any],
+    progress: Progress,
+) -> Step:
+    """Build and fit the world in its other representation; the fit that follows the video better, its errors kept."""
+    other = VideoModel()
+    built = steps.call("BuildWorld", case=case.id, **building)
+    names = list(fitted.evidence.objects)
+    again = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
+    _compare(app, case, again, other, progress)
+    if _misfit(other) < _misfit(model):
+        model.errors, model.diverged = other.errors, None
+        return again
+    return fitted
+
+
+def _misfit(model: VideoModel) -> float:
+    """Root mean square error over objects, in units of their radii."""
+    if model.diverged is not None:
+        return float("inf")
+    return float(np.sqrt(np.mean([(error.metres / error.radius) ** 2 for error in model.errors])))
 
 
 def _compare(app: App, case: Case, fitted: Step, model: VideoModel, progress: Progress) -> None:

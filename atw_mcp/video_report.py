@@ -44,7 +44,7 @@ def fit_report(case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Ans
     fixed = {path for item in fitted.arguments.get("parameters", []) if item.get("fixed") for path in item["paths"]}
     undetermined = [item for item in fitted.data["undetermined"] if not set(item["parameters"]) <= fixed]
     rows, count = open_questions({**fitted.data, "undetermined": undetermined})
-    doubts = _doubts(steps, model, bounds)
+    doubts = _doubts(steps, fitted, model, bounds)
     off = [error for error in model.errors if not error.follows]
     verdict = "does_not_follow" if off or model.diverged else "follows_with_doubts" if doubts else "follows"
     worst = model.errors[0] if model.errors else None
@@ -93,7 +93,7 @@ def failure_report(case: Case, error: StepFailed, steps: Steps, model: VideoMode
     )
 
 
-def _doubts(steps: Steps, model: VideoModel, bounds: list[dict[str, Any]]) -> list[str]:
+def _doubts(steps: Steps, fitted: Step, model: VideoModel, bounds: list[dict[str, Any]]) -> list[str]:
     """Doubts about the result as a whole; those of single steps that do not bear on it stay with the steps."""
     found = [*([] if model.matching is None else model.matching.doubts), *model.notes]
     if model.diverged is not None:
@@ -105,7 +105,7 @@ def _doubts(steps: Steps, model: VideoModel, bounds: list[dict[str, Any]]) -> li
         )
         found.append(f"fitted values at their bounds: {listed}")
     for step in steps.done:
-        if step.tool in ("CalibrateCamera", "FitWorld"):
+        if step.tool == "CalibrateCamera" or step is fitted:
             found += [text for text in step.data.get("warnings", []) if "were assumed" not in text]
         found += step.data.get("left_out", []) if step.tool == "BuildWorld" else []
     return found

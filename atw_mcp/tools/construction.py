@@ -320,6 +320,7 @@ def _built_answer(case: Case, built: Built, observation: str | None, rate_note: 
             "world": made.id,
             "representation": built.representation,
             "why": built.why,
+            **({"alternative_representation": built.alternative} if built.alternative else {}),
             "objects": [
                 {
                     "name": item.name,

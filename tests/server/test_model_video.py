@@ -107,7 +107,7 @@ def test_what_can_be_refused_is_refused_before_anything_is_observed(session: Ses
 
 
 def test_cancelling_it_cancels_the_step_that_runs_and_keeps_those_before(session: Session, clip: str) -> None:
-    endless = {"generations": 2000, "population": 512}
+    endless = {"method": "cem", "generations": 2000, "population": 512}
     asked = {"video": clip, "objects": PAIR, "known_length": LENGTH, "fit": endless, "patience_seconds": 0}
 
     async def cancel() -> list[dict[str, Any]]:

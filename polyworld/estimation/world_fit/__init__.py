@@ -14,6 +14,7 @@ from polyworld.estimation.world_fit.posterior import PosteriorSample, sample_pos
 from polyworld.estimation.world_fit.prefixes import fit_by_prefixes
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.refine import refine
+from polyworld.estimation.world_fit.release import release_shared
 from polyworld.estimation.world_fit.resistance import Tested, choose_resistance, laws_of_resistance
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, Undetermined
 from polyworld.estimation.world_fit.search import SearchProgress, SearchSettings, fit, fit_by_random_search
@@ -61,6 +62,7 @@ __all__ = [
     "plausible_unknowns",
     "refine",
     "refit_with_wider_bounds",
+    "release_shared",
     "restarts",
     "sample_posterior",
     "supports",
