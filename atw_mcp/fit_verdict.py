@@ -19,6 +19,7 @@ Verdict = Literal["good", "poor", "failed"]
 NOISY = 2.0  # times the noise: errors up to it are measurement, or nearly
 SMALL = 0.05  # of a body's radius: errors up to it matter to no contact
 LARGE = 0.5  # of a body's radius: with larger ones contacts happen or fail that the video shows otherwise
+UNEXPLAINED = 1.0  # of the motion itself: the fit says no more of where the body is than its mean place
 SHARE = 0.5  # of the moving bodies that must be largely off for the whole to have failed
 
 
@@ -26,20 +27,22 @@ SHARE = 0.5  # of the moving bodies that must be largely off for the whole to ha
 class BodyFit:
     """Root mean square distance of a body's simulated from its observed centre [m].
 
-    noise [m]: distance that the stated noise of its track makes. radius [m]: of the ball of its volume.
+    noise [m]: distance that the stated noise of its track makes. radius [m]: of the ball of its volume. motion [m]:
+    root mean square distance of the observed centre from its mean.
     """
 
     object: str
     error: float
     noise: float
     radius: float
+    motion: float
 
     @property
     def verdict(self) -> Verdict:
-        """Good where the error is noise, or small beside the body."""
+        """Good where the error is noise, or small beside the body; failed where it is large beside body and motion."""
         if self.error <= max(NOISY * self.noise, SMALL * self.radius):
             return "good"
-        return "failed" if self.error > LARGE * self.radius else "poor"
+        return "failed" if self.error > max(LARGE * self.radius, UNEXPLAINED * self.motion) else "poor"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -93,7 +96,9 @@ def judge(result: FitResult, tracks: ObservedTracks, moving: frozenset[str]) -> 
         column = tracks.index(item.name)
         sigma = float(np.median(tracks.position_sigma[tracks.confidence[:, column] > 0.0, column]))
         radius = float(np.cbrt(0.75 * mass_properties(item.shape).volume / np.pi))
-        body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius)
+        seen = tracks.positions[tracks.confidence[:, column] > 0.0, column]
+        motion = float(np.sqrt(np.mean(np.sum((seen - seen.mean(axis=0)) ** 2, axis=1))))
+        body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius, motion)
         if item.name in moving or body.verdict != "good":
             found.append(body)
     return FitVerdict(tuple(sorted(found, key=lambda body: -body.error / body.radius)))

@@ -68,7 +68,9 @@ def test_corrections_and_pictures_take_any_observation(
     renamed = {"kind": "rename", "object": gone, "name": "first"}
     third = session("ObserveObjects", case=CASE, observation=earlier, corrections=[renamed], patience_seconds=300)
     assert "first" in third["objects"]
-    assert gone in session.refused("ObserveObjects", case=CASE, observation=latest, corrections=[renamed])
+    failed = session._call("ObserveObjects", {"case": CASE, "observation": latest, "corrections": [renamed]})
+    assert failed.is_error
+    assert gone in failed.content[0].text  # the correction failed on record: it has evidence of its own
     shown = session("InspectFrames", case=CASE, observation=latest, frames=[3])
     assert set(shown["objects"]) == set(truth["names"]) - {gone}
     seen = session("InspectObservedMotion", case=CASE, object=gone, observation=earlier)

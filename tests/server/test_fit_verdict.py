@@ -36,7 +36,7 @@ def test_an_error_of_the_size_of_the_noise_is_good() -> None:
     assert verdict.to_dict()["why"] == ""
 
 
-@pytest.mark.parametrize(("held", "expected"), [(0.08, "poor"), (0.4, "failed")])
+@pytest.mark.parametrize(("held", "expected"), [(0.08, "poor"), (0.4, "poor"), (3.0, "failed")])
 def test_a_speed_that_is_off_is_poor_or_failed_by_the_way_it_makes(held: float, expected: str) -> None:
     """Over 0.96 s with damping 0.5 1/s the rms of the distance is about 0.46 s times the error of speed."""
     _, verdict = fitted(held=held)
@@ -54,7 +54,7 @@ def test_a_world_that_diverges_has_failed() -> None:
 
 
 def off(by: float, name: str = "a") -> BodyFit:
-    return BodyFit(name, by, SIGMA, RADIUS)
+    return BodyFit(name, by, SIGMA, RADIUS, motion=0.05)
 
 
 def test_a_whole_fails_with_half_of_its_bodies_and_is_poor_with_one() -> None:
@@ -65,7 +65,12 @@ def test_a_whole_fails_with_half_of_its_bodies_and_is_poor_with_one() -> None:
     assert FitVerdict(()).verdict == "good"
 
 
+def test_a_body_that_moves_far_has_failed_only_where_its_motion_is_not_explained() -> None:
+    assert BodyFit("a", 0.09, SIGMA, RADIUS, motion=1.0).verdict == "poor"  # as where one force is missing
+    assert BodyFit("a", 1.1, SIGMA, RADIUS, motion=1.0).verdict == "failed"
+
+
 def test_a_noisy_track_is_no_fault_of_the_fit_and_a_small_error_none_of_an_exact_one() -> None:
-    assert BodyFit("a", 0.03, 0.02, RADIUS).verdict == "good"
-    assert BodyFit("a", 0.004, 1e-5, RADIUS).verdict == "good"
-    assert BodyFit("a", 0.006, 1e-5, RADIUS).verdict == "poor"
+    assert BodyFit("a", 0.03, 0.02, RADIUS, 0.1).verdict == "good"
+    assert BodyFit("a", 0.004, 1e-5, RADIUS, 0.1).verdict == "good"
+    assert BodyFit("a", 0.006, 1e-5, RADIUS, 0.1).verdict == "poor"
