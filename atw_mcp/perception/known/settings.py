@@ -7,7 +7,20 @@ from dataclasses import dataclass
 from polyworld.settings_checks import require_positive, require_shares
 
 SHARES = (
-    *("shades", "dim", "any_colour", "shadow", "other", "soft", "goes_on", "least_inside", "rare", "piece", "smaller"),
+    *(
+        "shades",
+        "dim",
+        "any_colour",
+        "shadow",
+        "other",
+        "soft",
+        "goes_on",
+        "least_inside",
+        "rare",
+        "within",
+        "piece",
+        "smaller",
+    ),
     *("nearer_than", "core"),
 )
 
@@ -56,16 +69,17 @@ class KnownSettings:
         can outweigh; within `pointed_reach` of its middle. longest: frames out of sight after which the velocity says
         nothing of the place.
     Rounds
-        rounds: of looking, by name, then by the colours found. shared: within which two bodies cannot be. still: minus
-        the log likelihood of a background that a body may cover, beside the excess of its place over others. learned:
+        rounds: of looking, by name, then by the colours found. shared: within which two bodies cannot be. learned:
         within which colours are learned. named: by how much less a name's colours weigh beside those. least_pixels: to
         learn from. half: log likelihood ratio at which a place is half sure. alone: of the sum of two radii, beyond
         which bodies do not touch.
     Bodies at rest in the background
         clusters: of its colours. lightness: weight beside chroma, which shading and texture vary less. inner, gap,
         outer: radii of the core and of the ring that surrounds it. rare: part of a ring below which a colour does not
-        occur in it. places: of one body, and `clear`, the least log likelihood ratio of one. unlike: log ratio of a
-        colour's parts of core and ring from which it is the body's. reach: that a body may cover around its middle.
+        occur in it. within: part of the core that lies in the image: less of it is unlike its surroundings by chance,
+        and what is known of a scene seldom lies cut off by the image's edge in all frames. places: of one body, and
+        `clear`, the least log likelihood ratio of one. unlike: log ratio of a colour's parts of core and ring from
+        which it is the body's. reach: that a body may cover around its middle.
     Outlines
         core, core_gain: within which a pixel is rather the body's, and by how much. fall: cost of one radius outside
         the expected outline, squared. farthest_edge: that a body may reach. piece: of the largest piece, from which
@@ -121,7 +135,6 @@ class KnownSettings:
     longest: int = 30
     rounds: int = 3
     shared: float = 0.6
-    still: float = 1.0
     learned: float = 0.9
     named: float = 2.0
     least_pixels: int = 30
@@ -133,6 +146,7 @@ class KnownSettings:
     gap: float = 1.35
     outer: float = 2.6
     rare: float = 0.02
+    within: float = 0.75
     places: int = 5
     clear: float = 2.2
     unlike: float = 0.3

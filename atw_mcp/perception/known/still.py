@@ -48,6 +48,7 @@ class StillBodies:
                 odd(SETTINGS.square * SETTINGS.gap * r, 3),
                 odd(SETTINGS.square * SETTINGS.outer * r, 5),
             )
+            place &= box_mean(np.ones_like(fixtures, dtype=np.float32), core) >= SETTINGS.within
             seen = (~hiding(r, sizes, fixtures)[0]).astype(np.float32)
             inside = np.maximum(box_mean(seen, core), SETTINGS.least_inside)
             around = np.maximum(box_mean(seen, ring) * ring**2 - box_mean(seen, gap) * gap**2, 1.0)
@@ -70,7 +71,7 @@ class StillBodies:
             ring_share = self._shares(free & (away > SETTINGS.reach) & (away < SETTINGS.outer))
             unlike = np.log(inner + SETTINGS.rare) - np.log(ring_share + SETTINGS.rare) > SETTINGS.unlike
             own_pixels = free & (away < SETTINGS.reach) & unlike[self.labels] & np.isinf(covered)
-            covered[own_pixels] = -SETTINGS.still - excess
+            covered[own_pixels] = -excess
         return covered
 
     def _shares(self, where: Mask) -> Floats:
