@@ -21,6 +21,7 @@ KIND = "rollout"
 ENGINE = 2  # raise when the engine's results change: stored rollouts then no longer answer for new ones
 MAX_SAMPLES = 20_000  # frames in one rollout
 MANY_POINTS = 4_000  # of one object
+ROUNDED = 1e-5  # a frame's time as people write it, such as 0.033333
 
 SERIES = ("times", "positions", "orientations", "velocities", "angular_velocities", "active")
 
@@ -32,7 +33,7 @@ def checked_horizon(world: World, seconds: float | None, sample: float | None = 
     """
     frame = world.time.seconds_per_frame
     step = frame if sample is None else sample
-    if not 0.0 < step <= frame:
+    if not 0.0 < step <= frame * (1.0 + ROUNDED):
         raise ToolError(f"sample_seconds must be above 0 and at most a frame ({frame:g} s), got {step:g}")
     longest = min(MAX_SAMPLES * step, MAX_SUBSTEPS * min(world.time.substep, step))
     longest = min(longest, longest_horizon(world) * step / frame)

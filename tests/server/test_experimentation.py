@@ -327,6 +327,7 @@ def test_finer_samples_make_another_rollout_that_judges_thresholds_finer(app: Ap
     assert "sampled_every_s" not in ask(
         app, str(fine.rollout), {"predicate": "collides", "a": "striker", "b": "target"}
     )
+    assert roll(sample_seconds=FRAME * (1.0 + 4e-7)).rollout  # a frame, written with six digits
     with pytest.raises(ToolError, match="sample_seconds must be above 0 and at most a frame"):
         roll(sample_seconds=2 * FRAME)
 
