@@ -160,6 +160,7 @@ def test_a_clevrer_video_is_modelled_with_its_objects_told_apart(session: Sessio
         seconds_per_frame=0.028,
         calibrate={"homography": plane["H"], "plane_z": 0.2},
         known_length=None,
+        build={"representation": "planar"},  # which object is which is asked here; in space the fit takes minutes
     )
     tracks = {match["object"]: match["track"] for match in made["data"]["matches"]}
     assert len(tracks) == len(listed)
