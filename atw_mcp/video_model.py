@@ -20,9 +20,10 @@ from atw_mcp.steps import Step, StepFailed, Steps
 from atw_mcp.video_report import MATCHING, VideoModel, failure_report, fit_report
 from evidence_store import Case, StoreError
 from polyworld.camera import Camera
-from polyworld.world import MotionPlane
+from polyworld.world import MotionPlane, World
 
 SHARES = {"ObserveObjects": 0.35, "CalibrateCamera": 0.36, "BuildWorld": 0.5, "FitWorld": 0.98}
+UNPLACED = 0.75  # of the frames that show a body, below which that its rays miss the floor is no matter of edges
 MOVED = 0.5  # of its own size in the image, by which a track has moved
 
 
@@ -269,7 +270,26 @@ def _misfit(model: VideoModel) -> float:
 def _compare(app: App, case: Case, fitted: Step, model: VideoModel, progress: Progress) -> None:
     world = app.world(case, fitted.evidence.world)
     first, last = fitted.data["fitted_frames"]
+    model.notes += _unplaced(app, case, world)
     try:
         model.errors = object_errors(app, world, modelled_tracks(app, case, world), (first, last), progress)
     except ValueError as error:
         model.diverged = str(error)
+
+
+def _unplaced(app: App, case: Case, world: World) -> list[str]:
+    """Doubts about objects that are seen in frames where their rays miss the plane they are taken to be on."""
+    latest = latest_image_observation(app, case)
+    tracks = modelled_tracks(app, case, world).tracks
+    found = []
+    for name in tracks.names:
+        if latest is None or name not in latest[1].names:
+            continue
+        seen = int(np.isfinite(latest[1].object(name).centroid).all(axis=1).sum())
+        placed = int(np.count_nonzero(tracks.confidence[:, tracks.index(name)] > 0.0))
+        if placed < UNPLACED * seen:
+            found.append(
+                f"{name} has a place in {placed} of the {seen} frames that show it: it seems to leave the floor on "
+                "which places are taken; give motion_plane if it moves in a known plane"
+            )
+    return found
