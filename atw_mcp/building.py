@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from atw_mcp.parts import Parts, read_part
-from atw_mcp.representation_choice import Chosen, Representation, also_planar, choose, with_axes_across
+from atw_mcp.representation_choice import Chosen, Representation, choose, with_axes_across
 from atw_mcp.world_warnings import fluid_warnings, without_covering_walls
 from polyworld.camera import Camera
 from polyworld.description import Appearance
@@ -120,11 +120,10 @@ def build_world(
     if not names and not described and not soft:
         raise ValueError(f"there is no object to place: {'; '.join(left_out) or 'no track was chosen'}")
     shapes = _shapes([*names, *described], seen, given)
-    half_heights = {name: half_height(shape) for name, shape in shapes.items()}
-    kind, why = choose(
+    kind, why, alternative = choose(
         representation,
         tracks.select(names),
-        half_heights,
+        {name: half_height(shape) for name, shape in shapes.items()},
         shapes,
         statics=scene.statics,
         plane=scene.motion_plane,
@@ -132,12 +131,6 @@ def build_world(
         parts=scene.parts,
         heights_assumed=heights_assumed,
     )
-    simple = scene.motion_plane is None and scene.parts == Parts() and representation == "auto"
-    alternative: Literal["planar"] | None = None
-    if simple and also_planar(
-        tracks.select(names), half_heights, shapes, statics=scene.statics, heights_assumed=heights_assumed
-    ):
-        alternative = "planar"
     if kind == "planar" and scene.motion_plane is None and scene.parts.deformables:
         scene = replace(scene, motion_plane=ACROSS)
         why += "; the plane is y = 0, seen along +y, as no motion_plane was given"
@@ -189,7 +182,8 @@ def build_world(
     )
     notes += fluid_warnings(world)
     if names:
-        world = with_supports(with_initial_states(world, tracks.select(names)), tracks.select(names))
+        tracked = tracks.select(names)
+        world = with_supports(with_initial_states(world, tracked), tracked)
     return Built(
         world=world,
         representation=kind,

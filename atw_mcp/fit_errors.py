@@ -11,7 +11,7 @@ from atw_mcp.app import App
 from atw_mcp.jobs import Progress
 from atw_mcp.rollouts import compute_rollout
 from atw_mcp.track_records import TrackRecord, at_rate
-from polyworld.geometry import mass_properties, plane_axes
+from polyworld.geometry import equivalent_radius, plane_axes
 from polyworld.world import World
 
 FOLLOWS = 0.5  # of a body's radius: with larger errors contacts happen or fail that the video shows otherwise
@@ -86,7 +86,7 @@ def object_errors(
                 item.name,
                 _rms(np.linalg.norm(apart[known], axis=1)),
                 pixels,
-                float(np.cbrt(0.75 * mass_properties(item.shape).volume / np.pi)),
+                equivalent_radius(item.shape),
                 float(np.median(tracks.position_sigma[known, theirs])),
                 int(known.sum()),
             )

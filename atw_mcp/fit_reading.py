@@ -9,6 +9,7 @@ import numpy as np
 
 from atw_mcp.fit_verdict import cure
 from evidence_store import Evidence
+from polyworld.estimation.world_fit import WideningSettings
 from polyworld.estimation.world_fit.objective import gyration_radius
 from polyworld.world import World
 
@@ -113,7 +114,7 @@ def _bounds(document: dict[str, Any]) -> list[str]:
     on = []
     for value in _physical(document):
         lower, upper = value["bounds"]
-        near = 0.01 * (upper - lower)
+        near = WideningSettings().near * (upper - lower)
         if min(value["value"] - lower, upper - value["value"]) < near:
             on.append(f"{value['name']} = {value['value']:.3g} (searched {lower:.3g} to {upper:.3g})")
     if on:

@@ -10,17 +10,31 @@ import numpy as np
 
 from atw_mcp.app import App
 from polyworld.estimation.world_fit import FitResult
-from polyworld.geometry import mass_properties
+from polyworld.geometry import equivalent_radius
 from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 
 Verdict = Literal["good", "poor", "failed"]
 
-NOISY = 2.0  # times the noise: errors up to it are measurement, or nearly
-SMALL = 0.05  # of a body's radius: errors up to it matter to no contact
-LARGE = 0.5  # of a body's radius: with larger ones contacts happen or fail that the video shows otherwise
-UNEXPLAINED = 1.0  # of the motion itself: the fit says no more of where the body is than its mean place
-SHARE = 0.5  # of the moving bodies that must be largely off for the whole to have failed
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """When a fit is good, poor or failed.
+
+    noisy: times the noise up to which an error is measurement, or nearly. small: of a body's radius up to which an
+    error matters to no contact. large: of a body's radius, from which contacts happen or fail that the video shows
+    otherwise. unexplained: of the motion itself, beyond which the fit says no more of where a body is than its mean
+    place. share: of the moving bodies that must be largely off for the whole to have failed.
+    """
+
+    noisy: float = 2.0
+    small: float = 0.05
+    large: float = 0.5
+    unexplained: float = 1.0
+    share: float = 0.5
+
+
+SETTINGS = VerdictSettings()
 
 
 @dataclass(frozen=True)
@@ -40,9 +54,11 @@ class BodyFit:
     @property
     def verdict(self) -> Verdict:
         """Good where the error is noise, or small beside the body; failed where it is large beside body and motion."""
-        if self.error <= max(NOISY * self.noise, SMALL * self.radius):
+        if self.error <= max(SETTINGS.noisy * self.noise, SETTINGS.small * self.radius):
             return "good"
-        return "failed" if self.error > max(LARGE * self.radius, UNEXPLAINED * self.motion) else "poor"
+        return (
+            "failed" if self.error > max(SETTINGS.large * self.radius, SETTINGS.unexplained * self.motion) else "poor"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -69,7 +85,7 @@ class FitVerdict:
             return "failed"
         found = [body.verdict for body in self.bodies]
         failed = found.count("failed")
-        if failed and failed >= SHARE * len(found):
+        if failed and failed >= SETTINGS.share * len(found):
             return "failed"
         return "poor" if set(found) - {"good"} else "good"
 
@@ -95,7 +111,7 @@ def judge(result: FitResult, tracks: ObservedTracks, moving: frozenset[str]) -> 
             continue
         column = tracks.index(item.name)
         sigma = float(np.median(tracks.position_sigma[tracks.confidence[:, column] > 0.0, column]))
-        radius = float(np.cbrt(0.75 * mass_properties(item.shape).volume / np.pi))
+        radius = equivalent_radius(item.shape)
         seen = tracks.positions[tracks.confidence[:, column] > 0.0, column]
         motion = float(np.sqrt(np.mean(np.sum((seen - seen.mean(axis=0)) ** 2, axis=1))))
         body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius, motion)

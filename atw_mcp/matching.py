@@ -15,7 +15,7 @@ from atw_mcp.perception.naming import SYNONYMS
 from atw_mcp.perception.observation import ObservedObject
 from atw_mcp.perception.tracks import SolidEstimate
 from polyworld.camera import Camera
-from polyworld.geometry import mass_properties
+from polyworld.geometry import equivalent_radius
 from polyworld.shapes import BodyShape, Box, Capsule, Cylinder, Sphere
 
 COLOURS = ("red", "orange", "brown", "yellow", "green", "cyan", "blue", "purple", "gray", "black", "white")
@@ -272,7 +272,7 @@ def apparent_radius(shape: BodyShape, elevation: float) -> float:
         a, b, c = shape.half_extents
         area = 4.0 * a * b * above + 4.0 * c * (a + b) * (2.0 / np.pi) * beside
     else:
-        return float(np.cbrt(0.75 * mass_properties(shape).volume / np.pi))
+        return equivalent_radius(shape)
     return float(np.sqrt(area / np.pi))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,14 @@ HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
 LYING = 0.5  # cosine of the angle between the vertical and the axis of what lies on its side
 
 
+class Choice(NamedTuple):
+    """kind: the representation; why: in words; alternative: another that the tracks suit as well, None without."""
+
+    kind: Chosen
+    why: str
+    alternative: Chosen | None = None
+
+
 def choose(
     asked: Representation,
     tracks: ObservedTracks,
@@ -34,45 +42,33 @@ def choose(
     gravity: tuple[float, float, float],
     parts: Parts,
     heights_assumed: bool,
-) -> tuple[Chosen, str]:
-    """The representation of all objects of a world and the reason for it, in words.
+) -> Choice:
+    """Choose the representation of all objects of a world.
 
     tracks: those of the rigid objects that were observed. half_heights [m], shapes: of all rigid objects. plane: the
     plane of motion where one is given or the camera looks along it.
     """
     if asked != "auto":
-        return asked, "as asked"
+        return Choice(asked, "as asked")
     reason = _needs_space(shapes, statics, parts)
     if reason is not None:
-        return "spatial", reason
+        return Choice("spatial", reason)
     if parts.deformables:
-        return _of_deformables(plane, gravity, parts)
+        return Choice(*_of_deformables(plane, gravity, parts))
     if plane is not None and _swings_in_view(shapes, plane, gravity, parts):
-        return (
+        return Choice(
             "spatial",
             "bodies that swing on hinges: in space the joints' friction, damping and motors can be given, fitted and "
             "found missing",
         )
     if plane is not None:
-        return "planar", "a motion plane was given"
+        return Choice("planar", "a motion plane was given")
     kind, why = _level(tracks, half_heights, heights_assumed=heights_assumed)
     rolling = rolling_bodies(tracks, shapes)
     if rolling and kind == "planar":
-        return "spatial", f"{', '.join(rolling)} can roll, about level axes that a planar world has not"
-    return kind, why
-
-
-def also_planar(
-    tracks: ObservedTracks,
-    half_heights: Mapping[str, float],
-    shapes: Mapping[str, BodyShape],
-    *,
-    statics: tuple[StaticObject, ...],
-    heights_assumed: bool,
-) -> bool:
-    """Whether a world without parts is spatial only since bodies can roll: all objects keep their heights."""
-    level, _ = _level(tracks, half_heights, heights_assumed=heights_assumed)
-    return level == "planar" and bool(rolling_bodies(tracks, shapes)) and not _needs_space(shapes, statics, Parts())
+        why = f"{', '.join(rolling)} can roll, about level axes that a planar world has not"
+        return Choice("spatial", why, "planar" if parts == Parts() else None)
+    return Choice(kind, why)
 
 
 def _level(tracks: ObservedTracks, half_heights: Mapping[str, float], *, heights_assumed: bool) -> tuple[Chosen, str]:

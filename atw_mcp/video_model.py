@@ -66,6 +66,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
         other = built.data.get("alternative_representation")
         if other is not None and (model.diverged or any(not error.follows for error in model.errors)):
             fitted = _better(app, case, request, steps, model, fitted, {**building, "representation": other}, progress)
+        model.notes += _unplaced(app, case, app.world(case, fitted.evidence.world))
     except StepFailed as error:
         return failure_report(case, error, steps, model)
     return fit_report(case, fitted, steps, model)
@@ -270,7 +271,6 @@ def _misfit(model: VideoModel) -> float:
 def _compare(app: App, case: Case, fitted: Step, model: VideoModel, progress: Progress) -> None:
     world = app.world(case, fitted.evidence.world)
     first, last = fitted.data["fitted_frames"]
-    model.notes += _unplaced(app, case, world)
     try:
         model.errors = object_errors(app, world, modelled_tracks(app, case, world), (first, last), progress)
     except ValueError as error:

@@ -36,6 +36,23 @@ def hull(shape: ConvexMesh) -> trimesh.Trimesh:
     return solid
 
 
+def surface_mesh(shape: ConvexShape) -> trimesh.Trimesh:
+    """Return the surface of a convex shape about its origin [m]."""
+    mesh: trimesh.Trimesh
+    if isinstance(shape, ConvexMesh):
+        return hull(shape)
+    if isinstance(shape, Sphere):
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
+    elif isinstance(shape, Box):
+        mesh = trimesh.creation.box(extents=2.0 * np.asarray(shape.half_extents))
+    elif isinstance(shape, Cylinder):
+        mesh = trimesh.creation.cylinder(radius=shape.radius, height=2.0 * shape.half_height)
+    else:
+        mesh = trimesh.creation.capsule(radius=shape.radius, height=2.0 * shape.half_height)
+        mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    return mesh
+
+
 @dataclass(frozen=True)
 class Piece:
     """A convex piece of a body: position (3,) of its origin and rotation (3, 3) of its axes, in body axes."""
@@ -89,6 +106,11 @@ def mass_properties(shape: Solid) -> MassProperties:
         return MassProperties(rod + ball, np.diag([side, side, rod * r**2 / 2 + ball * 0.4 * r**2]))
     solid = hull(shape)
     return MassProperties(float(solid.volume), np.asarray(solid.moment_inertia, dtype=float))
+
+
+def equivalent_radius(shape: Solid) -> float:
+    """Radius of the ball of a shape's volume [m]."""
+    return float(np.cbrt(0.75 * mass_properties(shape).volume / np.pi))
 
 
 @lru_cache(maxsize=512)

@@ -45,7 +45,7 @@ from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Pro
 
 TIMEOUT = 3600.0  # [s] where the manifest states none
 POLL = 0.1  # [s]
-TOLD = 600  # characters of a failed command's last words in the message
+QUOTED = 600  # characters of a failed command's last words in the message
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def _run(
                 _stop(process)
         if process.returncode != 0:
             words.seek(0)
-            last = words.read().decode("utf-8", "replace").strip()[-TOLD:]
+            last = words.read().decode("utf-8", "replace").strip()[-QUOTED:]
             raise ModelError(f"{model.name}: its command ended with {process.returncode}: {last or 'it said nothing'}")
 
 

@@ -23,8 +23,8 @@ from atw_mcp.perception.import_tracks import continuous
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import Cancelled, Frames, Progress
 from polyworld.camera import Camera
-from polyworld.geometry import hull
-from polyworld.shapes import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Sphere
+from polyworld.geometry import surface_mesh
+from polyworld.shapes import BodyShape, Compound
 from polyworld.tracks import ObservedTracks
 
 DEFAULT_SIGMA = 0.01  # of the distance
@@ -49,7 +49,7 @@ def poses(
         tuple(shapes),
         seconds_per_frame,
         intrinsics=[list(row) for row in camera.intrinsics],
-        meshes={name: surface(shape) for name, shape in shapes.items()},
+        meshes={name: _surface(shape) for name, shape in shapes.items()},
     )
     with outcome_of(model, request, limits, progress=progress, cancelled=cancelled) as folder:
         said = read_outcome(folder, "poses.json", model)
@@ -59,23 +59,11 @@ def poses(
     return _tracks(model, said, observation, camera, tuple(shapes), seconds_per_frame)
 
 
-def surface(shape: BodyShape) -> trimesh.Trimesh:
-    """The surface of a body about its origin [m]; raises ModelError for a compound, which has no single one here."""
-    mesh: trimesh.Trimesh
-    if isinstance(shape, Sphere):
-        mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
-    elif isinstance(shape, Box):
-        mesh = trimesh.creation.box(extents=2.0 * np.asarray(shape.half_extents))
-    elif isinstance(shape, Cylinder):
-        mesh = trimesh.creation.cylinder(radius=shape.radius, height=2.0 * shape.half_height)
-    elif isinstance(shape, Capsule):
-        mesh = trimesh.creation.capsule(radius=shape.radius, height=2.0 * shape.half_height)
-        mesh.apply_translation(-mesh.bounds.mean(axis=0))
-    elif isinstance(shape, ConvexMesh):
-        mesh = hull(shape)
-    else:
+def _surface(shape: BodyShape) -> trimesh.Trimesh:
+    """The surface of a body; raises ModelError for a compound, which has no single one here."""
+    if isinstance(shape, Compound):
         raise ModelError(f"a shape of kind {shape.kind} has no single surface: give a mesh of the whole object")
-    return mesh
+    return surface_mesh(shape)
 
 
 def _tracks(

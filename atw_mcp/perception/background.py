@@ -54,11 +54,15 @@ class Background:
         return lit
 
 
+def sample_rows(count: int) -> NDArray[np.int64]:
+    """Rows of `count` frames that medians over time are taken of: evenly spaced, at most SAMPLES."""
+    rows: NDArray[np.int64] = np.unique(np.linspace(0, count - 1, min(SAMPLES, count)).round().astype(np.int64))
+    return rows
+
+
 def model_background(frames: Frames) -> Background:
     """Background of frames (T, H, W, 3) taken by a camera that does not move."""
-    count = len(frames)
-    picks = np.unique(np.linspace(0, count - 1, min(SAMPLES, count)).round().astype(int))
-    sample = frames[picks].astype(np.float32)
+    sample = frames[sample_rows(len(frames))].astype(np.float32)
     median = np.median(sample, axis=0).astype(np.float32)
     for k in range(len(sample)):  # take flicker and slow changes of light out before the final median
         sample[k] /= np.clip(_lighting(sample[k], median), 0.2, 5.0)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.background import Array32, Mask, model_background
+from atw_mcp.perception.background import Array32, Mask, model_background, sample_rows
 from atw_mcp.perception.camera_motion import as_filmed, as_stabilised, camera_motion, stabilised
 from atw_mcp.perception.observe import enlarged, reduced
 from atw_mcp.perception.segmentation import shadows_of
@@ -24,7 +24,6 @@ ALIKE = 2.5  # standard deviations within which a pixel is the background's
 BAKED = 0.6  # share of a seed that looks like the background from which the background may show the object itself
 AWAY = 8.0  # levels by which a pixel differs once the object has left it
 GONE, LEAST_GONE = 0.9, 3  # share of an object's pixels that differ once it has left, and frames that show it
-SAMPLES = 28  # frames looked at for what is under a seed
 COVER = 7  # pixels: width of the disc by which a seed is grown before the background under it is filled in
 
 
@@ -86,7 +85,7 @@ class SceneModels:
         object has left too: a pixel that merely shows another part of the object is none; else the surroundings are
         continued. What the background shows of an object is known by its likeness to the object's own pixels.
         """
-        picks = np.unique(np.linspace(0, self.count - 1, min(SAMPLES, self.count)).round().astype(int))
+        picks = sample_rows(self.count)
         hidden = np.zeros(self.size, dtype=bool)
         for row, mask in seeds:
             if not mask.any() or self._standing_out(row, mask) > 1.0 - BAKED:

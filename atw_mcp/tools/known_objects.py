@@ -13,7 +13,6 @@ from pydantic import Field
 from atw_mcp.app import App
 from atw_mcp.importing import mesh_of
 from atw_mcp.matching import Known, apparent_radius, elevation_of
-from atw_mcp.models.pose import surface
 from atw_mcp.perception.known.bodies import KnownBody
 from atw_mcp.perception.known.colour_words import colour_word
 from atw_mcp.perception.silhouettes import lift_of
@@ -21,7 +20,7 @@ from atw_mcp.perception.tracks import kind_and_size
 from atw_mcp.tools.world_arguments import Argument, Name, Pixel, Point, ShapeArgument
 from evidence_store import Case
 from polyworld.camera import Camera
-from polyworld.geometry import quaternion_matrix
+from polyworld.geometry import quaternion_matrix, surface_mesh
 from polyworld.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.world import StaticObject
 
@@ -79,7 +78,7 @@ def corners_of(fixed: Sequence[StaticObject]) -> list[Floats]:
     for item in fixed:
         if isinstance(item.shape, Plane | Wall | TriangleMesh):
             raise ValueError(f"{item.name}: a {item.shape.kind} is no convex solid; give a box, cylinder or sphere")
-        own = np.asarray(surface(item.shape).vertices, dtype=float)
+        own = np.asarray(surface_mesh(item.shape).vertices, dtype=float)
         corners.append(own @ quaternion_matrix(np.asarray(item.orientation)).T + np.asarray(item.position))
     return corners
 

@@ -105,7 +105,7 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         gravity=gravity,
         acceleration=pull if pull > 1e-9 else speed / max(duration, 1e-6),
         masses=tuple(masses),
-        ball_radii=tuple(_ball_radius(o) for o in world.objects),
+        ball_radii=tuple(geometry.equivalent_radius(o.shape) for o in world.objects),
         mass=float(np.median(masses)) if masses else 1.0,
         radius=float(np.median(radii)) if radii else 0.0,
         drop=float(np.median([o.shape.radius for o in world.objects if isinstance(o.shape, Sphere)] or [0.0])),
@@ -132,11 +132,6 @@ def _pull(world: World, gravity: Array, normal: Array, supported: bool) -> float
     if rubbing is None:
         rubbing = max((o.friction for o in world.objects), default=0.0)
     return max(pull, rubbing * float(-gravity @ normal))
-
-
-def _ball_radius(item: RigidObject) -> float:
-    """Radius of the ball of equal volume, as laws of drag take it."""
-    return float(np.cbrt(3.0 * geometry.mass_properties(item.shape).volume / (4.0 * np.pi)))
 
 
 def _unturned(world: World, recording: Recording) -> dict[str, tuple[str, ...]]:

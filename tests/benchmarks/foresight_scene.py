@@ -79,14 +79,20 @@ def tool_name(name: str) -> str:
     return name.replace(" ", "_")
 
 
-def surroundings(clip: Clip) -> dict[str, Any]:
-    """Fixed things and guides as arguments of BuildWorld."""
+def obstacles_of(known: dict[str, Any]) -> list[dict[str, Any]]:
+    """Fixed things of a scene, of which `known` is what a user knows, as obstacles of BuildWorld."""
     obstacles = []
-    for thing in clip.known["objects"]:
+    for thing in known["objects"]:
         if thing.get("fixed"):
             turn = {"orientation": thing["rotation_wxyz"]} if "rotation_wxyz" in thing else {}
             place = {"name": tool_name(thing["name"]), "shape": shape_of(thing), "position": thing["position"]}
             obstacles.append({**place, **turn})
+    return obstacles
+
+
+def surroundings(clip: Clip) -> dict[str, Any]:
+    """Fixed things and guides as arguments of BuildWorld."""
+    obstacles = obstacles_of(clip.known)
     parts = []
     for body in clip.bodies:
         if "pivot" in body:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.tools.known_objects import bodies_of, corners_of
 from atw_mcp.tools.world_arguments import ObstacleArgument, ShapeArgument
-from tests.benchmarks.foresight_scene import DEFORMABLE, shape_of
+from tests.benchmarks.foresight_scene import DEFORMABLE, obstacles_of, shape_of
 from tests.benchmarks.video_seeds import Labels
 
 Floats = NDArray[np.float64]
@@ -39,22 +38,9 @@ def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageOb
         things.append(Known(thing["name"], shape, thing["color"], pixel=pixel, frame=frame))
     if not things:
         return observe(file)  # cloth and rope are not looked for
-    return observe_known(file, bodies_of(things, camera), camera, places, fixtures=_fixtures(known))
-
-
-def _fixtures(known: dict[str, Any]) -> list[Floats]:
-    """Corners of the scene's fixed solids [m]."""
-    fixed = [
-        {
-            "name": thing["name"].replace(" ", "_"),
-            "shape": shape_of(thing),
-            "position": thing["position"],
-            "orientation": thing.get("rotation_wxyz"),
-        }
-        for thing in known["objects"]
-        if thing.get("fixed")
-    ]
-    return corners_of([s for item in fixed for s in ObstacleArgument.model_validate(item).to_statics(_no_meshes)])
+    obstacles = [ObstacleArgument.model_validate(item) for item in obstacles_of(known)]
+    fixtures = corners_of([static for item in obstacles for static in item.to_statics(_no_meshes)])
+    return observe_known(file, bodies_of(things, camera), camera, places, fixtures=fixtures)
 
 
 def _no_meshes(name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -51,6 +51,20 @@ def test_friction_and_speed_of_a_sliding_puck_are_recovered(session: Session, tm
     assert again["data"]["world"] == fitted["data"]["world"]
 
 
+def test_what_can_roll_on_a_level_floor_is_spatial_and_would_suit_a_planar_world_too(
+    session: Session, tmp_path: Path
+) -> None:
+    path = write_tracks(tmp_path / "roll.csv", speed=1.0, friction=0.02)
+    case = session("OpenCase", data=str(path))["case"]
+    session("ImportObservation", case=case, kind="tracks", path=str(path), position_sigma=0.001)
+    ball = {"kind": "sphere", "radius": 0.05}
+    for shape, kind, other in ((ball, "spatial", "planar"), (BOX, "planar", None)):
+        built = session("BuildWorld", case=case, default_shape=shape)["data"]
+        assert (built["representation"], built.get("alternative_representation")) == (kind, other)
+    asked = session("BuildWorld", case=case, default_shape=ball, representation="spatial")["data"]
+    assert "alternative_representation" not in asked  # it was asked for
+
+
 def test_a_fall_is_a_spatial_world(session: Session, tmp_path: Path) -> None:
     path = tmp_path / "fall.csv"
     times = np.arange(12) * 0.04

@@ -9,12 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.background import SAMPLES, Background, Mask
+from atw_mcp.perception.background import Background, Mask, sample_rows
 from atw_mcp.perception.known.finding import Candidate
 from atw_mcp.perception.known.settings import SETTINGS
 from atw_mcp.perception.video import Frames
-
-Rows = NDArray[np.int64]
 
 
 def with_supports(background: Background, frames: Frames, bare: Mask) -> Background:
@@ -26,7 +24,7 @@ def with_supports(background: Background, frames: Frames, bare: Mask) -> Backgro
     removed = cv2.dilate(background.still.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     where = bare if background.smooth else bare & removed
     image = background.image.copy()
-    image[where] = np.median(frames[_picks(len(frames))][:, where], axis=0)
+    image[where] = np.median(frames[sample_rows(len(frames))][:, where], axis=0)
     return replace(background, image=image, still=background.still & ~bare)
 
 
@@ -36,7 +34,7 @@ def uncovered(
     """Return the background with the median of the frames in which no body covers a pixel, where some body covers it in
     many others; None where that changes nothing. places: of each body by row.
     """
-    picks = _picks(len(frames))
+    picks = sample_rows(len(frames))
     height, width = background.image.shape[:2]
     cover = np.zeros((len(picks), height, width), dtype=np.uint8)
     for series in places:
@@ -54,11 +52,6 @@ def uncovered(
     image = background.image.copy()
     image[where] = np.nanmedian(values, axis=0)
     return replace(background, image=image)
-
-
-def _picks(count: int) -> Rows:
-    picks: Rows = np.unique(np.linspace(0, count - 1, SAMPLES).round().astype(np.int64))
-    return picks
 
 
 def _as_usual(frame: Frames, background: Background) -> NDArray[np.float32]:

@@ -8,8 +8,7 @@ import numpy as np
 
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult
-
-MOST = 0.2  # share of an object's frames up to which single ones are outlying; beyond it the fit is off
+from polyworld.estimation.world_fit.settings import OutlyingSettings
 
 
 @dataclass(frozen=True)
@@ -21,8 +20,11 @@ class Outlying:
     worst: float
 
 
-def outlying_frames(problem: FitProblem, result: FitResult) -> tuple[Outlying, ...]:
-    """Frames, by object, of which at most a share `MOST` of its positions exceeds Huber's threshold."""
+def outlying_frames(
+    problem: FitProblem, result: FitResult, settings: OutlyingSettings | None = None
+) -> tuple[Outlying, ...]:
+    """Frames, by object, of which at most a share `settings.most` of its positions exceeds Huber's threshold."""
+    most = (settings or OutlyingSettings()).most
     batch = problem.run_one(result)
     if batch.diverged[0]:
         return ()
@@ -32,7 +34,7 @@ def outlying_frames(problem: FitProblem, result: FitResult) -> tuple[Outlying, .
     for owner, name in enumerate(entry.names):
         own = entry.owner[: len(sizes)] == owner
         far = own & (sizes > problem.objective.settings.huber)
-        if 0 < far.sum() <= MOST * own.sum():
+        if 0 < far.sum() <= most * own.sum():
             frames = tuple(int(f) for f in problem.window.frames[entry.sample[: len(sizes)][far]])
             found.append(Outlying(name, frames, float(sizes[far].max())))
     return tuple(found)

@@ -49,7 +49,8 @@ def release_shared(
         cancelled=cancelled,
     )
     count = problem.objective.weight(problem.samples)
-    noise = max(free.loss(at), 1.0)  # variance of the residuals, at least what the tracks state
-    if status == "cancelled" or (shared.loss - free.loss(at)) * count / noise <= more * np.log(max(count, 2.0)):
+    loss = free.loss(at)
+    noise = max(loss, 1.0)  # variance of the residuals, at least what the tracks state
+    if status == "cancelled" or (shared.loss - loss) * count / noise <= more * np.log(max(count, 2.0)):
         return problem, start
     return free, Start(start.searched, free.finish("prefixes", status, at, None, points, shared.seed))

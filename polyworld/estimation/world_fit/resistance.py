@@ -2,9 +2,9 @@
 
 Sliding friction and rolling resistance are fitted anyway. Every further law is at zero in the fit without it; a score
 test (Rao 1948) predicts from its derivative there by how much chi-square would fall, the other unknowns adjusted. Those
-that promise enough are fitted, since far from zero their order may be another, and the best is kept where twice the
-log-likelihood grows by more than the logarithm of the number of observations (Schwarz 1978); laws kept before that are
-no longer worth that much are dropped. Until none is kept.
+of enough predicted gain are fitted, since far from zero their order may be another, and the best is kept where twice
+the log-likelihood grows by more than the logarithm of the number of observations (Schwarz 1978); laws kept before that
+are no longer worth that much are dropped. Until none is kept.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def choose_resistance(
         trials: list[_Fitted] = []
         for law, gain in zip(left, _predicted(problem, best, left, settings.step), strict=True):
             tested[law.name] = Tested(law.name, gain, needed, False)
-            if gain >= settings.promising * needed:
+            if gain >= settings.worth_fitting * needed:
                 trials.append(refitted(best, (*best.laws, law)))
                 tested[law.name] = Tested(law.name, _gain(best, trials[-1]), needed, False)
         deepest = max((_gain(best, trial) for trial in trials), default=0.0)

@@ -41,14 +41,14 @@ class ResistanceSettings:
 
     iterations: of a law's fit, which begins at the optimum without it. step: of a law's range, by which its derivative
     at zero is taken: small beside what matters, large beside rounding. beyond: times its usual range that a law is
-    fitted over, since on its bound it would lose to one that is not. promising: share of the needed gain that the score
-    test must predict; it is linear, and errs on the low side.
+    fitted over, since on its bound it would lose to one that is not. worth_fitting: share of the needed gain that the
+    score test must predict; it is linear, and errs on the low side.
     """
 
     iterations: int = 6
     step: float = 2e-3
     beyond: float = 5.0
-    promising: float = 0.5
+    worth_fitting: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,13 @@ class WideningSettings:
     iterations: int = 8
     near: float = 0.01
     wider: float = 3.0
+
+
+@dataclass(frozen=True)
+class OutlyingSettings:
+    """most: share of an object's frames up to which single ones are outlying; beyond it the fit is off."""
+
+    most: float = 0.2
 
 
 @dataclass(frozen=True)

@@ -38,11 +38,11 @@ def test_a_ball_on_the_floor_begins_in_contact_and_rolls_without_slip(seed: int)
     tracks = tracks_of({"ball": slowed(frames(COUNT), 0.8, 0.2)}, seed=seed)
     start = scene([ball()], tracks)
     assert start.object("ball").velocity[2] != 0.0  # noise
-    begun = with_supports(start, tracks).object("ball")
-    assert begun.position[2] == pytest.approx(RADIUS, abs=1e-12)
-    assert begun.velocity[2] == pytest.approx(0.0, abs=1e-12)
-    v = np.asarray(begun.velocity)
-    at_contact = v + np.cross(begun.angular_velocity, [0.0, 0.0, -RADIUS])
+    placed = with_supports(start, tracks).object("ball")
+    assert placed.position[2] == pytest.approx(RADIUS, abs=1e-12)
+    assert placed.velocity[2] == pytest.approx(0.0, abs=1e-12)
+    v = np.asarray(placed.velocity)
+    at_contact = v + np.cross(placed.angular_velocity, [0.0, 0.0, -RADIUS])
     assert at_contact == pytest.approx(np.zeros(3), abs=1e-12)
     assert v[0] == pytest.approx(0.8, abs=0.05)
 
@@ -51,12 +51,12 @@ def test_a_ball_on_the_floor_begins_in_contact_and_rolls_without_slip(seed: int)
 def test_a_box_lies_flat_and_turns_about_the_vertical_alone(seed: int) -> None:
     turns = geometry.rotation_quaternion(frames(COUNT)[:, None] * [0.0, 0.0, 2.0])
     tracks = tracks_of({"box": slowed(frames(COUNT), 1.5, 2.0)}, orientations={"box": turns}, seed=seed)
-    begun = with_supports(scene([box()], tracks), tracks).object("box")
-    up = geometry.quaternion_matrix(np.asarray(begun.orientation))[2]
+    placed = with_supports(scene([box()], tracks), tracks).object("box")
+    up = geometry.quaternion_matrix(np.asarray(placed.orientation))[2]
     assert np.abs(up).max() == pytest.approx(1.0, abs=1e-12)
-    assert begun.angular_velocity[:2] == (0.0, 0.0)
-    assert begun.angular_velocity[2] == pytest.approx(2.0, abs=0.6)
-    assert begun.velocity[2] == pytest.approx(0.0, abs=1e-12)
+    assert placed.angular_velocity[:2] == (0.0, 0.0)
+    assert placed.angular_velocity[2] == pytest.approx(2.0, abs=0.6)
+    assert placed.velocity[2] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -100,9 +100,9 @@ def test_a_ball_on_a_ramp_begins_along_it() -> None:
     found = supports(world, tracks)["ball"]
     assert (found.static, found.level, found.rolls) == ("ramp", False, True)
     assert found.normal == pytest.approx(normal, abs=1e-12)
-    begun = with_supports(world, tracks).object("ball")
-    assert normal @ np.asarray(begun.velocity) == pytest.approx(0.0, abs=1e-12)
-    assert down @ np.asarray(begun.velocity) == pytest.approx(0.3, abs=0.1)
+    placed = with_supports(world, tracks).object("ball")
+    assert normal @ np.asarray(placed.velocity) == pytest.approx(0.0, abs=1e-12)
+    assert down @ np.asarray(placed.velocity) == pytest.approx(0.3, abs=0.1)
 
 
 def test_what_lies_on_a_box_is_supported_by_it_and_what_lies_beside_it_by_the_floor() -> None:
