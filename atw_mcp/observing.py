@@ -14,6 +14,7 @@ from atw_mcp.cases import content_hash, existing_file, path_hash
 from atw_mcp.jobs import Progress
 from atw_mcp.perception.calibration import Calibration
 from atw_mcp.perception.depth_tracks import depth_tracks
+from atw_mcp.perception.flight.placing import Surroundings, with_flights
 from atw_mcp.perception.import_images import import_depth
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observation import ObservedObject as SeenObject
@@ -130,6 +131,7 @@ class Derivation:
     seconds_per_frame: float
     depth: str | None = None
     shapes: str | None = None
+    about: Surroundings | None = None
 
     def inputs(self) -> dict[str, Any]:
         """What determines the tracks."""
@@ -141,6 +143,7 @@ class Derivation:
             "seconds_per_frame": self.seconds_per_frame,
             "depth": self.depth,
             **({} if self.shapes is None else {"shapes": self.shapes}),
+            **({} if self.about is None else {"about": self.about.to_dict()}),
         }
 
 
@@ -151,11 +154,16 @@ def derivation(
     plane: MotionPlane | None = None,
     floor: float = 0.0,
     observation: str | None = None,
+    *,
+    about: Surroundings | None = None,
+    seconds_per_frame: float | None = None,
 ) -> Derivation | None:
     """How an observation of the case's video becomes tracks; None where it is the latest and imported tracks are newer.
 
     plane: where objects move (default: the floor, at z = `floor`, or y = 0 for a camera calibrated as a side view).
-    observation: its id, default the latest. Raises ValueError saying what is missing: an observation, or a camera.
+    observation: its id, default the latest. about: what bodies fly and move on; with it, known solids that leave the
+    floor are placed where they are. seconds_per_frame [s]: default from the file's rate. Raises ValueError saying what
+    is missing: an observation, or a camera.
     """
     if observation is not None:
         chosen_image_observation(app, case, observation)
@@ -177,6 +185,7 @@ def derivation(
             "they are in the world"
         )
     camera = app.store.observations.get(cameras[0][1])
+    free = plane is None and not camera.document["side_view"]
     if plane is None:
         plane = SIDE_VIEW if camera.document["side_view"] else MotionPlane(point=(0.0, 0.0, floor))
     rate = float(case.facts.get("frames_per_second") or 0.0)
@@ -189,9 +198,10 @@ def derivation(
         camera.id,
         plane,
         known,
-        1.0 / rate if rate > 0 else UNKNOWN_RATE,
+        seconds_per_frame or (1.0 / rate if rate > 0 else UNKNOWN_RATE),
         depth[0][1] if depth else None,
         None if shapes is None else shapes.id,
+        about if free and known and not depth else None,
     )
 
 
@@ -229,11 +239,15 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
     )
     sizes = {name: found.to_dict() for name, found in estimates.items()}
     source: dict[str, Any] = {"kind": "derived", "objects": how.observation, "camera": how.camera, "sizes": sizes}
+    motions: dict[str, Any] = {}
+    if how.about is not None:
+        tracks, motions = with_flights(tracks, seen, camera, how.solids, how.about, progress.cancelled)
+        source["motions"] = motions
     tracks = with_given_places(tracks, seen)
     source["unplaced"] = unplaced(tracks, seen)
     tracks, source = _with_shapes(app, how, camera, tracks, source)
     objects = [_looks(item, solids.get(item.name)) for item in seen.objects if item.name in tracks.names]
-    return to_document(tracks, objects, heights_assumed=True, source=source, plane=how.plane)
+    return to_document(tracks, objects, heights_assumed=not motions, source=source, plane=how.plane)
 
 
 def _with_shapes(

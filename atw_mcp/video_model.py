@@ -78,7 +78,7 @@ def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> Image
     if latest is None or request.observe is not None or narrow:
         steps.call("ObserveObjects", case=case.id, **(request.observe or {}))
         latest = latest_image_observation(app, case)
-    if latest is None or not latest[1].objects:
+    if latest is None or not (latest[1].objects or request.looked_for):
         raise StepFailed("ObserveObjects", "no object was found in the video")
     return latest[1]
 

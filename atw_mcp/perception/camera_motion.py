@@ -23,22 +23,104 @@ MOST_TILES = 0.6  # share of those with edges that alignment has to make steadie
 COMPARED = 8  # frames in which it is seen whether alignment helps
 CLIPPED = 40.0  # levels: what covers an edge changes it by more, and counts no more
 STEADIER = 0.7  # of the change at edges that alignment has to leave at most
+CORNERS = 2000
+TILE_CORNERS = 10  # in each part of the image
+CORNER_QUALITY = 0.003  # of the strongest corner
+CORNER_SPACING = 6.0  # pixels
+LEAST_CORNERS = 8  # that are followed, below which they say nothing of the camera
+FOLLOWED = 0.7  # pixels by which a corner followed there and back may miss itself
+LOST = 0.1  # of the frames may have no motion on which corners agree
+AGREEING = 0.4  # share of corners that agree at least: bodies have corners too
+AGREES = 1.0  # pixels from the common motion
 LIKE = 0.5  # correlation below which two images were not aligned
 
 
 def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Floats | None:
     """Return maps (T, 2, 3) from the first frame's pixels to each frame's; None where the camera stands still.
 
-    Rigid motions in the image, by maximal correlation of whole images (ECC: Evangelidis & Psarakis 2008, IEEE TPAMI 30,
-    1858); a frame that cannot be aligned has the map of the frame before.
+    Rigid motions in the image: of corners followed from the first frame (Lucas & Kanade; most of them agree on one
+    motion), and where those leave the image unsteady, by maximal correlation of whole images (ECC: Evangelidis &
+    Psarakis 2008, IEEE TPAMI 30, 1858). A frame that cannot be aligned has the map of the frame before.
     """
+    stop = tick or (lambda: None)
+    found = _of_corners(frames, stop)
+    if found is None:
+        found = _of_images(frames, stop)
+        if found is not None and not _steadies(frames, found):
+            return None  # bodies that move pull the alignment of a plain scene
+    return found if found is not None and _is_motion(found, frames) else None
+
+
+def _is_motion(found: Floats, frames: Frames) -> bool:
+    height, width = frames.shape[1:3]
+    corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]], dtype=float)
+    moved = corners @ found.transpose(0, 2, 1) - corners[:, :2]
+    return float(np.sqrt((moved**2).sum(axis=2).mean())) >= MOVES
+
+
+def _of_corners(frames: Frames, tick: Callable[[], None]) -> Floats | None:
+    """Motion on which most corners agree, all over the image, in nearly all frames; None where there is none."""
+    first = cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY)
+    corners = _corners(first)
+    if len(corners) < LEAST_CORNERS:
+        return None
+    found = np.zeros((len(frames), 2, 3))
+    found[0] = warp = np.eye(2, 3)
+    lost = 0
+    for t in range(1, len(frames)):
+        tick()
+        gray = cv2.cvtColor(frames[t], cv2.COLOR_BGR2GRAY)
+        guess = cv2.transform(corners, warp).astype(np.float32)
+        there, good, _ = cv2.calcOpticalFlowPyrLK(first, gray, corners, guess, flags=cv2.OPTFLOW_USE_INITIAL_FLOW)
+        back, also, _ = cv2.calcOpticalFlowPyrLK(gray, first, there, there.copy())
+        kept = (
+            (np.asarray(good) > 0).ravel()
+            & (np.asarray(also) > 0).ravel()
+            & (np.linalg.norm(back - corners, axis=2).ravel() < FOLLOWED)
+        )
+        new = _rigid(corners[kept, 0], there[kept, 0], (first.shape[1], first.shape[0]))
+        lost += new is None
+        warp = warp if new is None else new
+        found[t] = warp
+    return found if lost <= LOST * len(frames) else None
+
+
+def _corners(gray: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the strongest corners (k, 1, 2) of every part of an image: captions have stronger ones than scenes."""
+    corners = cv2.goodFeaturesToTrack(gray, CORNERS, CORNER_QUALITY, CORNER_SPACING)
+    if corners is None:
+        return np.empty((0, 1, 2), dtype=np.float32)
+    tiles = (corners[:, 0] * TILES / np.array(gray.shape[::-1])).astype(int) @ [1, TILES]
+    kept = np.concatenate([np.flatnonzero(tiles == tile)[:TILE_CORNERS] for tile in np.unique(tiles)])
+    return np.asarray(corners[np.sort(kept)], dtype=np.float32)
+
+
+def _rigid(before: NDArray[np.float32], after: NDArray[np.float32], size: tuple[int, int]) -> Floats | None:
+    """Return the rotation and shift (2, 3) on which most points of an image (width, height) agree, all over it.
+
+    None where fewer agree, or only points of a part of the image, as those of one body do."""
+    if len(before) < LEAST_CORNERS:
+        return None
+    similar, inliers = cv2.estimateAffinePartial2D(before, after, method=cv2.RANSAC, ransacReprojThreshold=AGREES)
+    if similar is None:
+        return None
+    kept = inliers.ravel().astype(bool)
+    tiles = np.unique((before[kept] * TILES / np.array(size)).astype(int), axis=0)
+    if kept.sum() < max(AGREEING * len(before), LEAST_CORNERS) or len(tiles) < TILES:
+        return None
+    p, q = before[kept].astype(float), after[kept].astype(float)
+    angle = float(np.arctan2(similar[1, 0], similar[0, 0]))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.column_stack([turn, np.median(q - p @ turn.T, axis=0)])
+
+
+def _of_images(frames: Frames, tick: Callable[[], None]) -> Floats | None:
     first = _smooth_gray(frames[0])
     found = np.zeros((len(frames), 2, 3))
     warp = np.eye(2, 3, dtype=np.float32)
     found[0] = warp
     for t in range(1, len(frames)):
-        if tick is not None:
-            tick()
+        tick()
         gray = _smooth_gray(frames[t])
         try:
             likeness, new = cv2.findTransformECC(first, gray, warp.copy(), cv2.MOTION_EUCLIDEAN, CRITERIA)
@@ -46,11 +128,6 @@ def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Flo
             likeness, new = 0.0, warp
         warp = np.asarray(new, dtype=np.float32) if likeness > LIKE else warp
         found[t] = warp
-    height, width = first.shape
-    corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]], dtype=float)
-    moved = corners @ found.transpose(0, 2, 1) - corners[:, :2]
-    if float(np.sqrt((moved**2).sum(axis=2).mean())) < MOVES or not _steadies(frames, found):
-        return None  # bodies that move pull the alignment of a plain scene
     return found
 
 
@@ -92,6 +169,19 @@ def stabilised(frames: Frames, motion: Floats) -> Frames:
             for f, m in zip(frames, motion, strict=True)
         ]
     )
+
+
+def in_full_pixels(motion: Floats | None, scale: float) -> Floats | None:
+    """Return maps between reduced frames as maps between full ones, which are `scale` times as wide.
+
+    Rounded to what is stored of them, so that an observation is the same before and after."""
+    if motion is None:
+        return None
+    full = motion.copy()
+    # Pixel centres are at whole numbers: of a reduced pixel u the middle is scale * (u + 1/2) - 1/2.
+    middle = 0.5 * (scale - 1.0)
+    full[:, :, 2] = scale * motion[:, :, 2] + middle - motion[:, :, :2].sum(axis=2) * middle
+    return np.round(full, 6)
 
 
 def as_filmed(mask: Mask, motion: Floats) -> Mask:

@@ -130,7 +130,8 @@ class ImageObservation:
 
     Row i of every series is frame `frames[i]` of the file (equal to i unless frames were skipped). constraints: what
     was said of it by whoever looked; found: masks (T,) of objects as they were before any constraint, of those that
-    have others now; notes: where objects could not be followed.
+    have others now; notes: where objects could not be followed. camera_motion (T, 2, 3): maps from pixels of the first
+    frame to those of each frame, None where the camera stands still.
     """
 
     video: VideoInfo
@@ -140,6 +141,7 @@ class ImageObservation:
     constraints: tuple[Constraint, ...] = ()
     found: Mapping[str, tuple[RunLengthMask | None, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    camera_motion: Floats | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -167,6 +169,14 @@ class ImageObservation:
         """Mask (height, width) of an object at a frame; empty where it is not seen."""
         stored = self.object(name).masks[self.row(frame)]
         return np.zeros((self.video.height, self.video.width), dtype=bool) if stored is None else stored.decode()
+
+    def steadied(self, points: Floats, row: int) -> Floats:
+        """Return points (..., 2) [px] of a row's frame as the first frame's camera would have seen them."""
+        if self.camera_motion is None:
+            return points
+        turn, shift = self.camera_motion[row, :, :2], self.camera_motion[row, :, 2]
+        steady: Floats = (points - shift) @ np.linalg.inv(turn).T
+        return steady
 
     def contours(self, name: str, frame: int) -> list[Floats]:
         """Outer outlines (k, 2) x, y [px] of an object's parts at a frame, largest first."""
@@ -208,6 +218,8 @@ class ImageObservation:
                 for name, masks in self.found.items()
             }
             values["notes"] = list(self.notes)
+        if self.camera_motion is not None:
+            values["camera_motion"] = np.round(self.camera_motion, 6).tolist()
         return values
 
     @classmethod
@@ -226,6 +238,7 @@ class ImageObservation:
                 for name, masks in data.get("found", {}).items()
             },
             notes=tuple(data.get("notes", [])),
+            camera_motion=np.array(data["camera_motion"]) if "camera_motion" in data else None,
         )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.artefacts import artefacts
 from atw_mcp.perception.background import Background, Mask, model_background
-from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
+from atw_mcp.perception.camera_motion import as_filmed, camera_motion, in_full_pixels, stabilised
 from atw_mcp.perception.cues import colour_cue, material_cue, shape_cue
 from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.naming import matched_to_expected, names_for
@@ -179,7 +179,8 @@ def assemble(
             found.append(observed)
     named = names_for([(o.colour, o.material, o.shape) for o in found])
     objects = tuple(replace(o, name=n) for o, n in zip(found, named, strict=True))
-    return ImageObservation(info, tuple(range(0, stride * len(frames), stride)), objects)
+    moved = in_full_pixels(motion, frames.shape[2] / sweep.labels[0].shape[1])
+    return ImageObservation(info, tuple(range(0, stride * len(frames), stride)), objects, camera_motion=moved)
 
 
 def _object(

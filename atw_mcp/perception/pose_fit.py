@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.silhouettes import SolidKind, Stage, outline_distance
+from atw_mcp.perception.silhouettes import TURNING, SolidKind, Stage, outline_distance
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -59,7 +59,7 @@ class OutlineProblem:
 def fit_poses(problem: OutlineProblem, poses: Floats, size: Floats, *, fit_size: bool, iterations: int = 14) -> PoseFit:
     """Fit poses (F, 3), and if asked the size, beginning at the given ones."""
     stage, kind, valid = problem.stage, problem.kind, problem.valid
-    turns = kind in ("cube", "box")
+    turns = kind in TURNING
     freedom = 3 if turns else 2
     poses, size = poses.copy(), size.copy()
     reach = float(np.linalg.norm(stage.camera.centre - np.asarray(stage.plane.point)))

@@ -1,7 +1,8 @@
 """Outlines: where observed ones may be trusted, and how far a point is from the outline of a solid.
 
 A solid on a plane is described by its pose (x, y in the plane [m], turn about the plane's normal [rad]) and
-its size (sphere: radius; cylinder: radius, half height; cube: half edge; box: three half edges [m]).
+its size (sphere: radius; cylinder, which stands: radius, half height; lying, a cylinder on its side whose axis is the
+body's x: half height, radius; cube: half edge; box: three half edges [m]).
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from polyworld.world import MotionPlane
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-SolidKind = Literal["sphere", "cylinder", "cube", "box"]
+SolidKind = Literal["sphere", "cylinder", "lying", "cube", "box"]
 
-SIZE_COUNT: dict[SolidKind, int] = {"sphere": 1, "cylinder": 2, "cube": 1, "box": 3}
+SIZE_COUNT: dict[SolidKind, int] = {"sphere": 1, "cylinder": 2, "lying": 2, "cube": 1, "box": 3}
+TURNING: tuple[SolidKind, ...] = ("lying", "cube", "box")  # kinds whose outline shows their turn
 MAX_POINTS = 96  # outline points kept for one object in one frame
 CLEARANCE = 2.5  # px from other objects and from the image border within which an outline is not trusted
 
@@ -136,15 +138,12 @@ def outline_distance(
     lift = lift_of(size) if lift is None else lift
     if kind == "sphere":
         return _sphere_distance(stage, poses, size, points, lift)
-    if kind == "cylinder":
-        body = np.concatenate(
-            [
-                np.stack(
-                    [size[0] * np.cos(_RING), size[0] * np.sin(_RING), np.full(len(_RING), side * size[1])], axis=1
-                )
-                for side in (-1.0, 1.0)
-            ]
-        )
+    if kind in ("cylinder", "lying"):
+        radius, half = (size[0], size[1]) if kind == "cylinder" else (size[1], size[0])
+        one, two = radius * np.cos(_RING), radius * np.sin(_RING)
+        ends = [np.full(len(_RING), side * half) for side in (-1.0, 1.0)]
+        stands = kind == "cylinder"
+        body = np.concatenate([np.stack((one, two, end) if stands else (end, one, two), axis=1) for end in ends])
         corners = _project(stage, poses, lift, body)
         axis = corners[:, len(_RING) :].mean(axis=1) - corners[:, : len(_RING)].mean(axis=1)
         across = np.stack([-axis[:, 1], axis[:, 0]], axis=1)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.pose_fit import OutlineProblem, PoseFit, fit_poses
-from atw_mcp.perception.silhouettes import SIZE_COUNT, SolidKind, Stage, lift_of, trusted_outline
+from atw_mcp.perception.silhouettes import SIZE_COUNT, TURNING, SolidKind, Stage, lift_of, trusted_outline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 from polyworld.camera import Camera
 from polyworld.shapes import Box, Cylinder, Sphere
@@ -26,6 +26,8 @@ TURN_STARTS = 4
 SIZE_FRAMES = 14
 LEAST_POINTS = 10  # outline points below which a frame says too little
 HEIGHT_ERROR = 0.02  # of a solid's height above its plane: rounded edges make solids look smaller than they stand
+ON_ITS_SIDE = Rotation.from_euler("y", 90.0, degrees=True)  # its own axis, z, along x
+LYING_PRICE = 1.35  # of its misfit, for a cylinder on its side, whose turn is one more number to fit its outline with
 LEAST_ANGLE = np.deg2rad(100)  # of outline about the centre: less does not fix a pose
 DEFAULT_PLANE = MotionPlane()
 
@@ -55,6 +57,21 @@ class SolidEstimate:
             "confidence": round(self.confidence, 3),
             "frames": self.frames,
         }
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """The poses of one object: from which outline points, as which kind of solid, of which sizes."""
+
+    evidence: _Evidence
+    kind: SolidKind
+    size: Floats
+    fit: PoseFit
+
+    @property
+    def misfit(self) -> float:
+        """Median cost of its frames, in favour of standing solids where both fit alike."""
+        return float(np.median(self.fit.cost)) * (LYING_PRICE if self.kind == "lying" else 1.0)
 
 
 @dataclass(frozen=True)
@@ -95,7 +112,7 @@ def estimate_sizes(
     for number, observed in enumerate(observation.objects, start=1):
         _report(progress, cancelled, (number - 1) / len(observation.objects), f"size of {observed.name}")
         rows = _size_rows(observation, number)
-        evidence = _evidence(labels, number, rows, {})
+        evidence = _evidence(observation, labels, number, rows, {})
         if len(evidence.rows) == 0:
             continue
         wanted = (kinds or {}).get(observed.name)
@@ -119,15 +136,17 @@ def world_tracks(
     plane: MotionPlane = DEFAULT_PLANE,
     *,
     seconds_per_frame: float,
+    only: Sequence[str] | None = None,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> ObservedTracks:
     """Positions, and turns of boxes, of all objects in the world.
 
-    solids: shape and size of objects by name; those not given are estimated. Frames are fitted one by one, so
-    that collisions stay sharp: noise is left to whoever fits a model, with position_sigma to weigh it by.
-    position_sigma [m] includes a floor of 0.3 px and 2% of the centre's height; confidence is the
-    observation's, lowered where little of the outline is trustworthy or the fit is poor. A turn is continuous
+    solids: shape and size of objects by name; those not given are estimated. only: names of those to place, default
+    all. Frames are fitted one by one, so that collisions stay sharp: noise is left to whoever fits a model, with
+    position_sigma to weigh it by. position_sigma [m] includes a floor of 0.3 px and 2% of the centre's height;
+    confidence is the observation's, lowered where little of the outline is trustworthy or the fit is poor. A cylinder
+    of given size stands or lies on its side, as its outline fits better. A turn is continuous
     over time; a cube's is known up to quarter turns (symmetry 4), a ball's or upright cylinder's not at all
     (symmetry 0).
     """
@@ -135,28 +154,39 @@ def world_tracks(
     for name in solids or {}:
         observation.object(name)
     chosen: dict[str, Solid] = dict(solids or {})
-    unknown = [n for n in observation.names if n not in chosen]
+    unknown = [n for n in observation.names if n not in chosen and only is None]
     if unknown:
         estimates = estimate_sizes(observation, camera, plane, cancelled=cancelled)
         chosen.update({n: estimates[n].solid for n in unknown if n in estimates})
     stage = Stage.of(camera, plane)
     labels = [observation.label_image(f) for f in observation.frames]
-    numbers = [k for k, o in enumerate(observation.objects, start=1) if o.name in chosen]
+    wanted = chosen if only is None else only
+    numbers = [k for k, o in enumerate(observation.objects, start=1) if o.name in wanted]
     rough = _depths(observation, stage, chosen)
-    fits: dict[int, tuple[_Evidence, PoseFit]] = {}
+    fits: dict[int, _Placed] = {}
     for done, number in enumerate(numbers):
         name = observation.objects[number - 1].name
         _report(progress, cancelled, done / len(numbers), f"positions of {name}")
         behind = _behind(number, rough, plane)
         rows = np.flatnonzero(observation.objects[number - 1].confidence > 0)
-        evidence = _evidence(labels, number, rows, behind)
+        evidence = _evidence(observation, labels, number, rows, behind)
         if len(evidence.rows):
-            kind, size = kind_and_size(chosen[name])
-            seen = size
-            if name in (solids or {}):
-                seen = _outline_size(stage, kind, size, observation, labels, number)
-            fits[number] = (evidence, _fit_known(stage, kind, seen, lift_of(size), evidence))
-    return _tracks(observation, stage, chosen, fits, seconds_per_frame)
+            tried = []
+            for kind, size in _ways(chosen[name], given=name in (solids or {})):
+                seen = size
+                if name in (solids or {}):
+                    seen = _outline_size(stage, kind, size, observation, labels, number)
+                tried.append(_Placed(evidence, kind, size, _fit_known(stage, kind, seen, lift_of(size), evidence)))
+            fits[number] = min(tried, key=lambda placed: placed.misfit)
+    return _tracks(observation, stage, fits, seconds_per_frame)
+
+
+def _ways(solid: Solid, *, given: bool) -> list[tuple[SolidKind, Floats]]:
+    """How a solid may rest, with its sizes: as it stands; a cylinder of given size also on its side."""
+    standing = kind_and_size(solid)
+    if not isinstance(solid, Cylinder) or not given:
+        return [standing]
+    return [standing, ("lying", standing[1][::-1].copy())]
 
 
 def kind_and_size(solid: Solid) -> tuple[SolidKind, Floats]:
@@ -184,14 +214,18 @@ def solid_of(kind: SolidKind, size: Sequence[float] | Floats) -> Solid:
 
 
 def _evidence(
-    labels: list[NDArray[np.uint8]], number: int, rows: NDArray[np.int64], behind: dict[int, frozenset[int]]
+    observation: ImageObservation,
+    labels: list[NDArray[np.uint8]],
+    number: int,
+    rows: NDArray[np.int64],
+    behind: dict[int, frozenset[int]],
 ) -> _Evidence:
     outlines = [trusted_outline(labels[t], number, behind.get(int(t), frozenset())) for t in rows]
     enough = [k for k, o in enumerate(outlines) if len(o.points) >= LEAST_POINTS]
     width = max((len(outlines[k].points) for k in enough), default=0)
     points, valid = np.zeros((len(enough), width, 2)), np.zeros((len(enough), width), dtype=bool)
     for i, k in enumerate(enough):
-        found = outlines[k].points
+        found = observation.steadied(outlines[k].points, int(rows[k]))
         points[i, : len(found)], valid[i, : len(found)] = found, True
     return _Evidence(rows[enough], points, valid, np.array([outlines[k].share for k in enough]))
 
@@ -224,6 +258,7 @@ def _depths(observation: ImageObservation, stage: Stage, solids: Mapping[str, So
         _, size = kind_and_size(solids[observed.name])
         box = observed.box
         middle = np.stack([box[:, 0] + box[:, 2] / 2, box[:, 1] + box[:, 3] / 2], axis=1)
+        middle = np.stack([observation.steadied(point, row) for row, point in enumerate(middle)])
         lift = lift_of(size)
         poses = np.column_stack([stage.poses_of(middle, lift), np.zeros(count)])
         depths[:, k] = np.linalg.norm(stage.centres(poses, lift) - stage.camera.centre, axis=1)
@@ -275,9 +310,9 @@ def _fit_size(stage: Stage, kind: SolidKind, evidence: _Evidence, lift: float | 
     size = np.full(SIZE_COUNT[kind], radius if kind in ("sphere", "cylinder") else 0.8 * radius)
     problem = _problem(stage, kind, evidence, lift)
     fitted: PoseFit | None = None
-    for _ in range(2 if kind in ("cube", "box") else 1):
+    for _ in range(2 if kind in TURNING else 1):
         start = _start_poses(stage, evidence, float(size[-1]) if lift is None else lift)
-        if kind in ("cube", "box"):
+        if kind in TURNING:
             fits = _from_turns(problem, size, start, iterations=6)
             best = np.argmin(np.stack([f.cost for f in fits]), axis=0)
             start = np.stack([f.poses for f in fits])[best, np.arange(len(start))]
@@ -299,7 +334,7 @@ def _outline_size(
     Rounded edges and blur make outlines a little smaller or larger than the solid; a wrong outline would turn
     the box rather than shrink it. The height of the centre stays the given solid's.
     """
-    evidence = _evidence(labels, number, _size_rows(observation, number), {})
+    evidence = _evidence(observation, labels, number, _size_rows(observation, number), {})
     fitted = _fit_size(stage, kind, evidence, lift_of(size)) if len(evidence.rows) else None
     return size if fitted is None else np.clip(fitted.size, 0.9 * size, 1.1 * size)
 
@@ -319,7 +354,7 @@ def _fit_known(stage: Stage, kind: SolidKind, size: Floats, lift: float, evidenc
     """Poses of a solid whose outline has the given size and whose centre is `lift` above the plane."""
     problem = _problem(stage, kind, evidence, lift)
     start = np.nan_to_num(_start_poses(stage, evidence, lift))
-    if kind not in ("cube", "box"):
+    if kind not in TURNING:
         return fit_poses(problem, start, size, fit_size=False, iterations=15)
     period = np.pi / 2 if kind == "cube" else np.pi
     fits = _from_turns(problem, size, start, iterations=6)
@@ -378,17 +413,16 @@ def _choose(tried: dict[SolidKind, PoseFit], cue: str, cue_confidence: float, fr
 def _tracks(
     observation: ImageObservation,
     stage: Stage,
-    solids: Mapping[str, Solid],
-    fits: dict[int, tuple[_Evidence, PoseFit]],
+    fits: dict[int, _Placed],
     seconds_per_frame: float,
 ) -> ObservedTracks:
     count, n = len(observation.frames), len(observation.objects)
     positions, sigma = np.full((count, n, 3), np.nan), np.full((count, n), np.nan)
     orientations, confidence = np.full((count, n, 4), np.nan), np.zeros((count, n))
     turn_confidence, symmetry = np.zeros((count, n)), [0] * n
-    for number, (evidence, fit) in fits.items():
+    for number, placed in fits.items():
         observed = observation.objects[number - 1]
-        kind, size = kind_and_size(solids[observed.name])
+        evidence, kind, size, fit = placed.evidence, placed.kind, placed.size, placed.fit
         rows, column = evidence.rows, number - 1
         variance = np.einsum("fkk->fk", fit.covariance)
         spread = np.sqrt(np.maximum(variance[:, :2].mean(axis=1), 0.0))
@@ -404,10 +438,12 @@ def _tracks(
         positions[rows, column] = stage.centres(fit.poses[good], lift_of(size))
         sigma[rows, column] = spread
         confidence[rows, column] = np.round(observed.confidence[rows] * quality, 4)
-        if kind in ("cube", "box"):
-            symmetry[column] = 4 if kind == "cube" or abs(size[0] - size[1]) < 0.02 * size[0] else 2
+        if kind in TURNING:
+            symmetry[column] = (
+                0 if kind == "lying" else 4 if kind == "cube" or abs(size[0] - size[1]) < 0.02 * size[0] else 2
+            )
             turn_sigma = np.sqrt(np.maximum(variance[good, 2], 0.0))
-            orientations[rows, column] = _quaternions(stage, fit.poses[good, 2])
+            orientations[rows, column] = _quaternions(stage, fit.poses[good, 2], kind)
             turn_confidence[rows, column] = np.round(confidence[rows, column] * np.exp(-((turn_sigma / 0.25) ** 2)), 4)
     known = np.isfinite(positions).all(axis=2)
     confidence[~known] = 0.0
@@ -452,13 +488,16 @@ def _angle_seen(stage: Stage, poses: Floats, lift: float, evidence: _Evidence) -
     return seen
 
 
-def _quaternions(stage: Stage, turns: Floats) -> Floats:
-    """Quaternions (F, 4) w, x, y, z of boxes turned about the plane's normal, as `silhouettes` places them."""
+def _quaternions(stage: Stage, turns: Floats, kind: SolidKind) -> Floats:
+    """Quaternions (F, 4) w, x, y, z of solids turned about the plane's normal, as `silhouettes` places them."""
     half = turns[:, None] / 2
     turned = np.concatenate([np.cos(half), np.sin(half) * stage.axes[2]], axis=1)
-    if not (stage.plane.supports or abs(stage.axes[2, 2]) > 0.7) or np.allclose(stage.axes, np.eye(3)):
+    level = not (stage.plane.supports or abs(stage.axes[2, 2]) > 0.7) or np.allclose(stage.axes, np.eye(3))
+    if level and kind != "lying":
         return turned
-    rest = Rotation.from_matrix(stage.axes.T)
+    rest = Rotation.identity() if level else Rotation.from_matrix(stage.axes.T)
+    if kind == "lying":
+        rest = rest * ON_ITS_SIDE
     about = Rotation.from_quat(turned[:, [1, 2, 3, 0]])
     combined: Floats = (about * rest).as_quat()[:, [3, 0, 1, 2]]
     return combined

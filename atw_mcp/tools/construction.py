@@ -17,8 +17,10 @@ from atw_mcp.jobs import LongWork, Progress
 from atw_mcp.material_facts import about_deformable
 from atw_mcp.observing import UNKNOWN_RATE, derivation, derived_tracks, latest_camera, track_record
 from atw_mcp.parts import Parts, read_parts
+from atw_mcp.perception.flight.placing import Surroundings
 from atw_mcp.results import Answer, explained
 from atw_mcp.toolbox import ToolGroup
+from atw_mcp.tools.known_objects import corners_of
 from atw_mcp.tools.world_arguments import (
     CaseId,
     EffectArgument,
@@ -34,7 +36,7 @@ from atw_mcp.tools.world_arguments import (
 from atw_mcp.track_records import TrackRecord
 from atw_mcp.world_warnings import fluid_warnings
 from evidence_store import Case
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.tracks import ObservedTracks
 from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
 
@@ -173,7 +175,14 @@ def build_world_tool(
                 name: item.shape for name, item in given.items() if isinstance(item.shape, Sphere | Box | Cylinder)
             }
             how = derivation(
-                app, found, solids, request.motion_plane, floor if isinstance(floor, float) else 0.0, observation
+                app,
+                found,
+                solids,
+                request.motion_plane,
+                floor if isinstance(floor, float) else 0.0,
+                observation,
+                about=_surroundings(request),
+                seconds_per_frame=seconds_per_frame,
             )
         if how is None:
             return _build(app, found, request, track_record(app, found, tracks))
@@ -213,6 +222,18 @@ class _BuildRequest:
     parts: Parts
     wind: tuple[float, float, float]
     substep: float | None
+
+
+def _surroundings(request: _BuildRequest) -> Surroundings | None:
+    """What observed bodies fly and move on; None where there is no floor or nothing falls down on it."""
+    if request.floor == "none" or request.gravity[2] >= 0.0 or request.gravity[:2] != (0.0, 0.0):
+        return None
+    convex = [item for item in request.statics if not isinstance(item.shape, Plane | Wall | TriangleMesh)]
+    corners = {
+        item.name: tuple(_triple(corner.tolist()) for corner in own)
+        for item, own in zip(convex, corners_of(convex), strict=True)
+    }
+    return Surroundings(request.gravity, request.floor or 0.0, corners)
 
 
 def _described_alone(app: App, case: Case, request: _BuildRequest) -> bool:
@@ -283,7 +304,22 @@ def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | No
     )
     observation = None if found is None else found.id
     app.keep_world(case, built.world, how="built", observation=observation)
-    return _built_answer(case, built, observation, rate_note)
+    return _built_answer(case, built, observation, [*([rate_note] if rate_note else []), *_in_the_air(record, built)])
+
+
+def _on(motion: str) -> str:
+    return {"flight": "in free flight", "unexplained": "not placed"}.get(motion, f"on {motion}")
+
+
+def _in_the_air(record: TrackRecord, built: Built) -> list[str]:
+    """Which frames show an object in free flight or on an obstacle, where its ray to the floor does not place it."""
+    found = []
+    for name in built.world.moving_names:
+        parts = [p for p in record.source.get("motions", {}).get(name, []) if p["motion"] != "floor"]
+        if parts:
+            listed = ", ".join(f"{_on(p['motion'])} in frames {p['first']}..{p['last']}" for p in parts)
+            found.append(f"{name} leaves the floor ({listed}): places in flight follow from gravity and its size")
+    return found
 
 
 def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
@@ -310,10 +346,10 @@ def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
     )
 
 
-def _built_answer(case: Case, built: Built, observation: str | None, rate_note: str | None) -> Answer:
+def _built_answer(case: Case, built: Built, observation: str | None, notes: list[str]) -> Answer:
     made = built.world
     names = made.moving_names
-    assumed = [*built.assumed, *([rate_note] if rate_note else [])]
+    assumed = [*built.assumed, *notes]
     return Answer(
         summary=f"draft world {made.id}: {len(names)} objects, {built.representation} ({built.why})",
         data={

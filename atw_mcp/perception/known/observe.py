@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.appearance import BIN_COUNT, colour_bins, histogram, log_likelihood
 from atw_mcp.perception.background import Array32, Mask, model_background
-from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
+from atw_mcp.perception.camera_motion import as_filmed, camera_motion, in_full_pixels, stabilised
 from atw_mcp.perception.known.bare_background import uncovered, with_supports
 from atw_mcp.perception.known.bodies import KnownBody, Sizes, fixture_depths, sizes_of
 from atw_mcp.perception.known.colour_words import colour_word, word_likelihood
@@ -96,7 +96,13 @@ def observe_known(
     if motion is not None:
         warnings.append("the camera moves a little: frames were aligned to the first before bodies were looked for")
     tell(1.0, f"{len(found)} of {len(bodies)} bodies")
-    return ImageObservation(info, tuple(range(0, stride * len(full), stride)), tuple(found), tuple(warnings))
+    return ImageObservation(
+        info,
+        tuple(range(0, stride * len(full), stride)),
+        tuple(found),
+        tuple(warnings),
+        camera_motion=in_full_pixels(motion, full.shape[2] / frames.shape[2]),
+    )
 
 
 def _of(bodies: Sequence[KnownBody], name: str) -> str:

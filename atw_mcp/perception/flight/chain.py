@@ -1,0 +1,268 @@
+"""Stretches of a body's motion solved together: each begins where the one before ends, and bounces are on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.perception.flight.evidence import Motion, Normal, normal_equations, squares_of
+from atw_mcp.perception.flight.settings import FlightSettings
+from atw_mcp.perception.flight.sightings import Sightings
+
+Floats = NDArray[np.float64]
+ROUNDS = 6  # of reweighting and of velocities at contacts
+LEAST = 3  # sightings of a part that is cut off
+SHIFTS = (-3, -2, -1, 1, 2, 3)  # frames by which a contact is tried earlier or later
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A face that bodies can be on: a point (3,), its unit normal (3,) and corners (n, 3) in order round it; None for
+    the floor, which has no end."""
+
+    name: str
+    point: Floats
+    normal: Floats
+    corners: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Frames of the observation, rows first..last, in which a body moves without contact, or on one surface.
+
+    motion: "flight", "unexplained" or the name of what it moves on; surface: the index of that, None without.
+    """
+
+    first: int
+    last: int
+    motion: str
+    surface: int | None = None
+
+    @property
+    def on_floor(self) -> bool:
+        """Whether the body is on the first of the surfaces, the floor."""
+        return self.surface == 0
+
+
+@dataclass(frozen=True)
+class Part:
+    """Sightings begin..end - 1 with the index of their motion (-1: unexplained) and its unknowns (7,)."""
+
+    begin: int
+    end: int
+    motion: int
+    unknowns: Floats
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Unknowns (6 P + 1,) of P parts and of the distances' scale, their covariance, and the energy [nats]."""
+
+    unknowns: Floats
+    covariance: Floats
+    energy: float
+
+
+class Chain:
+    """The motions of one body; `seen` has times about zero."""
+
+    def __init__(
+        self,
+        seen: Sightings,
+        centre: Floats,
+        motions: Sequence[Motion],
+        surfaces: Sequence[Surface],
+        lift: float,
+        reach: float,
+        settings: FlightSettings,
+    ) -> None:
+        self._seen, self._motions, self._surfaces = seen, motions, surfaces
+        self._lift, self._reach, self._settings = lift, reach, settings
+        self._normals = [normal_equations(motion, seen, centre) for motion in motions]
+        self._flying = len(motions) - 1
+
+    def improved(self, parts: list[Part]) -> tuple[list[Part], Solved]:
+        """Return the parts after contacts were moved, parts joined and motions exchanged as long as that helps."""
+        parts, best = self.settled(parts)
+        for _ in range(3 * len(parts) + 3):
+            tried = [self.settled(other) for other in self._neighbours(parts)]
+            better = min(tried, key=lambda pair: pair[1].energy, default=None)
+            if better is None or better[1].energy > best.energy - 0.1:
+                break
+            parts, best = better
+        return parts, best
+
+    def places(self, parts: Sequence[Part], solved: Solved) -> tuple[Floats, Floats]:
+        """Return places (K, 3) and their standard deviations (K,), NaN where unexplained."""
+        times = self._seen.times
+        places, sigma = np.full((len(times), 3), np.nan), np.full(len(times), np.nan)
+        for part, index in self._indexed(parts):
+            motion, rows = self._motions[part.motion], slice(part.begin, part.end)
+            basis = motion.basis(times[rows])
+            places[rows] = motion.known(times[rows]) + basis @ solved.unknowns[index[:6]]
+            block = solved.covariance[np.ix_(index[:6], index[:6])]
+            sigma[rows] = np.sqrt(np.einsum("kij,jl,kil->k", basis, block, basis) / 3.0)
+        return places, sigma
+
+    def _neighbours(self, parts: list[Part]) -> Iterator[list[Part]]:
+        for n, part in enumerate(parts):
+            for k in range(-1, len(self._motions)):
+                if k != part.motion:
+                    yield [*parts[:n], replace(part, motion=k, unknowns=np.zeros(7)), *parts[n + 1 :]]
+            for at in _cuts(part):
+                for k, m in self._pairs(part.motion):
+                    two = [replace(part, end=at, motion=k, unknowns=np.zeros(7))]
+                    two.append(replace(part, begin=at, motion=m, unknowns=np.zeros(7)))
+                    yield [*parts[:n], *two, *parts[n + 1 :]]
+            if n + 1 == len(parts):
+                continue
+            after = parts[n + 1]
+            for one in (part, after):
+                yield [*parts[:n], replace(one, begin=part.begin, end=after.end), *parts[n + 2 :]]
+            for shift in SHIFTS:
+                at = part.end + shift
+                if part.begin < at < after.end:
+                    yield [*parts[:n], replace(part, end=at), replace(after, begin=at), *parts[n + 2 :]]
+
+    def _pairs(self, motion: int) -> Iterator[tuple[int, int]]:
+        """Motions of the two pieces of a part: at least one of them stays."""
+        for other in range(len(self._motions)):
+            yield motion, other
+            if other != motion:
+                yield other, motion
+
+    def _indexed(self, parts: Sequence[Part]) -> list[tuple[Part, NDArray[np.int64]]]:
+        moving = [part for part in parts if part.motion >= 0]
+        last = 6 * len(moving)
+        return [(part, np.append(np.arange(6 * n, 6 * n + 6), last)) for n, part in enumerate(moving)]
+
+    def settled(self, parts: list[Part]) -> tuple[list[Part], Solved]:
+        """Solve the parts together, noise and speeds at contacts found by iteration."""
+        solved = self._solve(parts)
+        for _ in range(ROUNDS):
+            index = iter(self._indexed(parts))
+            parts = [
+                replace(part, unknowns=solved.unknowns[next(index)[1]]) if part.motion >= 0 else part for part in parts
+            ]
+            solved = self._solve(parts)
+        return parts, solved
+
+    def _solve(self, parts: Sequence[Part]) -> Solved:
+        settings, seen = self._settings, self._seen
+        moving = self._indexed(parts)
+        size = 6 * len(moving) + 1
+        matrix, right = np.zeros((size, size)), np.zeros(size)
+        matrix[-1, -1] = seen.scale**-2
+        energy = settings.unexplained * sum(part.end - part.begin for part in parts if part.motion < 0)
+        kinds = [0, *(part.motion for part, _ in moving)]
+        energy += settings.leave * sum(before == 0 and after != 0 for before, after in pairwise(kinds))
+        for part, index in moving:
+            motion, normal = self._motions[part.motion], _rows(self._normals[part.motion], part)
+            if np.any(part.unknowns):
+                squares = squares_of(normal, part.unknowns)
+                weights = (settings.tails + 3.0) / (settings.tails + squares) / settings.alike
+                log = np.log1p(squares / settings.tails).sum()
+                energy += 0.5 * (settings.tails + 3.0) / settings.alike * float(log)
+                energy += 0.5 * float(np.sum(((part.unknowns[:6] - motion.mean) / motion.prior) ** 2))
+                energy += 0.0 if self._is_allowed(part) else np.inf
+            else:
+                weights = np.full(part.end - part.begin, 1.0 / settings.alike)
+            matrix[np.ix_(index, index)] += np.einsum("k,kij->ij", weights, normal.matrix)
+            right[index] += weights @ normal.right
+            matrix[index[:6], index[:6]] += motion.prior**-2
+            right[index[:6]] += motion.mean * motion.prior**-2
+            energy += settings.contact
+            energy += float(np.log(motion.prior).sum())
+        if moving and np.any(moving[0][0].unknowns):
+            energy += 0.5 * float(moving[0][0].unknowns[6] / seen.scale) ** 2
+        for (one, left), (two, behind) in pairwise(moving):
+            if np.any(one.unknowns) and np.any(two.unknowns):
+                energy += self._gain(one, two)
+            if one.end == two.begin:
+                for rows, wanted, sigma in self._contact(one, two, left, behind, size):
+                    known = np.any(one.unknowns) and np.any(two.unknowns)
+                    off = (
+                        rows[:, left[:6]] @ one.unknowns[:6] + rows[:, behind[:6]] @ two.unknowns[:6] - wanted
+                    ) / sigma
+                    cost = (0.5 * float(off @ off) if known else 0.0) + len(wanted) * float(np.log(sigma))
+                    energy += min(cost, settings.parted)
+                    if cost < settings.parted:
+                        matrix += rows.T @ rows / sigma**2
+                        right += rows.T @ wanted / sigma**2
+        energy += 0.5 * float(np.linalg.slogdet(matrix)[1])
+        covariance: Floats = np.asarray(np.linalg.inv(matrix), dtype=float)
+        return Solved(covariance @ right, covariance, energy)
+
+    def _gain(self, one: Part, two: Part) -> float:
+        """Price of a contact after which a body is faster than before: only another moving body can do that."""
+        at = np.array([0.5 * (self._seen.times[one.end - 1] + self._seen.times[two.begin])])
+        speeds = [float(np.linalg.norm(_velocity(self._motions[p.motion], p, at))) for p in (one, two)]
+        return min(0.5 * (max(speeds[1] - speeds[0], 0.0) / self._settings.gain) ** 2, self._settings.struck)
+
+    def _contact(
+        self, one: Part, two: Part, left: NDArray[np.int64], behind: NDArray[np.int64], size: int
+    ) -> Iterator[tuple[Floats, Floats, float]]:
+        """Yield equations of a contact, rows @ unknowns = wanted, and their standard deviation [m]."""
+        before, after = self._seen.times[one.end - 1], self._seen.times[two.begin]
+        at = np.array([0.5 * (before + after)])
+        a, b = self._motions[one.motion], self._motions[two.motion]
+        turn = float(np.linalg.norm(_velocity(a, one, at) - _velocity(b, two, at)))
+        sigma = (after - before) * max(turn, 0.3) / np.sqrt(12.0)
+        rows = np.zeros((3, size))
+        rows[:, left[:6]], rows[:, behind[:6]] = a.basis(at)[0], -b.basis(at)[0]
+        yield rows, (b.known(at) - a.known(at))[0], sigma
+        if one.motion == two.motion == self._flying:
+            floor = self._surfaces[0]
+            height = np.zeros((1, size))
+            for motion, index in ((a, left), (b, behind)):
+                height[:, index[:6]] += 0.5 * floor.normal @ motion.basis(at)[0]
+            known = 0.5 * (a.known(at) + b.known(at))[0] - floor.point
+            middle, half = 0.5 * (self._lift + self._reach), 0.5 * (self._reach - self._lift)
+            spread = float(np.sqrt(sigma**2 + half**2 + (self._settings.touch * self._lift) ** 2))
+            yield height, np.array([middle - known @ floor.normal]), spread
+
+    def _is_allowed(self, part: Part) -> bool:
+        motion, times = self._motions[part.motion], self._seen.times[[part.begin, part.end - 1]]
+        places = motion.known(times) + motion.basis(times) @ part.unknowns[:6]
+        sink = self._settings.sink * self._seen.distances[[part.begin, part.end - 1]]
+        return bool(allowed(places[None], self._surfaces, part.motion, self._lift, sink[None])[0])
+
+
+def allowed(places: Floats, surfaces: Sequence[Surface], k: int, lift: float, sink: Floats) -> NDArray[np.bool_]:
+    """Whether the ends (S, 2, 3) of stretches are where motion k can be: on its own face, or above the floor.
+
+    sink (S, 2) [m]: depth below the floor that is taken for an error.
+    """
+    if k == len(surfaces):
+        floor = surfaces[0]
+        height = (places - floor.point) @ floor.normal
+        return np.asarray(np.all(height >= lift - sink, axis=1))
+    corners = surfaces[k].corners
+    if corners is None:
+        return np.ones(len(places), dtype=bool)
+    inside = np.ones(places.shape[:2], dtype=bool)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        inward = np.cross(surfaces[k].normal, b - a)
+        inside &= (places - a) @ (inward / np.linalg.norm(inward)) >= -lift
+    return np.asarray(inside.all(axis=1))
+
+
+def _cuts(part: Part) -> range:
+    """Where a part is tried to be cut: eight places, or as many as it has."""
+    return range(part.begin + LEAST, part.end - LEAST + 1, max(1, (part.end - part.begin) // 8))
+
+
+def _rows(normal: Normal, part: Part) -> Normal:
+    rows = slice(part.begin, part.end)
+    return Normal(normal.matrix[rows], normal.right[rows], normal.square[rows])
+
+
+def _velocity(motion: Motion, part: Part, at: Floats) -> Floats:
+    step = 1e-3
+    later, earlier = motion.known(at + step), motion.known(at - step)
+    basis = motion.basis(at + step) - motion.basis(at - step)
+    return np.asarray((later - earlier)[0] + basis[0] @ part.unknowns[:6]) / (2.0 * step)

@@ -1,0 +1,146 @@
+"""Places of bodies that leave the floor, from one camera: which frames show them in free flight or on an obstacle.
+
+A camera gives directions. What is missing, the distance, follows for a body on the floor from where its ray meets it,
+for a body in the air from how gravity bends its path in the image, and coarsely for both from its apparent size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from atw_mcp.perception.flight.chain import Chain, Part, Stretch, Surface, allowed
+from atw_mcp.perception.flight.evidence import Motion, evidences, flight, normal_equations, sliding
+from atw_mcp.perception.flight.settings import FlightSettings
+from atw_mcp.perception.flight.sightings import Sightings, Solid
+from polyworld.camera import Camera
+from polyworld.geometry import circumscribed_radius
+
+Floats = NDArray[np.float64]
+LEVEL = 0.3  # least upward part of a face's normal: bodies slide off what is steeper
+
+
+@dataclass(frozen=True)
+class Divided:
+    """Stretches of a body's motion, and of its K sightings the places (K, 3) and their standard deviations (K,) [m].
+
+    NaN where no motion explains a sighting."""
+
+    stretches: tuple[Stretch, ...]
+    places: Floats
+    sigma: Floats
+
+
+def divided(
+    seen: Sightings,
+    camera: Camera,
+    surfaces: Sequence[Surface],
+    solid: Solid,
+    lift: float,
+    gravity: Floats,
+    settings: FlightSettings,
+) -> Divided:
+    """Divide a body's sightings into stretches of flight and of motion on surfaces, the floor first among these.
+
+    lift [m]: height of its centre above what it is on.
+    """
+    reach = circumscribed_radius(solid)
+    motions = _motions(seen, camera, surfaces, lift, gravity, settings)
+    local = replace(seen, times=seen.times - seen.times.mean())
+    stride = -(-len(seen.rows) // settings.most)
+    fewer = local.only(slice(None, None, stride))
+    rough = _cheapest(fewer, camera, motions, surfaces, lift, settings)
+    parts, _ = Chain(fewer, camera.centre, motions, surfaces, lift, reach, settings).improved(rough)
+    if stride > 1:
+        last = len(seen.rows)
+        parts = [replace(p, begin=stride * p.begin, end=min(stride * p.end, last)) for p in parts]
+    chain = Chain(local, camera.centre, motions, surfaces, lift, reach, settings)
+    parts, solved = chain.settled(parts)
+    found = []
+    for part in parts:
+        name = "unexplained" if part.motion < 0 else motions[part.motion].name
+        surface = part.motion if 0 <= part.motion < len(surfaces) else None
+        found.append(Stretch(int(seen.rows[part.begin]), int(seen.rows[part.end - 1]), name, surface))
+    places, sigma = chain.places(parts, solved)
+    return Divided(tuple(found), places, sigma)
+
+
+def _motions(
+    seen: Sightings, camera: Camera, surfaces: Sequence[Surface], lift: float, gravity: Floats, settings: FlightSettings
+) -> list[Motion]:
+    middle = camera.centre + np.median(seen.distances) * seen.directions.mean(axis=0)
+    found = []
+    for surface in surfaces:
+        one = np.cross(surface.normal, np.eye(3)[np.argmin(np.abs(surface.normal))])
+        axes = np.stack([one / np.linalg.norm(one), np.cross(surface.normal, one / np.linalg.norm(one))])
+        point = surface.point + lift * surface.normal
+        foot = middle - ((middle - point) @ surface.normal) * surface.normal
+        found.append(sliding(surface.name, foot, axes, gravity, settings.friction, settings.length, settings.speed))
+    return [*found, flight(gravity, middle, settings.length, settings.speed)]
+
+
+def _cheapest(
+    seen: Sightings,
+    camera: Camera,
+    motions: Sequence[Motion],
+    surfaces: Sequence[Surface],
+    lift: float,
+    settings: FlightSettings,
+) -> list[Part]:
+    """The cheapest division of all frames (dynamic programming over where stretches end)."""
+    count, times = len(seen.rows), seen.times
+    cost, unknowns = [], []
+    first, last = np.triu_indices(count + 1, 1)
+    for k, motion in enumerate(motions):
+        evidence, theta = evidences(motion, normal_equations(motion, seen, camera.centre), (0.0, seen.scale), settings)
+        ends = np.stack([first, last - 1], axis=1)
+        at = times[ends]
+        places = motion.known(at.ravel()) + np.einsum(
+            "kij,kj->ki", motion.basis(at.ravel()), np.repeat(theta[first, last][:, :6], 2, axis=0)
+        )
+        places = places.reshape(-1, 2, 3)
+        possible = allowed(places, surfaces, k, lift, settings.sink * seen.distances[ends])
+        price = np.full((count, count + 1), np.inf)
+        price[first, last] = np.where(possible, -evidence[first, last], np.inf) + settings.contact
+        price += 0.0 if k == 0 else settings.leave
+        if k == len(surfaces):
+            short = np.arange(count + 1)[None, :] - np.arange(count)[:, None] < settings.least
+            price[short] = np.inf
+        cost.append(price)
+        unknowns.append(theta)
+    price, which = np.min(cost, axis=0), np.argmin(cost, axis=0)
+    best, back = np.full(count + 1, np.inf), np.zeros((count + 1, 2), dtype=np.int64)
+    best[0] = 0.0
+    for j in range(1, count + 1):
+        options = best[:j] + price[:j, j]
+        i = int(np.argmin(options))
+        alone = best[j - 1] + settings.unexplained
+        best[j], back[j] = (options[i], (i, which[i, j])) if options[i] <= alone else (alone, (j - 1, -1))
+    parts, j = [], count
+    while j > 0:
+        i, k = int(back[j, 0]), int(back[j, 1])
+        parts.append(Part(i, j, k, unknowns[k][i, j] if k >= 0 else np.zeros(7)))
+        j = i
+    return parts[::-1]
+
+
+def surfaces_of(floor: float, fixtures: Mapping[str, Floats]) -> list[Surface]:
+    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear."""
+    found = [Surface("floor", np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]))]
+    for name, corners in fixtures.items():
+        hull = ConvexHull(corners)
+        for equation in np.unique(np.round(hull.equations, 6), axis=0):
+            normal = equation[:3]
+            if normal[2] < LEVEL:
+                continue
+            on = np.unique(hull.simplices[np.abs(hull.equations - equation).max(axis=1) < 1e-5])
+            face = corners[on]
+            middle = face.mean(axis=0)
+            one = (face[0] - middle) / np.linalg.norm(face[0] - middle)
+            angles = np.arctan2((face - middle) @ np.cross(normal, one), (face - middle) @ one)
+            found.append(Surface(name, middle, normal, face[np.argsort(angles)]))
+    return found

@@ -1,0 +1,134 @@
+"""How well each stretch of a body's sightings is explained by free flight, and by motion on a surface.
+
+Either motion is linear in what is unknown of it: a flight X = p + v t + g t^2 / 2 in its start and velocity, motion on
+a plane in place, velocity and a constant acceleration. Each sighting gives three linear equations, two across the line
+of sight and one along it. So every stretch has its evidence in closed form (Bayes' linear model with normal priors),
+and sums over frames give those of all stretches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.perception.flight.settings import FlightSettings
+from atw_mcp.perception.flight.sightings import Sightings
+
+Floats = NDArray[np.float64]
+ITERATIONS = 8  # of reweighting, after which evidences change by less than a tenth
+SCALE = 6  # index of the unknown relative error of distances, after the six of the motion
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion whose place is linear in six unknowns: X(t) = known(t) + basis(t) theta.
+
+    name: of the surface, or "flight". prior: standard deviations (6,) of the unknowns; mean (6,).
+    """
+
+    name: str
+    origin: Floats
+    axes: Floats
+    drift: Floats
+    mean: Floats
+    prior: Floats
+    curved: bool
+
+    def basis(self, times: Floats) -> Floats:
+        """Return the derivatives (K, 3, 6) of places by the unknowns."""
+        powers = [np.ones_like(times), times] + ([0.5 * times**2] if self.curved else [])
+        return np.concatenate([p[:, None, None] * self.axes.T for p in powers], axis=2)
+
+    def known(self, times: Floats) -> Floats:
+        """Return the places (K, 3) where all unknowns are zero."""
+        return self.origin + 0.5 * times[:, None] ** 2 * self.drift
+
+
+def flight(gravity: Floats, centre: Floats, length: float, speed: float) -> Motion:
+    """Free flight under gravity (3,) [m/s^2], somewhere within `length` [m] of a centre, at a speed [m/s] of about."""
+    prior = np.repeat([length, speed], 3)
+    return Motion("flight", centre, np.eye(3), gravity, np.zeros(6), prior, curved=False)
+
+
+def sliding(
+    name: str, point: Floats, axes: Floats, gravity: Floats, friction: float, length: float, speed: float
+) -> Motion:
+    """Motion in the plane through a point along axes (2, 3): gravity's pull along it and about `friction` of g."""
+    pull = axes @ gravity
+    prior = np.repeat([length, speed, friction * float(np.linalg.norm(gravity))], 2)
+    mean = np.concatenate([np.zeros(4), pull])
+    return Motion(name, point, axes, np.zeros(3), mean, prior, curved=True)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of a motion in every frame, weighted: matrix (K, 7, 7), right side (K, 7), squares (K,)."""
+
+    matrix: Floats
+    right: Floats
+    square: Floats
+
+
+def normal_equations(motion: Motion, seen: Sightings, centre: Floats) -> Normal:
+    """Return the equations of each frame for a motion seen from a camera's centre; the scale error is unknown too."""
+    across = _across(seen.directions)
+    basis, rest = motion.basis(seen.times), centre - motion.known(seen.times)
+    rows = np.zeros((len(seen.rows), 3, 7))
+    right = np.zeros((len(seen.rows), 3))
+    rows[:, :2, :6] = np.einsum("kai,kij->kaj", across, basis) / seen.across[:, None, None]
+    right[:, :2] = np.einsum("kai,ki->ka", across, rest) / seen.across[:, None]
+    rows[:, 2, :6] = np.einsum("ki,kij->kj", seen.directions, basis) / seen.along[:, None]
+    rows[:, 2, SCALE] = -seen.distances / seen.along
+    right[:, 2] = (seen.distances + np.einsum("ki,ki->k", seen.directions, rest)) / seen.along
+    return Normal(
+        np.einsum("kai,kaj->kij", rows, rows),
+        np.einsum("kai,ka->ki", rows, right),
+        np.einsum("ka,ka->k", right, right),
+    )
+
+
+def evidences(
+    motion: Motion, normal: Normal, scale: tuple[float, float], settings: FlightSettings
+) -> tuple[Floats, Floats]:
+    """Return the log evidence (K, K + 1) of stretches [i, j) and the unknowns (K, K + 1, 7); -inf where j <= i.
+
+    scale: mean and standard deviation of the relative error of distances. The noise has Student's tails, for
+    masks that take in a shadow or lose half of the body. Laplace's approximation at the
+    maximum, without terms that all motions of the same frames share.
+    """
+    count, tails = len(normal.square), settings.tails
+    first, last = np.triu_indices(count + 1, 1)
+    within = (np.arange(count) >= first[:, None]) & (np.arange(count) < last[:, None])
+    unit = np.append(motion.prior, scale[1])  # unknowns in units of their priors: matrices are well scaled
+    mean = np.append(motion.mean, scale[0]) / unit
+    matrices = (normal.matrix * unit[:, None] * unit).reshape(count, 49)
+    rights = normal.right * unit
+    weights = within / settings.alike
+    for _ in range(ITERATIONS):
+        matrix = (weights @ matrices).reshape(-1, 7, 7) + np.eye(7)
+        solved = np.linalg.solve(matrix, (weights @ rights + mean)[..., None])[..., 0]
+        squares = (solved[:, :, None] * solved[:, None, :]).reshape(-1, 49) @ matrices.T
+        squares += normal.square - 2.0 * solved @ rights.T
+        weights = within * (tails + 3.0) / (tails + np.maximum(squares, 0.0)) / settings.alike
+    misfit = (tails + 3.0) / settings.alike * np.sum(within * np.log1p(np.maximum(squares, 0.0) / tails), axis=1)
+    log = -0.5 * (misfit + np.sum((solved - mean) ** 2, axis=1) + np.linalg.slogdet(matrix)[1])
+    evidence, unknowns = np.full((count, count + 1), -np.inf), np.zeros((count, count + 1, 7))
+    evidence[first, last], unknowns[first, last] = log, solved * unit
+    return evidence, unknowns
+
+
+def squares_of(normal: Normal, unknowns: Floats) -> Floats:
+    """Return the squared errors (K,) of each frame's equations, in units of their noise, at unknowns (7,)."""
+    squares = np.einsum("kij,i,j->k", normal.matrix, unknowns, unknowns) + normal.square - 2.0 * normal.right @ unknowns
+    found: Floats = np.maximum(squares, 0.0)
+    return found
+
+
+def _across(directions: Floats) -> Floats:
+    """Return two unit vectors (K, 2, 3) across each direction."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    one = np.cross(directions, least)
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    return np.stack([one, np.cross(directions, one)], axis=1)

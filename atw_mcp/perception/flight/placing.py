@@ -1,0 +1,151 @@
+"""Places of bodies in free flight or on an obstacle, in place of those that their rays have on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.perception.flight.chain import Surface
+from atw_mcp.perception.flight.dividing import Divided, divided, surfaces_of
+from atw_mcp.perception.flight.settings import FlightSettings
+from atw_mcp.perception.flight.sightings import Solid, sightings
+from atw_mcp.perception.observation import ImageObservation
+from atw_mcp.perception.silhouettes import lift_of
+from atw_mcp.perception.tracks import kind_and_size, world_tracks
+from atw_mcp.perception.video import Cancelled, PerceptionCancelled
+from polyworld.camera import Camera
+from polyworld.geometry import equivalent_radius, quaternion_matrix
+from polyworld.shapes import Cylinder
+from polyworld.tracks import ObservedTracks
+from polyworld.world import MotionPlane
+
+Floats = NDArray[np.float64]
+Corners = tuple[tuple[float, float, float], ...]
+SETTINGS = FlightSettings()
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What bodies fly and move on: gravity [m/s^2], the floor's height [m], corners (n, 3) of fixed convex solids."""
+
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    floor: float = 0.0
+    fixtures: Mapping[str, Corners] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        return {"gravity": self.gravity, "floor": self.floor, "fixtures": dict(self.fixtures)}
+
+
+def with_flights(
+    tracks: ObservedTracks,
+    seen: ImageObservation,
+    camera: Camera,
+    solids: Mapping[str, Solid],
+    about: Surroundings,
+    cancelled: Cancelled | None = None,
+) -> tuple[ObservedTracks, dict[str, list[dict[str, Any]]]]:
+    """Return tracks with the places of known solids that leave the floor, and which frames show that, by name.
+
+    In flight places follow from gravity and apparent size, and turns are not measured; on an obstacle both follow from
+    the outline, as they do on the floor. Frames within such a stretch that do not show all of a body have no place.
+    Raises PerceptionCancelled.
+    """
+    labels = [seen.label_image(frame) for frame in seen.frames]
+    times = np.asarray(seen.frames) * tracks.seconds_per_frame
+    surfaces = surfaces_of(about.floor, {name: np.array(corners) for name, corners in about.fixtures.items()})
+    motions: dict[str, list[dict[str, Any]]] = {}
+    for name, solid in solids.items():
+        if cancelled is not None and cancelled():
+            raise PerceptionCancelled("cancelled")
+        found = sightings(seen, name, labels, camera, solid, times, SETTINGS.sightings)
+        if found is None or name not in tracks.names:
+            continue
+        lift = _lift(tracks, name, solid)
+        parts = divided(found, camera, surfaces, solid, lift, np.array(about.gravity), SETTINGS)
+        if _leaves(parts, found.rows, equivalent_radius(solid)):
+            tracks = _in_flight(tracks, seen, name, solid, found.rows, parts)
+            tracks = _on_obstacles(tracks, seen, camera, name, solid, surfaces, parts)
+            motions[name] = [
+                {"first": seen.frames[part.first], "last": seen.frames[part.last], "motion": part.motion}
+                for part in parts.stretches
+            ]
+    return tracks, motions
+
+
+def _leaves(parts: Divided, rows: NDArray[np.int64], radius: float) -> bool:
+    """Whether a body is seen off the floor in places that are known: from above, a flight looks like motion below."""
+    for part in parts.stretches:
+        sigma = parts.sigma[(rows >= part.first) & (rows <= part.last)]
+        if part.surface or (part.motion == "flight" and np.median(sigma) < SETTINGS.unsure * radius):
+            return True
+    return False
+
+
+def _lift(tracks: ObservedTracks, name: str, solid: Solid) -> float:
+    """Height of the centre of a solid above what it rests on: of a cylinder as it was seen to lie or to stand."""
+    column = tracks.index(name)
+    turns = tracks.orientations[tracks.orientation_confidence[:, column] > 0.0, column]
+    upward = [abs(float(quaternion_matrix(turn)[2, 2])) for turn in turns]
+    if isinstance(solid, Cylinder) and upward and float(np.median(upward)) < SETTINGS.lying:
+        return solid.radius
+    return lift_of(kind_and_size(solid)[1])
+
+
+def _in_flight(
+    tracks: ObservedTracks, seen: ImageObservation, name: str, solid: Solid, rows: NDArray[np.int64], parts: Divided
+) -> ObservedTracks:
+    column, observed = tracks.index(name), seen.object(name)
+    positions, sigma = tracks.positions.copy(), tracks.position_sigma.copy()
+    confidence, turns = tracks.confidence.copy(), tracks.orientation_confidence.copy()
+    radius = equivalent_radius(solid)
+    floor = np.zeros(len(tracks.frames), dtype=bool)
+    for part in parts.stretches:
+        if part.on_floor:
+            floor[part.first : part.last + 1] = True
+    confidence[~floor, column] = turns[~floor, column] = 0.0
+    for part in parts.stretches:
+        if part.on_floor or part.motion == "unexplained":
+            continue
+        for k in np.flatnonzero((rows >= part.first) & (rows <= part.last)):
+            row = rows[k]
+            positions[row, column] = parts.places[k]
+            sigma[row, column] = off = SETTINGS.trusted * parts.sigma[k]
+            confidence[row, column] = round(float(observed.confidence[row]) / (1.0 + (off / radius) ** 2), 4)
+    return replace(
+        tracks, positions=positions, position_sigma=sigma, confidence=confidence, orientation_confidence=turns
+    )
+
+
+def _on_obstacles(
+    tracks: ObservedTracks,
+    seen: ImageObservation,
+    camera: Camera,
+    name: str,
+    solid: Solid,
+    surfaces: Sequence[Surface],
+    parts: Divided,
+) -> ObservedTracks:
+    column = tracks.index(name)
+    series = {
+        key: getattr(tracks, key).copy()
+        for key in ("positions", "position_sigma", "orientations", "confidence", "orientation_confidence")
+    }
+    for part in parts.stretches:
+        if not part.surface:
+            continue
+        face = surfaces[part.surface]
+        point, normal = (tuple(float(x) for x in vector) for vector in (face.point, face.normal))
+        plane = MotionPlane.model_validate({"point": point, "normal": normal})
+        placed = world_tracks(
+            seen, camera, {name: solid}, plane, seconds_per_frame=tracks.seconds_per_frame, only=[name]
+        )
+        rows = np.arange(part.first, part.last + 1)
+        rows = rows[placed.confidence[rows, column] > 0.0]
+        for key, values in series.items():
+            values[rows, column] = getattr(placed, key)[rows, column]
+    return replace(tracks, **series)

@@ -1,0 +1,47 @@
+"""What is expected of bodies between contacts, and of how well masks tell where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from atw_mcp.perception.flight.sightings import SightingSettings
+
+
+@dataclass(frozen=True)
+class FlightSettings:
+    """Expectations as standard deviations, and prices of explanations in nats.
+
+    speed [m/s]; length [m]: of places about the scene; friction: acceleration on a surface beside gravity's pull
+    along it, of g; contact: price of a contact, one frame in twenty having one; leave: price of another motion than
+    the usual one, on the floor, which most videos show alone; unexplained: of a frame that no motion explains,
+    about four standard deviations; sink: depth below the floor that is still taken for an error, of the distance;
+    least: frames that show a flight at least; tails: degrees of freedom of the sightings' noise; alike: frames in a
+    row whose masks err together, which count as one; parted: price at most of a gap between stretches that follow
+    each other; touch: height above the floor of a body that bounces, of its size, as seen between two frames; gain
+    [m/s]: error of a speed, by which a body may seem faster after a contact; struck: price at most of being faster,
+    as of a body that another one hits; most: sightings that are divided at first, of a longer film evenly chosen
+    ones; trusted: factor of the standard deviations of places, which are from one explanation among many (errors
+    were 1 to 3 times as large on 40 rendered bodies); unsure: standard deviation of a flight's places, of the
+    body's radius, above which they are not used; lying: upward part of a cylinder's axis below which it lies on its
+    side.
+    """
+
+    speed: float = 5.0
+    length: float = 5.0
+    friction: float = 0.3
+    contact: float = 3.0
+    leave: float = 10.0
+    unexplained: float = 8.0
+    sink: float = 0.03
+    least: int = 4
+    tails: float = 4.0
+    alike: float = 2.0
+    parted: float = 8.0
+    touch: float = 0.2
+    gain: float = 0.3
+    struck: float = 8.0
+    most: int = 100
+    trusted: float = 2.0
+    unsure: float = 2.0
+    lying: float = 0.7
+    sightings: SightingSettings = field(default_factory=SightingSettings)
