@@ -27,7 +27,8 @@ SIZE_FRAMES = 14
 LEAST_POINTS = 10  # outline points below which a frame says too little
 HEIGHT_ERROR = 0.02  # of a solid's height above its plane: rounded edges make solids look smaller than they stand
 ON_ITS_SIDE = Rotation.from_euler("y", 90.0, degrees=True)  # its own axis, z, along x
-LYING_PRICE = 1.35  # of its misfit, for a cylinder on its side, whose turn is one more number to fit its outline with
+UPRIGHT = 0.9999  # upward part of a normal from which on a plane is level
+LYING_PRICE = 0.07  # px^2: errors of a quarter of a pixel all along an outline can favour lying, or standing
 LEAST_ANGLE = np.deg2rad(100)  # of outline about the centre: less does not fix a pose
 DEFAULT_PLANE = MotionPlane()
 
@@ -71,7 +72,7 @@ class _Placed:
     @property
     def misfit(self) -> float:
         """Median cost of its frames, in favour of standing solids where both fit alike."""
-        return float(np.median(self.fit.cost)) * (LYING_PRICE if self.kind == "lying" else 1.0)
+        return float(np.median(self.fit.cost)) + (LYING_PRICE if self.kind == "lying" else 0.0)
 
 
 @dataclass(frozen=True)
@@ -137,18 +138,19 @@ def world_tracks(
     *,
     seconds_per_frame: float,
     only: Sequence[str] | None = None,
+    rests: Mapping[str, SolidKind] | None = None,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> ObservedTracks:
     """Positions, and turns of boxes, of all objects in the world.
 
     solids: shape and size of objects by name; those not given are estimated. only: names of those to place, default
-    all. Frames are fitted one by one, so that collisions stay sharp: noise is left to whoever fits a model, with
+    all. rests: whether a cylinder of given size stands ("cylinder") or is "lying", default as its outline fits
+    better. Frames are fitted one by one, so that collisions stay sharp: noise is left to whoever fits a model, with
     position_sigma to weigh it by. position_sigma [m] includes a floor of 0.3 px and 2% of the centre's height;
-    confidence is the observation's, lowered where little of the outline is trustworthy or the fit is poor. A cylinder
-    of given size stands or lies on its side, as its outline fits better. A turn is continuous
-    over time; a cube's is known up to quarter turns (symmetry 4), a ball's or upright cylinder's not at all
-    (symmetry 0).
+    confidence is the observation's, lowered where little of the outline is trustworthy or the fit is poor. A turn
+    is continuous over time; a cube's is known up to quarter turns (symmetry 4), a ball's or upright cylinder's not
+    at all (symmetry 0).
     """
     _check_camera(observation, camera)
     for name in solids or {}:
@@ -171,14 +173,49 @@ def world_tracks(
         rows = np.flatnonzero(observation.objects[number - 1].confidence > 0)
         evidence = _evidence(observation, labels, number, rows, behind)
         if len(evidence.rows):
-            tried = []
-            for kind, size in _ways(chosen[name], given=name in (solids or {})):
-                seen = size
-                if name in (solids or {}):
-                    seen = _outline_size(stage, kind, size, observation, labels, number)
-                tried.append(_Placed(evidence, kind, size, _fit_known(stage, kind, seen, lift_of(size), evidence)))
+            given = name in (solids or {})
+            ways = _ways(chosen[name], given=given)
+            said = (rests or {}).get(name)
+            ways = [way for way in ways if way[0] == said] or ways
+            tried = [_place(observation, stage, labels, number, way, evidence, given=given) for way in ways]
             fits[number] = min(tried, key=lambda placed: placed.misfit)
     return _tracks(observation, stage, fits, seconds_per_frame)
+
+
+def costs_of_rest(
+    observation: ImageObservation,
+    camera: Camera,
+    name: str,
+    solid: Cylinder,
+    plane: MotionPlane,
+    rows: NDArray[np.int64],
+) -> dict[SolidKind, Floats]:
+    """Robust costs (F,) [px^2] of the outlines of a cylinder that stands, or lies, on a plane in some rows.
+
+    That of lying bears its price.
+    """
+    labels, number = [observation.label_image(f) for f in observation.frames], observation.names.index(name) + 1
+    stage, evidence = Stage.of(camera, plane), _evidence(observation, labels, number, rows, {})
+    if len(evidence.rows) == 0:
+        return {}
+    ways = _ways(solid, given=True)
+    placed = [_place(observation, stage, labels, number, way, evidence, given=True) for way in ways]
+    return {one.kind: one.fit.cost + (LYING_PRICE if one.kind == "lying" else 0.0) for one in placed}
+
+
+def _place(
+    observation: ImageObservation,
+    stage: Stage,
+    labels: list[NDArray[np.uint8]],
+    number: int,
+    way: tuple[SolidKind, Floats],
+    evidence: _Evidence,
+    *,
+    given: bool,
+) -> _Placed:
+    kind, size = way
+    seen = _outline_size(stage, kind, size, observation, labels, number) if given else size
+    return _Placed(evidence, kind, size, _fit_known(stage, kind, seen, lift_of(size), evidence))
 
 
 def _ways(solid: Solid, *, given: bool) -> list[tuple[SolidKind, Floats]]:
@@ -438,10 +475,13 @@ def _tracks(
         positions[rows, column] = stage.centres(fit.poses[good], lift_of(size))
         sigma[rows, column] = spread
         confidence[rows, column] = np.round(observed.confidence[rows] * quality, 4)
+        if kind == "cylinder" and abs(stage.axes[2, 2]) < UPRIGHT:
+            # It stands askew: the tilt of its axis is known as well as its place.
+            orientations[rows, column] = _quaternions(stage, fit.poses[good, 2], kind)
+            turn_confidence[rows, column] = confidence[rows, column]
         if kind in TURNING:
-            symmetry[column] = (
-                0 if kind == "lying" else 4 if kind == "cube" or abs(size[0] - size[1]) < 0.02 * size[0] else 2
-            )
+            alike = 4 if kind == "cube" or abs(size[0] - size[1]) < 0.02 * size[0] else 2
+            symmetry[column] = 0 if kind == "lying" else alike
             turn_sigma = np.sqrt(np.maximum(variance[good, 2], 0.0))
             orientations[rows, column] = _quaternions(stage, fit.poses[good, 2], kind)
             turn_confidence[rows, column] = np.round(confidence[rows, column] * np.exp(-((turn_sigma / 0.25) ** 2)), 4)

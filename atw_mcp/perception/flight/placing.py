@@ -14,11 +14,11 @@ from atw_mcp.perception.flight.dividing import Divided, divided, surfaces_of
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Solid, sightings
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.perception.silhouettes import lift_of
-from atw_mcp.perception.tracks import kind_and_size, world_tracks
+from atw_mcp.perception.silhouettes import SolidKind, lift_of
+from atw_mcp.perception.tracks import costs_of_rest, kind_and_size, world_tracks
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled
 from polyworld.camera import Camera
-from polyworld.geometry import equivalent_radius, quaternion_matrix
+from polyworld.geometry import circumscribed_radius, equivalent_radius, quaternion_matrix
 from polyworld.shapes import Cylinder
 from polyworld.tracks import ObservedTracks
 from polyworld.world import MotionPlane
@@ -69,7 +69,7 @@ def with_flights(
         parts = divided(found, camera, surfaces, solid, lift, np.array(about.gravity), SETTINGS)
         if _leaves(parts, found.rows, equivalent_radius(solid)):
             tracks = _in_flight(tracks, seen, name, solid, found.rows, parts)
-            tracks = _on_obstacles(tracks, seen, camera, name, solid, surfaces, parts)
+            tracks = _on_surfaces(tracks, seen, camera, name, solid, surfaces, parts)
             motions[name] = [
                 {"first": seen.frames[part.first], "last": seen.frames[part.last], "motion": part.motion}
                 for part in parts.stretches
@@ -121,7 +121,36 @@ def _in_flight(
     )
 
 
-def _on_obstacles(
+def _rest(
+    seen: ImageObservation, camera: Camera, name: str, solid: Solid, surfaces: Sequence[Surface], parts: Divided
+) -> dict[str, SolidKind]:
+    """Whether a cylinder stands or lies, by its outline on all surfaces together; empty for other solids."""
+    if not isinstance(solid, Cylinder):
+        return {}
+    costs: dict[SolidKind, list[Floats]] = {}
+    for part in parts.stretches:
+        if part.surface is not None:
+            rows = np.arange(part.first, part.last + 1)
+            for kind, cost in costs_of_rest(seen, camera, name, solid, _plane(surfaces[part.surface]), rows).items():
+                costs.setdefault(kind, []).append(cost)
+    if not costs:
+        return {}
+    return {name: min(costs, key=lambda kind: float(np.median(np.concatenate(costs[kind]))))}
+
+
+def _tumbling(places: Floats, camera: Camera, solid: Solid) -> Floats:
+    """Errors (F,) [m] along the floor of bodies that land on an edge: their centres are higher than they rest."""
+    higher = 0.5 * (circumscribed_radius(solid) - lift_of(kind_and_size(solid)[1]))
+    away = places - camera.centre
+    return np.asarray(higher * np.linalg.norm(away[:, :2], axis=1) / np.maximum(np.abs(away[:, 2]), 1e-9))
+
+
+def _plane(face: Surface) -> MotionPlane:
+    point, normal = (tuple(float(x) for x in vector) for vector in (face.point, face.normal))
+    return MotionPlane.model_validate({"point": point, "normal": normal})
+
+
+def _on_surfaces(
     tracks: ObservedTracks,
     seen: ImageObservation,
     camera: Camera,
@@ -135,14 +164,25 @@ def _on_obstacles(
         key: getattr(tracks, key).copy()
         for key in ("positions", "position_sigma", "orientations", "confidence", "orientation_confidence")
     }
+    rests = _rest(seen, camera, name, solid, surfaces, parts)
+    flown = False
     for part in parts.stretches:
-        if not part.surface:
+        flown |= part.motion == "flight"
+        if part.on_floor and flown:
+            rows = np.arange(part.first, part.last + 1)
+            series["position_sigma"][rows, column] = np.hypot(
+                series["position_sigma"][rows, column], _tumbling(tracks.positions[rows, column], camera, solid)
+            )
+        if part.surface is None or (part.on_floor and not rests):
             continue
-        face = surfaces[part.surface]
-        point, normal = (tuple(float(x) for x in vector) for vector in (face.point, face.normal))
-        plane = MotionPlane.model_validate({"point": point, "normal": normal})
         placed = world_tracks(
-            seen, camera, {name: solid}, plane, seconds_per_frame=tracks.seconds_per_frame, only=[name]
+            seen,
+            camera,
+            {name: solid},
+            _plane(surfaces[part.surface]),
+            seconds_per_frame=tracks.seconds_per_frame,
+            only=[name],
+            rests=rests,
         )
         rows = np.arange(part.first, part.last + 1)
         rows = rows[placed.confidence[rows, column] > 0.0]
