@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from atw_mcp.app import App
+from atw_mcp.fit_verdict import SETTINGS
 from atw_mcp.jobs import Progress
 from atw_mcp.rollouts import compute_rollout
 from atw_mcp.track_records import TrackRecord, at_rate
 from polyworld.geometry import equivalent_radius, plane_axes
 from polyworld.world import World
-
-FOLLOWS = 0.5  # of a body's radius: with larger errors contacts happen or fail that the video shows otherwise
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,18 @@ class ObjectError:
 
     @property
     def follows(self) -> bool:
-        """Whether the error is small beside the body."""
-        return self.metres < FOLLOWS * self.radius
+        """Whether the error is small beside the body, or no larger than measurement explains."""
+        return self.metres < max(SETTINGS.large * self.radius, SETTINGS.noisy * self.distance_noise)
+
+    @property
+    def vague(self) -> bool:
+        """Whether the body's places are known worse than what contacts hang on."""
+        return self.distance_noise > SETTINGS.large * self.radius
+
+    @property
+    def distance_noise(self) -> float:
+        """Root mean square distance that the noise of its track makes [m], in space."""
+        return float(np.sqrt(3.0)) * self.noise
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values."""

@@ -99,6 +99,11 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel, bounds: list[dict[str
     if model.diverged is not None:
         found.append(model.diverged)
     found += [f"{error.object} is off by {_error(error)}" for error in model.errors if not error.follows]
+    found += [
+        f"the places of {error.object} are known to {error.distance_noise:.2g} m only: which contacts it has hangs on less"
+        for error in model.errors
+        if error.vague
+    ]
     if bounds:
         listed = ", ".join(
             f"{v['name']} = {v['value']:.3g}" + (f" {v['unit']}" if v["unit"] != "1" else "") for v in bounds

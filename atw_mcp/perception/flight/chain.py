@@ -14,7 +14,7 @@ from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings
 
 Floats = NDArray[np.float64]
-ROUNDS = 6  # of reweighting and of velocities at contacts
+ROUNDS = 4  # of reweighting and of velocities at contacts
 LEAST = 3  # sightings of a part that is cut off
 SHIFTS = (-3, -2, -1, 1, 2, 3)  # frames by which a contact is tried earlier or later
 
@@ -34,18 +34,18 @@ class Surface:
 class Stretch:
     """Frames of the observation, rows first..last, in which a body moves without contact, or on one surface.
 
-    motion: "flight", "unexplained" or the name of what it moves on; surface: the index of that, None without.
+    motion: "flight", "unexplained" or the name of the surface it moves on.
     """
 
     first: int
     last: int
     motion: str
-    surface: int | None = None
+    surface: Surface | None = None
 
     @property
     def on_floor(self) -> bool:
-        """Whether the body is on the first of the surfaces, the floor."""
-        return self.surface == 0
+        """Whether the body is on the surface that has no end."""
+        return self.surface is not None and self.surface.corners is None
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,15 @@ class Chain:
                 yield [*parts[:n], replace(one, begin=part.begin, end=after.end), *parts[n + 2 :]]
             for shift in SHIFTS:
                 at = part.end + shift
-                if part.begin < at < after.end:
-                    yield [*parts[:n], replace(part, end=at), replace(after, begin=at), *parts[n + 2 :]]
+                if not part.begin < at < after.end:
+                    continue
+                early, late = replace(part, end=at), replace(after, begin=at)
+                yield [*parts[:n], early, late, *parts[n + 2 :]]
+                for k in range(len(self._motions)):
+                    if k != part.motion:
+                        yield [*parts[:n], replace(early, motion=k, unknowns=np.zeros(7)), late, *parts[n + 2 :]]
+                    if k != after.motion:
+                        yield [*parts[:n], early, replace(late, motion=k, unknowns=np.zeros(7)), *parts[n + 2 :]]
 
     def _pairs(self, motion: int) -> Iterator[tuple[int, int]]:
         """Motions of the two pieces of a part: at least one of them stays."""
@@ -241,14 +248,18 @@ def allowed(places: Floats, surfaces: Sequence[Surface], k: int, lift: float, si
         floor = surfaces[0]
         height = (places - floor.point) @ floor.normal
         return np.asarray(np.all(height >= lift - sink, axis=1))
-    corners = surfaces[k].corners
-    if corners is None:
-        return np.ones(len(places), dtype=bool)
-    inside = np.ones(places.shape[:2], dtype=bool)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        inward = np.cross(surfaces[k].normal, b - a)
+    return np.asarray(within(places, surfaces[k], lift).all(axis=1))
+
+
+def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
+    """Whether places (..., 3) are above a face, or beside it by less than `lift` [m]."""
+    inside = np.ones(places.shape[:-1], dtype=bool)
+    if face.corners is None:
+        return inside
+    for a, b in zip(face.corners, np.roll(face.corners, -1, axis=0), strict=True):
+        inward = np.cross(face.normal, b - a)
         inside &= (places - a) @ (inward / np.linalg.norm(inward)) >= -lift
-    return np.asarray(inside.all(axis=1))
+    return inside
 
 
 def _cuts(part: Part) -> range:

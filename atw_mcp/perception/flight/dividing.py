@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from atw_mcp.perception.flight.chain import Chain, Part, Stretch, Surface, allowed
+from atw_mcp.perception.flight.chain import Chain, Part, Stretch, Surface, allowed, within
 from atw_mcp.perception.flight.evidence import Motion, evidences, flight, normal_equations, sliding
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid
@@ -48,12 +48,16 @@ def divided(
 
     lift [m]: height of its centre above what it is on.
     """
+    surfaces = [one for one in surfaces if one.corners is None or _is_met(one, seen, camera, lift, settings)]
     reach = circumscribed_radius(solid)
     motions = _motions(seen, camera, surfaces, lift, gravity, settings)
     local = replace(seen, times=seen.times - seen.times.mean())
     stride = -(-len(seen.rows) // settings.most)
     fewer = local.only(slice(None, None, stride))
     rough = _cheapest(fewer, camera, motions, surfaces, lift, settings)
+    if all(part.motion == 0 for part in rough):  # it stays on the floor: how it is divided there is of no interest
+        floor = Stretch(int(seen.rows[0]), int(seen.rows[-1]), motions[0].name, surfaces[0])
+        return Divided((floor,), np.full((len(seen.rows), 3), np.nan), np.full(len(seen.rows), np.nan))
     parts, _ = Chain(fewer, camera.centre, motions, surfaces, lift, reach, settings).improved(rough)
     if stride > 1:
         last = len(seen.rows)
@@ -63,7 +67,7 @@ def divided(
     found = []
     for part in parts:
         name = "unexplained" if part.motion < 0 else motions[part.motion].name
-        surface = part.motion if 0 <= part.motion < len(surfaces) else None
+        surface = surfaces[part.motion] if 0 <= part.motion < len(surfaces) else None
         found.append(Stretch(int(seen.rows[part.begin]), int(seen.rows[part.end - 1]), name, surface))
     places, sigma = chain.places(parts, solved)
     return Divided(tuple(found), places, sigma)
@@ -126,6 +130,15 @@ def _cheapest(
         parts.append(Part(i, j, k, unknowns[k][i, j] if k >= 0 else np.zeros(7)))
         j = i
     return parts[::-1]
+
+
+def _is_met(face: Surface, seen: Sightings, camera: Camera, lift: float, settings: FlightSettings) -> bool:
+    """Whether rays meet a face where a body's centre can be on it, in as many frames as a stretch needs."""
+    height = (face.point + lift * face.normal - camera.centre) @ face.normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = height / (seen.directions @ face.normal)
+    met = camera.centre + distance[:, None] * seen.directions
+    return bool(np.count_nonzero((distance > 0.0) & within(met, face, lift)) >= settings.least)
 
 
 def surfaces_of(floor: float, fixtures: Mapping[str, Floats]) -> list[Surface]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -69,7 +69,7 @@ def with_flights(
         parts = divided(found, camera, surfaces, solid, lift, np.array(about.gravity), SETTINGS)
         if _leaves(parts, found.rows, equivalent_radius(solid)):
             tracks = _in_flight(tracks, seen, name, solid, found.rows, parts)
-            tracks = _on_surfaces(tracks, seen, camera, name, solid, surfaces, parts)
+            tracks = _on_surfaces(tracks, seen, camera, name, solid, parts)
             motions[name] = [
                 {"first": seen.frames[part.first], "last": seen.frames[part.last], "motion": part.motion}
                 for part in parts.stretches
@@ -81,7 +81,8 @@ def _leaves(parts: Divided, rows: NDArray[np.int64], radius: float) -> bool:
     """Whether a body is seen off the floor in places that are known: from above, a flight looks like motion below."""
     for part in parts.stretches:
         sigma = parts.sigma[(rows >= part.first) & (rows <= part.last)]
-        if part.surface or (part.motion == "flight" and np.median(sigma) < SETTINGS.unsure * radius):
+        off_floor = part.surface is not None and not part.on_floor
+        if off_floor or (part.motion == "flight" and np.median(sigma) < SETTINGS.unsure * radius):
             return True
     return False
 
@@ -121,9 +122,7 @@ def _in_flight(
     )
 
 
-def _rest(
-    seen: ImageObservation, camera: Camera, name: str, solid: Solid, surfaces: Sequence[Surface], parts: Divided
-) -> dict[str, SolidKind]:
+def _rest(seen: ImageObservation, camera: Camera, name: str, solid: Solid, parts: Divided) -> dict[str, SolidKind]:
     """Whether a cylinder stands or lies, by its outline on all surfaces together; empty for other solids."""
     if not isinstance(solid, Cylinder):
         return {}
@@ -131,7 +130,7 @@ def _rest(
     for part in parts.stretches:
         if part.surface is not None:
             rows = np.arange(part.first, part.last + 1)
-            for kind, cost in costs_of_rest(seen, camera, name, solid, _plane(surfaces[part.surface]), rows).items():
+            for kind, cost in costs_of_rest(seen, camera, name, solid, _plane(part.surface), rows).items():
                 costs.setdefault(kind, []).append(cost)
     if not costs:
         return {}
@@ -156,7 +155,6 @@ def _on_surfaces(
     camera: Camera,
     name: str,
     solid: Solid,
-    surfaces: Sequence[Surface],
     parts: Divided,
 ) -> ObservedTracks:
     column = tracks.index(name)
@@ -164,28 +162,27 @@ def _on_surfaces(
         key: getattr(tracks, key).copy()
         for key in ("positions", "position_sigma", "orientations", "confidence", "orientation_confidence")
     }
-    rests = _rest(seen, camera, name, solid, surfaces, parts)
+    rests = _rest(seen, camera, name, solid, parts)
     flown = False
     for part in parts.stretches:
         flown |= part.motion == "flight"
-        if part.on_floor and flown:
-            rows = np.arange(part.first, part.last + 1)
-            series["position_sigma"][rows, column] = np.hypot(
-                series["position_sigma"][rows, column], _tumbling(tracks.positions[rows, column], camera, solid)
-            )
-        if part.surface is None or (part.on_floor and not rests):
+        if part.surface is None:
             continue
-        placed = world_tracks(
-            seen,
-            camera,
-            {name: solid},
-            _plane(surfaces[part.surface]),
-            seconds_per_frame=tracks.seconds_per_frame,
-            only=[name],
-            rests=rests,
-        )
         rows = np.arange(part.first, part.last + 1)
-        rows = rows[placed.confidence[rows, column] > 0.0]
-        for key, values in series.items():
-            values[rows, column] = getattr(placed, key)[rows, column]
+        if rests or not part.on_floor:
+            placed = world_tracks(
+                seen,
+                camera,
+                {name: solid},
+                _plane(part.surface),
+                seconds_per_frame=tracks.seconds_per_frame,
+                only=[name],
+                rests=rests,
+            )
+            shown = rows[placed.confidence[rows, column] > 0.0]
+            for key, values in series.items():
+                values[shown, column] = getattr(placed, key)[shown, column]
+        if part.on_floor and flown:
+            off = _tumbling(series["positions"][rows, column], camera, solid)
+            series["position_sigma"][rows, column] = np.hypot(series["position_sigma"][rows, column], off)
     return replace(tracks, **series)
