@@ -100,7 +100,7 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel, bounds: list[dict[str
         found.append(model.diverged)
     found += [f"{error.object} is off by {_error(error)}" for error in model.errors if not error.follows]
     found += [
-        f"the places of {error.object} are known to {error.distance_noise:.2g} m only: which contacts it has hangs on less"
+        f"the places of {error.object} are known to {error.distance_noise:.2g} m only, and contacts hang on less"
         for error in model.errors
         if error.vague
     ]
