@@ -43,7 +43,7 @@ def query_answer(ensemble: Ensemble, results: Sequence[QueryResult], aggregation
     values = [results[i].value for i in decided]
     if aggregation in ("any", "all"):
         true = np.array([bool(value) for value in values])
-        about |= _probability(true)
+        about |= _probability(true, ensemble)
         split = decisive_split(parameters, true)
         margins = np.array([_number(results[i].margin) for i in decided])
         about |= {
@@ -81,6 +81,8 @@ def query_in_words(about: dict[str, Any], aggregation: Aggregation) -> str:
             f"true in {about['true']} of {members - unknown}{rest}: probability {about['probability']:.2g} "
             f"({PERCENT} interval {low:.2g} to {high:.2g})"
         )
+        if "less_sure_because" in about:
+            text += f", no surer because {about['less_sure_because']}"
         if about["decided_by_in_words"] is not None:
             return f"{text}; {about['decided_by_in_words']}"
         goes = about.get("margin_goes_with") or []
@@ -95,14 +97,14 @@ def query_in_words(about: dict[str, Any], aggregation: Aggregation) -> str:
     return text + rest
 
 
-def together(results: Sequence[Sequence[QueryResult]]) -> dict[str, Any]:
+def together(ensemble: Ensemble, results: Sequence[Sequence[QueryResult]]) -> dict[str, Any]:
     """In how many of the members all, and any, of several statements hold; members where one is unknown left out."""
     table = np.array([[bool(result.value) for result in row] for row in results])
     known = np.array([[result.decided for result in row] for row in results]).all(axis=0)
     if not known.any():
         return {"all": _none(), "any": _none()}
     every, some = np.atleast_1d(table[:, known].all(axis=0)), np.atleast_1d(table[:, known].any(axis=0))
-    return {"all": _probability(every), "any": _probability(some)}
+    return {"all": _probability(every, ensemble), "any": _probability(some, ensemble)}
 
 
 def rollout_answer(ensemble: Ensemble, horizon: float) -> dict[str, Any]:
@@ -239,7 +241,7 @@ def comparison_answer(first: Ensemble, second: Ensemble, results: Sequence[Compa
         moved = np.array([d is not None and d.apart_from is not None for d in own])
         finals = np.array([_number(None if d is None else d.final) for d in own])
         split = decisive_split(parameters, moved)
-        row: dict[str, Any] = {"object": name, "displaced": _probability(moved)}
+        row: dict[str, Any] = {"object": name, "displaced": _probability(moved, first)}
         row |= {"decided_by": None if split is None else split.to_dict()}
         row |= {"decided_by_in_words": None if split is None else _split_in_words(split, first.units)}
         if np.isfinite(finals).any():
@@ -345,8 +347,15 @@ def _place(places: Array) -> dict[str, list[float]]:
     return {key: [spread[key] for spread in spreads] for key in ("median", "from", "to")}
 
 
-def _probability(true: NDArray[np.bool_]) -> dict[str, Any]:
-    return _counted_true(int(true.sum()), len(true))
+def _probability(true: NDArray[np.bool_], ensemble: Ensemble) -> dict[str, Any]:
+    """Count members, and the probability that admits that the fitted world itself may be wrong."""
+    found = _counted_true(int(true.sum()), len(true))
+    if ensemble.wrong:
+        sure = 1.0 - ensemble.wrong
+        found["probability"] = sure * found["probability"] + 0.5 * ensemble.wrong
+        found["probability_interval"] = [sure * end + 0.5 * ensemble.wrong for end in found["probability_interval"]]
+        found["less_sure_because"] = ensemble.why
+    return found
 
 
 def _counted_true(true: int, members: int) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter
 
 from atw_mcp.app import App
+from atw_mcp.fit_verdict import chance_of_wrong, verdict_of
 from atw_mcp.rollout_cost import MAX_POINT_SAMPLES, cost
 from atw_mcp.rollouts import ENGINE, content_of, rollout_from
 from evidence_store import Case, Content
@@ -47,20 +48,27 @@ EnsembleSize = Annotated[
 
 @dataclass(frozen=True)
 class Lineage:
-    """Where the members of a world come from: the posterior sample of a fit, and the edits made since."""
+    """Where the members of a world come from: the sample of a fitted world, by its id, and the edits made since."""
 
     sample: Content
     edits: tuple[Any, ...]
+    fitted: str
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """The members of a world rolled out alike. parameters: name -> values (N,) of what was sampled, after any edit."""
+    """The members of a world rolled out alike.
+
+    parameters: name -> values (N,) of what was sampled, after any edit. wrong: probability that the fitted world, whose
+    parameters alone the members vary, answers as chance would; why: what speaks for that.
+    """
 
     worlds: tuple[World, ...]
     rollouts: tuple[Rollout, ...]
     parameters: dict[str, Array]
     units: dict[str, str]
+    wrong: float = 0.0
+    why: str = ""
 
     @property
     def size(self) -> int:
@@ -107,7 +115,7 @@ def lineage(app: App, case: Case, world: World) -> Lineage:
         seen.add(identifier)
         sample = stored_sample(app, identifier)
         if sample is not None:
-            return Lineage(sample, edits)
+            return Lineage(sample, edits, identifier)
         for descent in app.store.worlds.parents(identifier):
             if descent.how == "intervention":
                 waiting.append((descent.parent, (*descent.detail["edits"], *edits)))
@@ -193,7 +201,10 @@ def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensem
         path = next((path for path in u["paths"] if path in known), None)
         if path is not None:
             parameters[_short(u["name"])] = _values(worlds, path, values[:, i])
+    wrong, why = chance_of_wrong(verdict_of(app, descent.fitted))
     return Ensemble(
+        wrong=wrong,
+        why=why,
         worlds=worlds,
         rollouts=tuple(rollouts),
         parameters=parameters,

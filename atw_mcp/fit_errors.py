@@ -96,7 +96,7 @@ def object_errors(
                 _rms(np.linalg.norm(apart[known], axis=1)),
                 pixels,
                 equivalent_radius(item.shape),
-                float(np.median(tracks.position_sigma[known, theirs])),
+                float(np.median(tracks.coordinate_sigma[known, theirs])),
                 int(known.sum()),
             )
         )

@@ -75,7 +75,7 @@ def observed_quantities(
         about["mass"] = mass
         about["kinetic_energy_is"] = "of the centre's motion; rotation is not included"
     if "period" in wanted:
-        sigma = float(np.median(tracks.position_sigma[motion.rows, tracks.index(name)]))
+        sigma = float(np.median(tracks.coordinate_sigma[motion.rows, tracks.index(name)]))
         places = tracks.positions[motion.rows][:, tracks.index(name)]
         about["period"] = periods(times[inside], places[inside], sigma)
     return about

@@ -79,7 +79,7 @@ def _level(tracks: ObservedTracks, half_heights: Mapping[str, float], *, heights
         rows = tracks.confidence[:, column] > 0
         height = tracks.positions[rows, column, 2]
         swing = float(np.ptp(height))
-        sigma = float(np.median(tracks.position_sigma[rows, column]))
+        sigma = float(np.median(tracks.coordinate_sigma[rows, column]))
         allowed = max(HEIGHT_SHARE * half_heights[name], HEIGHT_SIGMAS * sigma)
         if swing > allowed:
             return "spatial", f"{name} rises or falls by {swing:.3g} m, more than the {allowed:.3g} m of level motion"

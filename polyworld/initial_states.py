@@ -121,7 +121,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
     rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
     times = (tracks.frames[rows] - tracks.frames[rows[0]]) * step
     points = tracks.positions[rows, column]
-    stated = float(np.median(tracks.position_sigma[rows, column]))
+    stated = float(np.median(tracks.coordinate_sigma[rows, column]))
     scatter, varied = _scatter(points, stated)
     # Where a track is smoother than it claims to be exact, the rest of its error drifts slowly: half-way between
     # the two (geometrically) is what a stretch is judged and a velocity known by, and of the position the part

@@ -99,7 +99,7 @@ class Run:
         """A run from the tracks of a video: what has no confidence is not there."""
         seen = (tracks.confidence > 0.0)[..., None]
         turned = (tracks.orientation_confidence > 0.0)[..., None]
-        sigma = tracks.position_sigma[tracks.confidence > 0.0]
+        sigma = tracks.coordinate_sigma[tracks.confidence > 0.0]
         return cls(
             name=name,
             names=tracks.names,

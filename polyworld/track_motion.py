@@ -64,7 +64,7 @@ def local_motion(tracks: ObservedTracks, name: str) -> LocalMotion:
     if len(seen) < LEAST:
         raise ValueError(f"{name!r} has {len(seen)} measured positions; motion needs at least {LEAST}")
     times, places = tracks.times[seen], tracks.positions[seen, column]
-    sigma = tracks.position_sigma[seen, column]
+    sigma = tracks.coordinate_sigma[seen, column]
     found = [_at(times, places, sigma, k) for k in range(len(seen))]
     return LocalMotion(
         rows=seen,

@@ -23,7 +23,9 @@ class ObservedTracks:
     orientation_confidence (T, n) in 0..1, 0 where nothing was observed. symmetry (n,): order of rotational
     symmetry of the object about its vertical axis as far as the observation can tell (1 none, 4 a cube
     without markings, 0 any angle looks the same: its rotation about that axis is not compared). shapes: what was
-    measured of deformable objects at the same frames; an object may have shapes, a track, or both.
+    measured of deformable objects at the same frames; an object may have shapes, a track, or both. position_spread
+    (T, n, 3) [m]: one more standard deviation, along the direction of a vector, as of distances from a camera; the
+    covariance of a position is sigma^2 I + spread spread^T. None where no position has any.
     """
 
     names: tuple[str, ...]
@@ -36,6 +38,7 @@ class ObservedTracks:
     orientation_confidence: Array
     symmetry: tuple[int, ...]
     shapes: tuple[ShapeSeries, ...] = ()
+    position_spread: Array | None = None
 
     def __post_init__(self) -> None:
         t, n = len(self.frames), len(self.names)
@@ -47,6 +50,8 @@ class ObservedTracks:
             "orientation_confidence": (self.orientation_confidence.shape, (t, n)),
             "symmetry": ((len(self.symmetry),), (n,)),
         }
+        if self.position_spread is not None:
+            shapes["position_spread"] = (self.position_spread.shape, (t, n, 3))
         shapes |= {f"{s.readout.kind} of {s.object}": (s.confidence.shape[:1], (t,)) for s in self.shapes}
         wrong = [f"{k} {got}, expected {want}" for k, (got, want) in shapes.items() if got != want]
         if wrong:
@@ -57,6 +62,14 @@ class ObservedTracks:
             raise ValueError(f"seconds_per_frame must be positive, got {self.seconds_per_frame}")
         if np.any((self.confidence > 0) & ~np.all(np.isfinite(self.positions), axis=-1)):
             raise ValueError("a position with confidence above 0 must be finite")
+
+    @property
+    def coordinate_sigma(self) -> Array:
+        """Root mean square standard deviation (T, n) of a position's coordinates [m]."""
+        if self.position_spread is None:
+            return self.position_sigma
+        sigma: Array = np.sqrt(self.position_sigma**2 + (self.position_spread**2).sum(axis=2) / 3.0)
+        return sigma
 
     @property
     def times(self) -> Array:
@@ -89,6 +102,7 @@ class ObservedTracks:
             orientation_confidence=self.orientation_confidence[:, columns],
             symmetry=tuple(self.symmetry[c] for c in columns),
             shapes=tuple(s for s in self.shapes if s.object in names),
+            position_spread=None if self.position_spread is None else self.position_spread[:, columns],
         )
 
     def with_shapes(self, shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64]) -> Self:
@@ -115,6 +129,7 @@ class ObservedTracks:
             confidence=spread(self.confidence, 0.0),
             orientation_confidence=spread(self.orientation_confidence, 0.0),
             shapes=(*kept, *(s.onto(union, frames) for s in shapes)),
+            position_spread=None if self.position_spread is None else spread(self.position_spread, 0.0),
         )
 
     def window(self, first_frame: int, last_frame: int) -> Self:
@@ -131,6 +146,7 @@ class ObservedTracks:
             orientation_confidence=self.orientation_confidence[rows],
             symmetry=self.symmetry,
             shapes=tuple(s.rows(rows) for s in self.shapes),
+            position_spread=None if self.position_spread is None else self.position_spread[rows],
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -146,6 +162,7 @@ class ObservedTracks:
             "orientation_confidence": _to_lists(self.orientation_confidence),
             "symmetry": list(self.symmetry),
             **({"shapes": [s.to_dict() for s in self.shapes]} if self.shapes else {}),
+            **({} if self.position_spread is None else {"position_spread": _to_lists(self.position_spread)}),
         }
 
     @classmethod
@@ -163,6 +180,9 @@ class ObservedTracks:
             orientation_confidence=np.asarray(data["orientation_confidence"], dtype=float).reshape(t, n),
             symmetry=tuple(int(s) for s in data["symmetry"]),
             shapes=tuple(ShapeSeries.from_dict(s) for s in data.get("shapes", ())),
+            position_spread=np.asarray(data["position_spread"], dtype=float).reshape(t, n, 3)
+            if "position_spread" in data
+            else None,
         )
 
 

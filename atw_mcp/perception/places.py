@@ -47,7 +47,10 @@ def with_given_places(tracks: ObservedTracks, seen: ImageObservation) -> Observe
             positions[rows, column] = place
             sigma[rows, column] = float(np.min(sigma[known, column]))
             confidence[rows, column] = np.maximum(confidence[rows, column], float(np.median(confidence[known, column])))
-    return replace(tracks, positions=positions, position_sigma=sigma, confidence=confidence)
+    spread = tracks.position_spread
+    if spread is not None:
+        spread = np.where((positions == tracks.positions).all(axis=2, keepdims=True), spread, 0.0)
+    return replace(tracks, positions=positions, position_sigma=sigma, confidence=confidence, position_spread=spread)
 
 
 def unplaced(tracks: ObservedTracks, seen: ImageObservation) -> dict[str, list[dict[str, Any]]]:

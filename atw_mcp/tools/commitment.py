@@ -28,7 +28,7 @@ def commit_world(
     (OpenCase with another name opens the same file afresh). Next: Rollout."""
     found = app.case_to_model(case, "CommitWorld")
     chosen = app.world(found, world)
-    judged = verdict_of(app, chosen)
+    judged = verdict_of(app, chosen.id)
     verdict = "good" if judged is None else judged["verdict"]
     if judged is not None and verdict == "failed" and not even_if_failed:
         raise ToolError(

@@ -217,7 +217,7 @@ def add_effect(
 
 def _not_failed(app: App, case: Case, world: World) -> World:
     """The world; raises ToolError where its fit failed: what it lacks is then not what its errors show."""
-    judged = verdict_of(app, world)
+    judged = verdict_of(app, world.id)
     if judged is not None and judged["verdict"] == "failed":
         raise ToolError(
             f"the fit of {world.id} failed ({judged['why']}), so what is missing is indistinguishable from what is "

@@ -439,7 +439,7 @@ def _placed(tracks: ObservedTracks | None, name: str, frame: int) -> list[Any]:
     row, column = np.flatnonzero(tracks.frames == frame), tracks.index(name)
     if not len(row):
         return [None] * 5
-    sigma, confidence = tracks.position_sigma[row[0], column], tracks.confidence[row[0], column]
+    sigma, confidence = tracks.coordinate_sigma[row[0], column], tracks.confidence[row[0], column]
     return [*tracks.positions[row[0], column].tolist(), float(sigma), float(confidence)]
 
 

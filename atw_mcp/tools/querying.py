@@ -186,7 +186,7 @@ def _query_answer(
         rows.append(row)
     data: dict[str, Any] = rows[0] if len(rows) == 1 else {"answers": rows}
     if len(rows) > 1 and ensemble is not None and question.aggregation in ("any", "all"):
-        data["together"] = together(ensemble[1])
+        data["together"] = together(*ensemble)
         texts.append(f"all of them hold in {data['together']['all']['true']} members")
     covered = [answer.covered for answer in answers if answer.covered is not None]
     return Answer(

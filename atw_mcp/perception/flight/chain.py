@@ -15,6 +15,7 @@ from atw_mcp.perception.flight.sightings import Sightings
 
 Floats = NDArray[np.float64]
 ROUNDS = 4  # of reweighting and of velocities at contacts
+MEDIAN_OF_THREE = 2.366  # of the chi-square distribution with three degrees of freedom
 LEAST = 3  # sightings of a part that is cut off
 SHIFTS = (-3, -2, -1, 1, 2, 3)  # frames by which a contact is tried earlier or later
 
@@ -97,16 +98,26 @@ class Chain:
         return parts, best
 
     def places(self, parts: Sequence[Part], solved: Solved) -> tuple[Floats, Floats]:
-        """Return places (K, 3) and their standard deviations (K,), NaN where unexplained."""
+        """Return places (K, 3) and their covariances (K, 3, 3), NaN where unexplained."""
         times = self._seen.times
-        places, sigma = np.full((len(times), 3), np.nan), np.full(len(times), np.nan)
+        places, covariance = np.full((len(times), 3), np.nan), np.full((len(times), 3, 3), np.nan)
+        noise = self._noise(parts)
         for part, index in self._indexed(parts):
             motion, rows = self._motions[part.motion], slice(part.begin, part.end)
             basis = motion.basis(times[rows])
             places[rows] = motion.known(times[rows]) + basis @ solved.unknowns[index[:6]]
             block = solved.covariance[np.ix_(index[:6], index[:6])]
-            sigma[rows] = np.sqrt(np.einsum("kij,jl,kil->k", basis, block, basis) / 3.0)
-        return places, sigma
+            covariance[rows] = noise * np.einsum("kij,jl,kml->kim", basis, block, basis)
+        return places, covariance
+
+    def _noise(self, parts: Sequence[Part]) -> float:
+        """Variance of the sightings about the motions, of what was expected of masks in general."""
+        squares = [
+            squares_of(_rows(self._normals[part.motion], part), part.unknowns) for part in parts if part.motion >= 0
+        ]
+        if not squares:
+            return 1.0
+        return max(float(np.median(np.concatenate(squares))) / MEDIAN_OF_THREE, self._settings.quietest)
 
     def _neighbours(self, parts: list[Part]) -> Iterator[list[Part]]:
         for n, part in enumerate(parts):

@@ -26,13 +26,13 @@ LEVEL = 0.3  # least upward part of a face's normal: bodies slide off what is st
 
 @dataclass(frozen=True)
 class Divided:
-    """Stretches of a body's motion, and of its K sightings the places (K, 3) and their standard deviations (K,) [m].
+    """Stretches of a body's motion, and of its K sightings the places (K, 3) [m] and their covariances (K, 3, 3).
 
     NaN where no motion explains a sighting."""
 
     stretches: tuple[Stretch, ...]
     places: Floats
-    sigma: Floats
+    covariance: Floats
 
 
 def divided(
@@ -57,7 +57,7 @@ def divided(
     rough = _cheapest(fewer, camera, motions, surfaces, lift, settings)
     if all(part.motion == 0 for part in rough):  # it stays on the floor: how it is divided there is of no interest
         floor = Stretch(int(seen.rows[0]), int(seen.rows[-1]), motions[0].name, surfaces[0])
-        return Divided((floor,), np.full((len(seen.rows), 3), np.nan), np.full(len(seen.rows), np.nan))
+        return Divided((floor,), np.full((len(seen.rows), 3), np.nan), np.full((len(seen.rows), 3, 3), np.nan))
     parts, _ = Chain(fewer, camera.centre, motions, surfaces, lift, reach, settings).improved(rough)
     if stride > 1:
         last = len(seen.rows)
@@ -69,8 +69,8 @@ def divided(
         name = "unexplained" if part.motion < 0 else motions[part.motion].name
         surface = surfaces[part.motion] if 0 <= part.motion < len(surfaces) else None
         found.append(Stretch(int(seen.rows[part.begin]), int(seen.rows[part.end - 1]), name, surface))
-    places, sigma = chain.places(parts, solved)
-    return Divided(tuple(found), places, sigma)
+    places, covariance = chain.places(parts, solved)
+    return Divided(tuple(found), places, covariance)
 
 
 def _motions(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atw_mcp.perception.flight.chain import Surface
 from atw_mcp.perception.flight.dividing import Divided, divided, surfaces_of
 from atw_mcp.perception.flight.settings import FlightSettings
-from atw_mcp.perception.flight.sightings import Solid, sightings
+from atw_mcp.perception.flight.sightings import Sightings, Solid, sightings
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.silhouettes import SolidKind, lift_of
 from atw_mcp.perception.tracks import costs_of_rest, kind_and_size, world_tracks
@@ -68,7 +68,7 @@ def with_flights(
         lift = _lift(tracks, name, solid)
         parts = divided(found, camera, surfaces, solid, lift, np.array(about.gravity), SETTINGS)
         if _leaves(parts, found.rows, equivalent_radius(solid)):
-            tracks = _in_flight(tracks, seen, name, solid, found.rows, parts)
+            tracks = _in_flight(tracks, seen, camera, name, solid, found, parts)
             tracks = _on_surfaces(tracks, seen, camera, name, solid, parts)
             motions[name] = [
                 {"first": seen.frames[part.first], "last": seen.frames[part.last], "motion": part.motion}
@@ -80,7 +80,8 @@ def with_flights(
 def _leaves(parts: Divided, rows: NDArray[np.int64], radius: float) -> bool:
     """Whether a body is seen off the floor in places that are known: from above, a flight looks like motion below."""
     for part in parts.stretches:
-        sigma = parts.sigma[(rows >= part.first) & (rows <= part.last)]
+        own = parts.covariance[(rows >= part.first) & (rows <= part.last)]
+        sigma = np.sqrt(np.einsum("kii->k", own) / 3.0)
         off_floor = part.surface is not None and not part.on_floor
         if off_floor or (part.motion == "flight" and np.median(sigma) < SETTINGS.unsure * radius):
             return True
@@ -98,10 +99,21 @@ def _lift(tracks: ObservedTracks, name: str, solid: Solid) -> float:
 
 
 def _in_flight(
-    tracks: ObservedTracks, seen: ImageObservation, name: str, solid: Solid, rows: NDArray[np.int64], parts: Divided
+    tracks: ObservedTracks,
+    seen: ImageObservation,
+    camera: Camera,
+    name: str,
+    solid: Solid,
+    found: Sightings,
+    parts: Divided,
 ) -> ObservedTracks:
-    column, observed = tracks.index(name), seen.object(name)
+    column, observed, rows = tracks.index(name), seen.object(name), found.rows
     positions, sigma = tracks.positions.copy(), tracks.position_sigma.copy()
+    spread = np.zeros_like(positions) if tracks.position_spread is None else tracks.position_spread.copy()
+    pixel = SETTINGS.sightings.edge * found.distances / camera.intrinsics[0][0]
+    total = np.einsum("kii->k", parts.covariance)
+    along = np.einsum("ki,kij,kj->k", found.directions, parts.covariance, found.directions)
+    across = np.sqrt(np.maximum(0.5 * (total - along), 0.0))
     confidence, turns = tracks.confidence.copy(), tracks.orientation_confidence.copy()
     radius = equivalent_radius(solid)
     floor = np.zeros(len(tracks.frames), dtype=bool)
@@ -115,10 +127,17 @@ def _in_flight(
         for k in np.flatnonzero((rows >= part.first) & (rows <= part.last)):
             row = rows[k]
             positions[row, column] = parts.places[k]
-            sigma[row, column] = off = SETTINGS.trusted * parts.sigma[k]
+            sigma[row, column] = off = max(SETTINGS.trusted * across[k], pixel[k])
+            far = (SETTINGS.trusted**2 * along[k]) - off**2
+            spread[row, column] = np.sqrt(max(far, 0.0)) * found.directions[k]
             confidence[row, column] = round(float(observed.confidence[row]) / (1.0 + (off / radius) ** 2), 4)
     return replace(
-        tracks, positions=positions, position_sigma=sigma, confidence=confidence, orientation_confidence=turns
+        tracks,
+        positions=positions,
+        position_sigma=sigma,
+        confidence=confidence,
+        orientation_confidence=turns,
+        position_spread=spread,
     )
 
 
@@ -162,6 +181,7 @@ def _on_surfaces(
         key: getattr(tracks, key).copy()
         for key in ("positions", "position_sigma", "orientations", "confidence", "orientation_confidence")
     }
+    spread = np.zeros_like(tracks.positions) if tracks.position_spread is None else tracks.position_spread.copy()
     rests = _rest(seen, camera, name, solid, parts)
     flown = False
     for part in parts.stretches:
@@ -182,7 +202,8 @@ def _on_surfaces(
             shown = rows[placed.confidence[rows, column] > 0.0]
             for key, values in series.items():
                 values[shown, column] = getattr(placed, key)[shown, column]
+            spread[shown, column] = 0.0
         if part.on_floor and flown:
             off = _tumbling(series["positions"][rows, column], camera, solid)
             series["position_sigma"][rows, column] = np.hypot(series["position_sigma"][rows, column], off)
-    return replace(tracks, **series)
+    return replace(tracks, **series, position_spread=spread)

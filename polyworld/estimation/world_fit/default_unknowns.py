@@ -126,7 +126,7 @@ def states_at_rest(shown: Shown, fitted: Collection[str]) -> list[Unknown]:
             continue
         column = shown.tracks.index(item.name)
         seen = shown.tracks.confidence[:, column] > 0.0
-        stated = float(np.median(shown.tracks.position_sigma[seen, column]))
+        stated = float(np.median(shown.tracks.coordinate_sigma[seen, column]))
         scatter = state.noise if np.isfinite(state.noise) else 0.0
         sd = max(stated, scatter) / np.sqrt(state.samples)
         found += [_known(world, f"objects.{item.name}.position.{'xyz'[k]}", sd) for k in range(3) if k != up]

@@ -34,8 +34,9 @@ class Entries:
 
     kind: "position" [m], "rotation" [rad], or that of a shape's readout, in the readout's unit. names: objects, to
     which `owner` (n,) points. sample (n,): frame rows. column (n,): which of the values that an object shows at one
-    instant. sigma, weight (n,): standard deviations and confidences. components: of one value. compare: (batch,
-    count) -> simulated minus observed values (W, count, components) of the first entries.
+    instant. sigma, weight (n,): standard deviations and confidences. spread (n, components): one more standard
+    deviation along a direction, as `ObservedTracks` has it; None where there is none. components: of one value.
+    compare: (batch, count) -> simulated minus observed values (W, count, components) of the first entries.
     """
 
     kind: str
@@ -47,6 +48,7 @@ class Entries:
     weight: Array
     components: int
     compare: Callable[[BatchTrajectory, int], Array]
+    spread: Array | None = None
 
     def before(self, samples: int) -> int:
         """How many entries belong to the first `samples` sample times."""
@@ -60,7 +62,21 @@ class Entries:
         """The same over their standard deviations; `ABSENT` where the rollout has nothing."""
         difference = self.differences(batch)
         residual = difference / self.sigma[: difference.shape[1], None]
+        if self.spread is not None:
+            residual = self._shortened(residual)
         return np.where(np.isfinite(residual), residual, ABSENT)
+
+    def _shortened(self, residual: Array) -> Array:
+        """Residuals (W, n, c) over sigma, shortened along the direction in which there is more to deviate."""
+        assert self.spread is not None
+        spread = self.spread[: residual.shape[1]]
+        length = np.linalg.norm(spread, axis=1)
+        direction = spread / np.maximum(length, 1e-300)[:, None]
+        sigma = self.sigma[: residual.shape[1]]
+        excess = 1.0 - sigma / np.hypot(sigma, length)
+        along = np.einsum("wnc,nc->wn", residual, direction) * excess
+        shortened: Array = residual - along[..., None] * direction
+        return shortened
 
 
 def sample_times(world: World, tracks: ObservedTracks) -> Array:
@@ -126,7 +142,11 @@ def _tracks(world: World, tracks: ObservedTracks) -> tuple[Entries, Entries]:
         def differences(batch: BatchTrajectory, count: int) -> Array:
             return compare(batch, rows[:count], owner[:count])
 
-        return Entries(kind, tracks.names, owner, rows, none, sigma, weight, components, differences)
+        spread = None
+        if kind == "position" and tracks.position_spread is not None:
+            spread = tracks.position_spread[rows, owner]
+            spread = spread @ axes[:2].T if world.planar else spread
+        return Entries(kind, tracks.names, owner, rows, none, sigma, weight, components, differences, spread)
 
     return (
         entries("position", tracks.confidence > 0.0, tracks.confidence, 2 if world.planar else 3, moved),

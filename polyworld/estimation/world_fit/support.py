@@ -64,7 +64,7 @@ def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | N
         rows = rows[tracks.frames[rows] <= max(state.free_until, state.frame + 2)][: settings.steady]
         points = tracks.positions[rows, column]
         times = tracks.frames[rows].astype(np.float64) * world.time.seconds_per_frame
-        noise = float(max(state.noise, np.median(tracks.position_sigma[rows, column])))
+        noise = float(max(state.noise, np.median(tracks.coordinate_sigma[rows, column])))
         faces = [face for face in _faces(world.statics, state.position) if face[2][2] >= settings.upward]
         own = [_on(item, state, points, times, noise, *face, settings) for face in faces]
         best = [s for s in own if s is not None]
