@@ -156,11 +156,15 @@ def _rest(seen: ImageObservation, camera: Camera, name: str, solid: Solid, parts
     return {name: min(costs, key=lambda kind: float(np.median(np.concatenate(costs[kind]))))}
 
 
-def _tumbling(places: Floats, camera: Camera, solid: Solid) -> Floats:
-    """Errors (F,) [m] along the floor of bodies that land on an edge: their centres are higher than they rest."""
-    higher = 0.5 * (circumscribed_radius(solid) - lift_of(kind_and_size(solid)[1]))
+def _not_settled(places: Floats, camera: Camera, solid: Solid) -> Floats:
+    """Standard deviations (F, 3) [m] along the line of sight of bodies that landed, which may be higher than they rest.
+
+    They stand on an edge, or bounce too low for it to show.
+    """
+    lift = lift_of(kind_and_size(solid)[1])
+    higher = max(0.5 * (circumscribed_radius(solid) - lift), SETTINGS.low * lift)
     away = places - camera.centre
-    return np.asarray(higher * np.linalg.norm(away[:, :2], axis=1) / np.maximum(np.abs(away[:, 2]), 1e-9))
+    return np.asarray(higher * away / np.maximum(np.abs(away[:, 2:]), 1e-9))
 
 
 def _plane(face: Surface) -> MotionPlane:
@@ -204,6 +208,5 @@ def _on_surfaces(
                 values[shown, column] = getattr(placed, key)[shown, column]
             spread[shown, column] = 0.0
         if part.on_floor and flown:
-            off = _tumbling(series["positions"][rows, column], camera, solid)
-            series["position_sigma"][rows, column] = np.hypot(series["position_sigma"][rows, column], off)
+            spread[rows, column] = _not_settled(series["positions"][rows, column], camera, solid)
     return replace(tracks, **series, position_spread=spread)

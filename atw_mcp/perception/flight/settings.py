@@ -22,9 +22,10 @@ class FlightSettings:
     as of a body that another one hits; most: sightings that are divided at first, of a longer film evenly chosen
     ones; trusted: factor of the standard deviations of places, which are from one explanation among many (errors
     were 1 to 3 times as large on 40 rendered bodies); unsure: standard deviation of a flight's places, of the
-    body's radius, above which they are not used; quietest: variance of sightings, of the expected one, below which
-    they are not believed to be, since what is left of a mask's error is alike in all frames; lying: upward part of
-    a cylinder's axis below which it lies on its side.
+    body's radius, above which they are not used; low: height of bounces that do not show, of the height of rest;
+    quietest: variance of sightings, of the expected one, below which they are not believed to be, since what is
+    left of a mask's error is alike in all frames; lying: upward part of a cylinder's axis below which it lies on
+    its side.
     """
 
     speed: float = 5.0
@@ -44,6 +45,7 @@ class FlightSettings:
     most: int = 100
     trusted: float = 2.0
     unsure: float = 2.0
+    low: float = 0.3
     quietest: float = 0.05
     lying: float = 0.7
     sightings: SightingSettings = field(default_factory=SightingSettings)
