@@ -180,7 +180,7 @@ def build_world(
         time=time,
         camera=camera,
     )
-    notes += fluid_warnings(world)
+    notes += [*fluid_warnings(world), *_overruled(names, given)]
     if names:
         tracked = tracks.select(names)
         world = with_supports(with_initial_states(world, tracked), tracked)
@@ -362,6 +362,17 @@ def _body(
         position=(x, y, z),
         **values,
     )
+
+
+def _overruled(names: Sequence[str], given: Mapping[str, Given]) -> list[str]:
+    """Name what was given of the start of tracked objects, which begin as their tracks do."""
+    found = []
+    for name in names:
+        fields = ("position", "velocity", "angular_velocity", "start_time")
+        said = [key for key in fields if name in given and getattr(given[name], key) is not None]
+        if said:
+            found.append(f"{' and '.join(said)} given for {name}: not used, it begins as its track does")
+    return found
 
 
 def _assumed(names: Sequence[str], given: Mapping[str, Given], scene: Scene, kind: Chosen) -> tuple[str, ...]:

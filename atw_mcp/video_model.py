@@ -108,7 +108,7 @@ def _match(
             unseen = tuple(item.name for item in request.known if item.name not in found.names)
             others = [seen.object(name) for name in model.matching.unlisted]
             model.tracks = [_track_row(track) for track in others if not _within(track, found)]
-            model.matching = Matching((), unseen, ())
+            model.matching, model.looked_for = Matching((), unseen, ()), list(found.names)
             return list(found.names)
     if not model.matching.matches:
         raise StepFailed(MATCHING, f"none of {', '.join(item.name for item in request.known)} fits a track")
@@ -290,6 +290,6 @@ def _unplaced(app: App, case: Case, world: World) -> list[str]:
         if placed < UNPLACED * seen:
             found.append(
                 f"{name} has a place in {placed} of the {seen} frames that show it: it seems to leave the floor on "
-                "which places are taken; give motion_plane if it moves in a known plane"
+                "which places are taken; give its shape and size, by which flights are recognised, or a motion_plane"
             )
     return found

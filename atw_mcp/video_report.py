@@ -25,7 +25,7 @@ VERDICTS = {
 class VideoModel:
     """What has been reached: matches, tracks that no known object explains, errors, or why there are none.
 
-    notes: doubts about how known objects were looked for.
+    notes: doubts about how known objects were looked for. looked_for: those found by colour and size, not by matching.
     """
 
     matching: Matching | None = None
@@ -33,6 +33,7 @@ class VideoModel:
     errors: tuple[ObjectError, ...] = ()
     diverged: str | None = None
     notes: list[str] = field(default_factory=list)
+    looked_for: list[str] = field(default_factory=list)
 
 
 def fit_report(case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
@@ -127,6 +128,7 @@ def _matching(model: VideoModel) -> dict[str, Any]:
         return {}
     return {
         "matches": [match.to_dict() for match in model.matching.matches],
+        **({"found_by_colour_and_size": model.looked_for} if model.looked_for else {}),
         "unseen_objects": list(model.matching.unseen),
         "unlisted_tracks": model.tracks,
     }

@@ -60,7 +60,10 @@ def model_video_tool(
     gravity: Annotated[Point | None, Field(description="[m/s^2]; default 0, 0, -9.81")] = None,
     motion_plane: Annotated[
         PlaneArgument | None,
-        Field(description="plane of motion, where it is neither the floor nor a side view's"),
+        Field(
+            description="plane of motion, where it is neither the floor nor a side view's; objects of given size that "
+            "fly, bounce or move on obstacles need none"
+        ),
     ] = None,
     floor: Annotated[
         float | Literal["none"] | None, Field(description="z of the floor [m], or 'none'; default 0, a side view none")

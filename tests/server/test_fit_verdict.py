@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atw_mcp.fit_verdict import BodyFit, FitVerdict, judge
+from atw_mcp.ensemble_answers import query_answer, query_in_words
+from atw_mcp.ensembles import Ensemble
+from atw_mcp.fit_verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, judge
 from polyworld.estimation.world_fit import FitProblem, FitResult, Unknown, default_unknowns, refine
+from polyworld.estimation.world_fit.observed import observed_entries
+from polyworld.query import QueryResult
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
 RADIUS, SIGMA = 0.1, 0.01  # [m]
@@ -74,3 +78,40 @@ def test_a_noisy_track_is_no_fault_of_the_fit_and_a_small_error_none_of_an_exact
     assert BodyFit("a", 0.03, 0.02, RADIUS, 0.1).verdict == "good"
     assert BodyFit("a", 0.004, 1e-5, RADIUS, 0.1).verdict == "good"
     assert BodyFit("a", 0.006, 1e-5, RADIUS, 0.1).verdict == "poor"
+
+
+def test_a_body_off_by_more_than_contacts_bear_makes_answers_less_sure() -> None:
+    """All forty members agree: of a world that follows its data that is certain, of one that does not it is not."""
+    assert chance_of_wrong(None) == (0.0, "")
+    assert chance_of_wrong(FitVerdict((off(0.03), off(0.005))).to_dict()) == (0.0, "")
+    wrong, why = chance_of_wrong(FitVerdict((off(0.09, "cube"), off(0.005))).to_dict())
+    assert (wrong, "cube" in why) == (SETTINGS.wrong, True)
+    true = QueryResult(value=True, decided=True, reason=None, intervals=(), covered=None, evidence={})
+    none: tuple[()] = ()
+    for chance, expected in ((0.0, 1.0), (0.35, 0.825)):
+        members = Ensemble(worlds=none, rollouts=none, parameters={}, units={}, wrong=chance, why=why)
+        about = query_answer(replace(members, worlds=(thrown_ball(),) * 40), [true] * 40, "any")
+        assert (about["true"], about["probability"]) == (40, pytest.approx(expected))
+        assert about["probability_interval"][1] == pytest.approx(expected)
+        assert ("no surer because" in query_in_words(about, "any")) == (chance > 0.0)
+
+
+def test_errors_along_the_line_of_sight_count_by_what_is_known_there() -> None:
+    """The misfit of a place is r' C^-1 r with the covariance C = sigma^2 I + s s'."""
+    rng = np.random.default_rng(3)
+    world = thrown_ball()
+    tracks = observe(world, sigma=SIGMA)
+    spread = rng.normal(0.0, 0.05, tracks.positions.shape)
+    spread[::3] = 0.0
+    uneven = replace(tracks, position_spread=spread)
+    batch = ClosedForm(world, uneven.times, n_worlds=1).run()
+    (position, *_) = observed_entries(world, uneven)
+    found = (position.standardised(batch)[0] ** 2).sum(axis=1)
+    apart = batch.positions[0, :, 0] - tracks.positions[:, 0]
+    covariance = SIGMA**2 * np.eye(3) + spread[:, 0, :, None] * spread[:, 0, None, :]
+    np.testing.assert_allclose(found, np.einsum("ti,tij,tj->t", apart, np.linalg.inv(covariance), apart), rtol=1e-9)
+    np.testing.assert_allclose(position.differences(batch)[0], apart, atol=1e-12)
+    again = type(uneven).from_dict(uneven.to_dict()).window(3, 9).select(["ball"])
+    assert again.position_spread is not None
+    np.testing.assert_array_equal(again.position_spread, spread[3:10])
+    np.testing.assert_allclose(again.coordinate_sigma**2, SIGMA**2 + (spread[3:10] ** 2).sum(axis=2) / 3.0)

@@ -60,3 +60,17 @@ def test_a_thrown_ball_is_followed_through_the_air_and_its_rebound_is_found(tmp_
     world = session("InspectWorld", case=made["case"], fields=["parameters"])["data"]
     found = {item["name"]: item["parameters"]["restitution"]["value"] for item in world["objects"]}
     assert found["ball"] == pytest.approx(RESTITUTION, abs=0.08)
+
+
+def test_a_velocity_given_for_an_object_that_is_tracked_is_said_not_to_be_used(tmp_path: Path, clip: str) -> None:
+    session = Session(tmp_path / "atw.db")
+    case = session("OpenCase", video=clip)["case"]
+    session("ObserveObjects", case=case)
+    points = [{"world": place, "pixel": CAMERA.project(np.array(place)).tolist()} for place in PLACES]
+    session("CalibrateCamera", case=case, points=points)
+    (name,) = session("BuildWorld", case=case, default_shape={"kind": "sphere", "radius": BALL.radius})["objects"]
+    ball = {"name": name, "shape": {"kind": "sphere", "radius": BALL.radius}, "velocity": [9.0, 0.0, 0.0]}
+    built = session("BuildWorld", case=case, objects=[ball])["data"]
+    assert f"velocity given for {name}: not used, it begins as its track does" in built["assumed"]
+    np.testing.assert_allclose(built["objects"][0]["velocity"], [1.5, -0.3, 1.2], atol=0.4)
+    assert (built["representation"], built["objects"][0]["position"][2]) == ("spatial", pytest.approx(0.7, abs=0.1))
