@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,26 +14,56 @@ from atw_mcp.perception.video import Frames
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOVES = 0.4  # pixels (root mean square at the corners) below which a camera stands still
 CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
-SMOOTHED = 1.2  # pixels: standard deviation of the filter before images are aligned
-EDGE = 40.0  # slope (Sobel) of an edge: a step of ten levels
-EDGES = 12  # pixels at edges from which on a part of the image shows motion
-TILES = 5  # parts of the image across and down
-MOST_TILES = 0.6  # share of those with edges that alignment has to make steadier
-COMPARED = 8  # frames in which it is seen whether alignment helps
-CLIPPED = 40.0  # levels: what covers an edge changes it by more, and counts no more
-STEADIER = 0.7  # of the change at edges that alignment has to leave at most
-CORNERS = 2000
-TILE_CORNERS = 10  # in each part of the image
-CORNER_QUALITY = 0.003  # of the strongest corner
-CORNER_SPACING = 6.0  # pixels
-LEAST_CORNERS = 8  # that are followed, below which they say nothing of the camera
-FOLLOWED = 0.7  # pixels by which a corner followed there and back may miss itself
-LOST = 0.1  # of the frames may have no motion on which corners agree
-AGREEING = 0.4  # share of corners that agree at least: bodies have corners too
-AGREES = 1.0  # pixels from the common motion
-LIKE = 0.5  # correlation below which two images were not aligned
+
+
+@dataclass(frozen=True)
+class CameraMotionSettings:
+    """When a camera is seen to move, and by which corners and edges.
+
+    moves: pixels (root mean square at the corners of the image) below which a camera stands still.
+    smoothed: standard deviation of the filter before images are aligned [px].
+    edge: slope (Sobel) of an edge: a step of ten levels.
+    edges: pixels at edges from which on a part of the image shows motion.
+    tiles: parts of the image across and down.
+    most_tiles: share of those with edges that alignment has to make steadier.
+    compared: frames in which it is seen whether alignment helps.
+    clipped: levels: what covers an edge changes it by more, and counts no more.
+    steadier: share of the change at edges that alignment has to leave at most.
+    corners: corners of the image that are followed at most.
+    tile_corners: the same in each part of the image.
+    corner_quality: strength of a corner at least, of the strongest one.
+    corner_spacing: distance between corners [px].
+    least_corners: corners that are followed, below which they say nothing of the camera.
+    followed: pixels by which a corner followed there and back may miss itself.
+    lost: share of the frames that may have no motion on which corners agree.
+    agreeing: share of corners that agree at least: bodies have corners too.
+    agrees: pixels from the common motion up to which a corner agrees.
+    like: correlation below which two images were not aligned.
+    """
+
+    moves: float = 0.4
+    smoothed: float = 1.2
+    edge: float = 40.0
+    edges: int = 12
+    tiles: int = 5
+    most_tiles: float = 0.6
+    compared: int = 8
+    clipped: float = 40.0
+    steadier: float = 0.7
+    corners: int = 2000
+    tile_corners: int = 10
+    corner_quality: float = 0.003
+    corner_spacing: float = 6.0
+    least_corners: int = 8
+    followed: float = 0.7
+    lost: float = 0.1
+    agreeing: float = 0.4
+    agrees: float = 1.0
+    like: float = 0.5
+
+
+SETTINGS = CameraMotionSettings()
 
 
 def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Floats | None:
@@ -55,14 +86,14 @@ def _is_motion(found: Floats, frames: Frames) -> bool:
     height, width = frames.shape[1:3]
     corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]], dtype=float)
     moved = corners @ found.transpose(0, 2, 1) - corners[:, :2]
-    return float(np.sqrt((moved**2).sum(axis=2).mean())) >= MOVES
+    return float(np.sqrt((moved**2).sum(axis=2).mean())) >= SETTINGS.moves
 
 
 def _of_corners(frames: Frames, tick: Callable[[], None]) -> Floats | None:
     """Motion on which most corners agree, all over the image, in nearly all frames; None where there is none."""
     first = cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY)
     corners = _corners(first)
-    if len(corners) < LEAST_CORNERS:
+    if len(corners) < SETTINGS.least_corners:
         return None
     found = np.zeros((len(frames), 2, 3))
     found[0] = warp = np.eye(2, 3)
@@ -76,22 +107,22 @@ def _of_corners(frames: Frames, tick: Callable[[], None]) -> Floats | None:
         kept = (
             (np.asarray(good) > 0).ravel()
             & (np.asarray(also) > 0).ravel()
-            & (np.linalg.norm(back - corners, axis=2).ravel() < FOLLOWED)
+            & (np.linalg.norm(back - corners, axis=2).ravel() < SETTINGS.followed)
         )
         new = _rigid(corners[kept, 0], there[kept, 0], (first.shape[1], first.shape[0]))
         lost += new is None
         warp = warp if new is None else new
         found[t] = warp
-    return found if lost <= LOST * len(frames) else None
+    return found if lost <= SETTINGS.lost * len(frames) else None
 
 
 def _corners(gray: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return the strongest corners (k, 1, 2) of every part of an image: captions have stronger ones than scenes."""
-    corners = cv2.goodFeaturesToTrack(gray, CORNERS, CORNER_QUALITY, CORNER_SPACING)
+    corners = cv2.goodFeaturesToTrack(gray, SETTINGS.corners, SETTINGS.corner_quality, SETTINGS.corner_spacing)
     if corners is None:
         return np.empty((0, 1, 2), dtype=np.float32)
-    tiles = (corners[:, 0] * TILES / np.array(gray.shape[::-1])).astype(int) @ [1, TILES]
-    kept = np.concatenate([np.flatnonzero(tiles == tile)[:TILE_CORNERS] for tile in np.unique(tiles)])
+    tiles = (corners[:, 0] * SETTINGS.tiles / np.array(gray.shape[::-1])).astype(int) @ [1, SETTINGS.tiles]
+    kept = np.concatenate([np.flatnonzero(tiles == tile)[: SETTINGS.tile_corners] for tile in np.unique(tiles)])
     return np.asarray(corners[np.sort(kept)], dtype=np.float32)
 
 
@@ -99,14 +130,16 @@ def _rigid(before: NDArray[np.float32], after: NDArray[np.float32], size: tuple[
     """Return the rotation and shift (2, 3) on which most points of an image (width, height) agree, all over it.
 
     None where fewer agree, or only points of a part of the image, as those of one body do."""
-    if len(before) < LEAST_CORNERS:
+    if len(before) < SETTINGS.least_corners:
         return None
-    similar, inliers = cv2.estimateAffinePartial2D(before, after, method=cv2.RANSAC, ransacReprojThreshold=AGREES)
+    similar, inliers = cv2.estimateAffinePartial2D(
+        before, after, method=cv2.RANSAC, ransacReprojThreshold=SETTINGS.agrees
+    )
     if similar is None:
         return None
     kept = inliers.ravel().astype(bool)
-    tiles = np.unique((before[kept] * TILES / np.array(size)).astype(int), axis=0)
-    if kept.sum() < max(AGREEING * len(before), LEAST_CORNERS) or len(tiles) < TILES:
+    tiles = np.unique((before[kept] * SETTINGS.tiles / np.array(size)).astype(int), axis=0)
+    if kept.sum() < max(SETTINGS.agreeing * len(before), SETTINGS.least_corners) or len(tiles) < SETTINGS.tiles:
         return None
     p, q = before[kept].astype(float), after[kept].astype(float)
     angle = float(np.arctan2(similar[1, 0], similar[0, 0]))
@@ -126,14 +159,14 @@ def _of_images(frames: Frames, tick: Callable[[], None]) -> Floats | None:
             likeness, new = cv2.findTransformECC(first, gray, warp.copy(), cv2.MOTION_EUCLIDEAN, CRITERIA)
         except cv2.error:  # too little texture to align
             likeness, new = 0.0, warp
-        warp = np.asarray(new, dtype=np.float32) if likeness > LIKE else warp
+        warp = np.asarray(new, dtype=np.float32) if likeness > SETTINGS.like else warp
         found[t] = warp
     return found
 
 
 def _smooth_gray(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
     gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(gray, (0, 0), SMOOTHED), dtype=np.float32)
+    return np.asarray(cv2.GaussianBlur(gray, (0, 0), SETTINGS.smoothed), dtype=np.float32)
 
 
 def _steadies(frames: Frames, motion: Floats) -> bool:
@@ -141,22 +174,22 @@ def _steadies(frames: Frames, motion: Floats) -> bool:
 
     Where only bodies have edges, their motion is not the camera's: too few parts of the image show any.
     """
-    picks = np.unique(np.linspace(1, len(frames) - 1, min(COMPARED, len(frames) - 1)).round().astype(int))
+    picks = np.unique(np.linspace(1, len(frames) - 1, min(SETTINGS.compared, len(frames) - 1)).round().astype(int))
     first = cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY).astype(np.float32)
-    edges = np.hypot(cv2.Sobel(first, cv2.CV_32F, 1, 0), cv2.Sobel(first, cv2.CV_32F, 0, 1)) > EDGE
+    edges = np.hypot(cv2.Sobel(first, cv2.CV_32F, 1, 0), cv2.Sobel(first, cv2.CV_32F, 0, 1)) > SETTINGS.edge
     change = []
     for images in (frames[picks], stabilised(frames[picks], motion[picks])):
         gray = np.stack([cv2.cvtColor(f, cv2.COLOR_BGR2GRAY).astype(np.float32) for f in images])
-        change.append(np.median(np.minimum(np.abs(gray - first), CLIPPED), axis=0))
+        change.append(np.median(np.minimum(np.abs(gray - first), SETTINGS.clipped), axis=0))
     steadier = []
-    for rows in np.array_split(np.arange(first.shape[0]), TILES):
-        for columns in np.array_split(np.arange(first.shape[1]), TILES):
+    for rows in np.array_split(np.arange(first.shape[0]), SETTINGS.tiles):
+        for columns in np.array_split(np.arange(first.shape[1]), SETTINGS.tiles):
             tile = np.ix_(rows, columns)
             own = edges[tile]
-            if own.sum() >= EDGES:
+            if own.sum() >= SETTINGS.edges:
                 before, after = (float(c[tile][own].mean()) for c in change)
-                steadier.append(after < STEADIER * before)
-    return len(steadier) >= TILES and float(np.mean(steadier)) > MOST_TILES
+                steadier.append(after < SETTINGS.steadier * before)
+    return len(steadier) >= SETTINGS.tiles and float(np.mean(steadier)) > SETTINGS.most_tiles
 
 
 def stabilised(frames: Frames, motion: Floats) -> Frames:

@@ -72,7 +72,12 @@ class _Placed:
     @property
     def misfit(self) -> float:
         """Median cost of its frames, in favour of standing solids where both fit alike."""
-        return float(np.median(self.fit.cost)) + (LYING_PRICE if self.kind == "lying" else 0.0)
+        return float(np.median(self.priced))
+
+    @property
+    def priced(self) -> Floats:
+        """Costs (F,) of its frames with the price of lying."""
+        return np.asarray(self.fit.cost + (LYING_PRICE if self.kind == "lying" else 0.0))
 
 
 @dataclass(frozen=True)
@@ -200,7 +205,7 @@ def costs_of_rest(
         return {}
     ways = _ways(solid, given=True)
     placed = [_place(observation, stage, labels, number, way, evidence, given=True) for way in ways]
-    return {one.kind: one.fit.cost + (LYING_PRICE if one.kind == "lying" else 0.0) for one in placed}
+    return {one.kind: one.priced for one in placed}
 
 
 def _place(

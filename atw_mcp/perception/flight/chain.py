@@ -9,15 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.flight.evidence import Motion, Normal, normal_equations, squares_of
+from atw_mcp.perception.flight.evidence import Motion, Normal, misfits, normal_equations, squares_of, weights_of
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings
 
 Floats = NDArray[np.float64]
-ROUNDS = 4  # of reweighting and of velocities at contacts
 MEDIAN_OF_THREE = 2.366  # of the chi-square distribution with three degrees of freedom
-LEAST = 3  # sightings of a part that is cut off
-SHIFTS = (-3, -2, -1, 1, 2, 3)  # frames by which a contact is tried earlier or later
 
 
 @dataclass(frozen=True)
@@ -51,12 +48,15 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Part:
-    """Sightings begin..end - 1 with the index of their motion (-1: unexplained) and its unknowns (7,)."""
+    """Sightings begin..end - 1 with the index of their motion (-1: unexplained).
+
+    unknowns: those (7,) of its motion, None where they are not solved for yet, or nothing explains it.
+    """
 
     begin: int
     end: int
     motion: int
-    unknowns: Floats
+    unknowns: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Chain:
         for _ in range(3 * len(parts) + 3):
             tried = [self.settled(other) for other in self._neighbours(parts)]
             better = min(tried, key=lambda pair: pair[1].energy, default=None)
-            if better is None or better[1].energy > best.energy - 0.1:
+            if better is None or better[1].energy > best.energy - self._settings.worth:
                 break
             parts, best = better
         return parts, best
@@ -113,7 +113,9 @@ class Chain:
     def _noise(self, parts: Sequence[Part]) -> float:
         """Variance of the sightings about the motions, of what was expected of masks in general."""
         squares = [
-            squares_of(_rows(self._normals[part.motion], part), part.unknowns) for part in parts if part.motion >= 0
+            squares_of(_rows(self._normals[part.motion], part), part.unknowns)
+            for part in parts
+            if part.unknowns is not None
         ]
         if not squares:
             return 1.0
@@ -123,18 +125,18 @@ class Chain:
         for n, part in enumerate(parts):
             for k in range(-1, len(self._motions)):
                 if k != part.motion:
-                    yield [*parts[:n], replace(part, motion=k, unknowns=np.zeros(7)), *parts[n + 1 :]]
-            for at in _cuts(part):
+                    yield [*parts[:n], replace(part, motion=k, unknowns=None), *parts[n + 1 :]]
+            for at in self._cuts(part):
                 for k, m in self._pairs(part.motion):
-                    two = [replace(part, end=at, motion=k, unknowns=np.zeros(7))]
-                    two.append(replace(part, begin=at, motion=m, unknowns=np.zeros(7)))
+                    two = [replace(part, end=at, motion=k, unknowns=None)]
+                    two.append(replace(part, begin=at, motion=m, unknowns=None))
                     yield [*parts[:n], *two, *parts[n + 1 :]]
             if n + 1 == len(parts):
                 continue
             after = parts[n + 1]
             for one in (part, after):
                 yield [*parts[:n], replace(one, begin=part.begin, end=after.end), *parts[n + 2 :]]
-            for shift in SHIFTS:
+            for shift in self._settings.shifts:
                 at = part.end + shift
                 if not part.begin < at < after.end:
                     continue
@@ -142,9 +144,9 @@ class Chain:
                 yield [*parts[:n], early, late, *parts[n + 2 :]]
                 for k in range(len(self._motions)):
                     if k != part.motion:
-                        yield [*parts[:n], replace(early, motion=k, unknowns=np.zeros(7)), late, *parts[n + 2 :]]
+                        yield [*parts[:n], replace(early, motion=k, unknowns=None), late, *parts[n + 2 :]]
                     if k != after.motion:
-                        yield [*parts[:n], early, replace(late, motion=k, unknowns=np.zeros(7)), *parts[n + 2 :]]
+                        yield [*parts[:n], early, replace(late, motion=k, unknowns=None), *parts[n + 2 :]]
 
     def _pairs(self, motion: int) -> Iterator[tuple[int, int]]:
         """Motions of the two pieces of a part: at least one of them stays."""
@@ -161,7 +163,7 @@ class Chain:
     def settled(self, parts: list[Part]) -> tuple[list[Part], Solved]:
         """Solve the parts together, noise and speeds at contacts found by iteration."""
         solved = self._solve(parts)
-        for _ in range(ROUNDS):
+        for _ in range(self._settings.rounds):
             index = iter(self._indexed(parts))
             parts = [
                 replace(part, unknowns=solved.unknowns[next(index)[1]]) if part.motion >= 0 else part for part in parts
@@ -180,13 +182,12 @@ class Chain:
         energy += settings.leave * sum(before == 0 and after != 0 for before, after in pairwise(kinds))
         for part, index in moving:
             motion, normal = self._motions[part.motion], _rows(self._normals[part.motion], part)
-            if np.any(part.unknowns):
+            if part.unknowns is not None:
                 squares = squares_of(normal, part.unknowns)
-                weights = (settings.tails + 3.0) / (settings.tails + squares) / settings.alike
-                log = np.log1p(squares / settings.tails).sum()
-                energy += 0.5 * (settings.tails + 3.0) / settings.alike * float(log)
+                weights = weights_of(squares, settings)
+                energy += 0.5 * float(misfits(squares, settings).sum())
                 energy += 0.5 * float(np.sum(((part.unknowns[:6] - motion.mean) / motion.prior) ** 2))
-                energy += 0.0 if self._is_allowed(part) else np.inf
+                energy += 0.0 if self._is_allowed(part, part.unknowns) else np.inf
             else:
                 weights = np.full(part.end - part.begin, 1.0 / settings.alike)
             matrix[np.ix_(index, index)] += np.einsum("k,kij->ij", weights, normal.matrix)
@@ -195,18 +196,17 @@ class Chain:
             right[index[:6]] += motion.mean * motion.prior**-2
             energy += settings.contact
             energy += float(np.log(motion.prior).sum())
-        if moving and np.any(moving[0][0].unknowns):
+        if moving and moving[0][0].unknowns is not None:
             energy += 0.5 * float(moving[0][0].unknowns[6] / seen.scale) ** 2
         for (one, left), (two, behind) in pairwise(moving):
-            if np.any(one.unknowns) and np.any(two.unknowns):
+            if one.unknowns is not None and two.unknowns is not None:
                 energy += self._gain(one, two)
             if one.end == two.begin:
                 for rows, wanted, sigma in self._contact(one, two, left, behind, size):
-                    known = np.any(one.unknowns) and np.any(two.unknowns)
-                    off = (
-                        rows[:, left[:6]] @ one.unknowns[:6] + rows[:, behind[:6]] @ two.unknowns[:6] - wanted
-                    ) / sigma
-                    cost = (0.5 * float(off @ off) if known else 0.0) + len(wanted) * float(np.log(sigma))
+                    cost = len(wanted) * float(np.log(sigma))
+                    if one.unknowns is not None and two.unknowns is not None:
+                        ends = rows[:, left[:6]] @ one.unknowns[:6] + rows[:, behind[:6]] @ two.unknowns[:6]
+                        cost += 0.5 * float(np.sum(((ends - wanted) / sigma) ** 2))
                     energy += min(cost, settings.parted)
                     if cost < settings.parted:
                         matrix += rows.T @ rows / sigma**2
@@ -217,8 +217,8 @@ class Chain:
 
     def _gain(self, one: Part, two: Part) -> float:
         """Price of a contact after which a body is faster than before: only another moving body can do that."""
-        at = np.array([0.5 * (self._seen.times[one.end - 1] + self._seen.times[two.begin])])
-        speeds = [float(np.linalg.norm(_velocity(self._motions[p.motion], p, at))) for p in (one, two)]
+        at = 0.5 * (self._seen.times[one.end - 1] + self._seen.times[two.begin])
+        speeds = [float(np.linalg.norm(self._velocity(part, at))) for part in (one, two)]
         return min(0.5 * (max(speeds[1] - speeds[0], 0.0) / self._settings.gain) ** 2, self._settings.struck)
 
     def _contact(
@@ -228,8 +228,8 @@ class Chain:
         before, after = self._seen.times[one.end - 1], self._seen.times[two.begin]
         at = np.array([0.5 * (before + after)])
         a, b = self._motions[one.motion], self._motions[two.motion]
-        turn = float(np.linalg.norm(_velocity(a, one, at) - _velocity(b, two, at)))
-        sigma = (after - before) * max(turn, 0.3) / np.sqrt(12.0)
+        turn = float(np.linalg.norm(self._velocity(one, at[0]) - self._velocity(two, at[0])))
+        sigma = (after - before) * max(turn, self._settings.gain) / np.sqrt(12.0)
         rows = np.zeros((3, size))
         rows[:, left[:6]], rows[:, behind[:6]] = a.basis(at)[0], -b.basis(at)[0]
         yield rows, (b.known(at) - a.known(at))[0], sigma
@@ -243,9 +243,18 @@ class Chain:
             spread = float(np.sqrt(sigma**2 + half**2 + (self._settings.touch * self._lift) ** 2))
             yield height, np.array([middle - known @ floor.normal]), spread
 
-    def _is_allowed(self, part: Part) -> bool:
+    def _velocity(self, part: Part, at: float) -> Floats:
+        """Velocity at a time; of what is not solved for yet, that of unknowns of zero."""
+        return self._motions[part.motion].velocity(at, np.zeros(6) if part.unknowns is None else part.unknowns[:6])
+
+    def _cuts(self, part: Part) -> range:
+        """Where a part is tried to be cut: about eight places, or as many as it has."""
+        least = self._settings.cut
+        return range(part.begin + least, part.end - least + 1, max(1, (part.end - part.begin) // 8))
+
+    def _is_allowed(self, part: Part, unknowns: Floats) -> bool:
         motion, times = self._motions[part.motion], self._seen.times[[part.begin, part.end - 1]]
-        places = motion.known(times) + motion.basis(times) @ part.unknowns[:6]
+        places = motion.known(times) + motion.basis(times) @ unknowns[:6]
         sink = self._settings.sink * self._seen.distances[[part.begin, part.end - 1]]
         return bool(allowed(places[None], self._surfaces, part.motion, self._lift, sink[None])[0])
 
@@ -273,18 +282,6 @@ def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
     return inside
 
 
-def _cuts(part: Part) -> range:
-    """Where a part is tried to be cut: eight places, or as many as it has."""
-    return range(part.begin + LEAST, part.end - LEAST + 1, max(1, (part.end - part.begin) // 8))
-
-
 def _rows(normal: Normal, part: Part) -> Normal:
     rows = slice(part.begin, part.end)
     return Normal(normal.matrix[rows], normal.right[rows], normal.square[rows])
-
-
-def _velocity(motion: Motion, part: Part, at: Floats) -> Floats:
-    step = 1e-3
-    later, earlier = motion.known(at + step), motion.known(at - step)
-    basis = motion.basis(at + step) - motion.basis(at - step)
-    return np.asarray((later - earlier)[0] + basis[0] @ part.unknowns[:6]) / (2.0 * step)

@@ -1,8 +1,4 @@
-"""Places of bodies that leave the floor, from one camera: which frames show them in free flight or on an obstacle.
-
-A camera gives directions. What is missing, the distance, follows for a body on the floor from where its ray meets it,
-for a body in the air from how gravity bends its path in the image, and coarsely for both from its apparent size.
-"""
+"""Which frames show a body in free flight, which on the floor or on an obstacle: the cheapest division into these."""
 
 from __future__ import annotations
 
@@ -21,7 +17,6 @@ from polyworld.camera import Camera
 from polyworld.geometry import circumscribed_radius
 
 Floats = NDArray[np.float64]
-LEVEL = 0.3  # least upward part of a face's normal: bodies slide off what is steeper
 
 
 @dataclass(frozen=True)
@@ -127,7 +122,7 @@ def _cheapest(
     parts, j = [], count
     while j > 0:
         i, k = int(back[j, 0]), int(back[j, 1])
-        parts.append(Part(i, j, k, unknowns[k][i, j] if k >= 0 else np.zeros(7)))
+        parts.append(Part(i, j, k, unknowns[k][i, j] if k >= 0 else None))
         j = i
     return parts[::-1]
 
@@ -141,14 +136,17 @@ def _is_met(face: Surface, seen: Sightings, camera: Camera, lift: float, setting
     return bool(np.count_nonzero((distance > 0.0) & within(met, face, lift)) >= settings.least)
 
 
-def surfaces_of(floor: float, fixtures: Mapping[str, Floats]) -> list[Surface]:
-    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear."""
+def surfaces_of(floor: float, fixtures: Mapping[str, Floats], steepest: float) -> list[Surface]:
+    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear.
+
+    steepest: least upward part of a face's normal.
+    """
     found = [Surface("floor", np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]))]
     for name, corners in fixtures.items():
         hull = ConvexHull(corners)
         for equation in np.unique(np.round(hull.equations, 6), axis=0):
             normal = equation[:3]
-            if normal[2] < LEVEL:
+            if normal[2] < steepest:
                 continue
             on = np.unique(hull.simplices[np.abs(hull.equations - equation).max(axis=1) < 1e-5])
             face = corners[on]

@@ -17,7 +17,6 @@ from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings
 
 Floats = NDArray[np.float64]
-ITERATIONS = 8  # of reweighting, after which evidences change by less than a tenth
 SCALE = 6  # index of the unknown relative error of distances, after the six of the motion
 
 
@@ -44,6 +43,12 @@ class Motion:
     def known(self, times: Floats) -> Floats:
         """Return the places (K, 3) where all unknowns are zero."""
         return self.origin + 0.5 * times[:, None] ** 2 * self.drift
+
+    def velocity(self, time: float, unknowns: Floats) -> Floats:
+        """Return the velocity (3,) at a time, where the unknowns are (6,)."""
+        rates = [0.0, 1.0] + ([time] if self.curved else [])
+        basis = np.concatenate([rate * self.axes.T for rate in rates], axis=1)
+        return np.asarray(time * self.drift + basis @ unknowns)
 
 
 def flight(gravity: Floats, centre: Floats, length: float, speed: float) -> Motion:
@@ -98,7 +103,7 @@ def evidences(
     masks that take in a shadow or lose half of the body. Laplace's approximation at the
     maximum, without terms that all motions of the same frames share.
     """
-    count, tails = len(normal.square), settings.tails
+    count = len(normal.square)
     first, last = np.triu_indices(count + 1, 1)
     within = (np.arange(count) >= first[:, None]) & (np.arange(count) < last[:, None])
     unit = np.append(motion.prior, scale[1])  # unknowns in units of their priors: matrices are well scaled
@@ -106,17 +111,30 @@ def evidences(
     matrices = (normal.matrix * unit[:, None] * unit).reshape(count, 49)
     rights = normal.right * unit
     weights = within / settings.alike
-    for _ in range(ITERATIONS):
+    for _ in range(settings.reweightings):
         matrix = (weights @ matrices).reshape(-1, 7, 7) + np.eye(7)
         solved = np.linalg.solve(matrix, (weights @ rights + mean)[..., None])[..., 0]
         squares = (solved[:, :, None] * solved[:, None, :]).reshape(-1, 49) @ matrices.T
-        squares += normal.square - 2.0 * solved @ rights.T
-        weights = within * (tails + 3.0) / (tails + np.maximum(squares, 0.0)) / settings.alike
-    misfit = (tails + 3.0) / settings.alike * np.sum(within * np.log1p(np.maximum(squares, 0.0) / tails), axis=1)
+        squares = np.maximum(squares + normal.square - 2.0 * solved @ rights.T, 0.0)
+        weights = within * weights_of(squares, settings)
+    misfit = np.sum(within * misfits(squares, settings), axis=1)
     log = -0.5 * (misfit + np.sum((solved - mean) ** 2, axis=1) + np.linalg.slogdet(matrix)[1])
     evidence, unknowns = np.full((count, count + 1), -np.inf), np.zeros((count, count + 1, 7))
     evidence[first, last], unknowns[first, last] = log, solved * unit
     return evidence, unknowns
+
+
+def weights_of(squares: Floats, settings: FlightSettings) -> Floats:
+    """Return the weights of frames whose equations have these squared errors, under Student's noise."""
+    return np.asarray((settings.tails + 3.0) / (settings.tails + squares) / settings.alike)
+
+
+def misfits(squares: Floats, settings: FlightSettings) -> Floats:
+    """Return minus twice the log density of frames' three equations with these squared errors, under Student's noise.
+
+    Up to a constant.
+    """
+    return np.asarray((settings.tails + 3.0) / settings.alike * np.log1p(squares / settings.tails))
 
 
 def squares_of(normal: Normal, unknowns: Floats) -> Floats:

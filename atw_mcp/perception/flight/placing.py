@@ -57,7 +57,8 @@ def with_flights(
     """
     labels = [seen.label_image(frame) for frame in seen.frames]
     times = np.asarray(seen.frames) * tracks.seconds_per_frame
-    surfaces = surfaces_of(about.floor, {name: np.array(corners) for name, corners in about.fixtures.items()})
+    fixtures = {name: np.array(corners) for name, corners in about.fixtures.items()}
+    surfaces = surfaces_of(about.floor, fixtures, SETTINGS.steepest)
     motions: dict[str, list[dict[str, Any]]] = {}
     for name, solid in solids.items():
         if cancelled is not None and cancelled():

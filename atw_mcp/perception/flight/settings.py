@@ -11,21 +11,32 @@ from atw_mcp.perception.flight.sightings import SightingSettings
 class FlightSettings:
     """Expectations as standard deviations, and prices of explanations in nats.
 
-    speed [m/s]; length [m]: of places about the scene; friction: acceleration on a surface beside gravity's pull
-    along it, of g; contact: price of a contact, one frame in twenty having one; leave: price of another motion than
-    the usual one, on the floor, which most videos show alone; unexplained: of a frame that no motion explains,
-    about four standard deviations; sink: depth below the floor that is still taken for an error, of the distance;
-    least: frames that show a flight at least; tails: degrees of freedom of the sightings' noise; alike: frames in a
-    row whose masks err together, which count as one; parted: price at most of a gap between stretches that follow
-    each other; touch: height above the floor of a body that bounces, of its size, as seen between two frames; gain
-    [m/s]: error of a speed, by which a body may seem faster after a contact; struck: price at most of being faster,
-    as of a body that another one hits; most: sightings that are divided at first, of a longer film evenly chosen
-    ones; trusted: factor of the standard deviations of places, which are from one explanation among many (errors
-    were 1 to 3 times as large on 40 rendered bodies); unsure: standard deviation of a flight's places, of the
-    body's radius, above which they are not used; low: height of bounces that do not show, of the height of rest;
-    quietest: variance of sightings, of the expected one, below which they are not believed to be, since what is
-    left of a mask's error is alike in all frames; lying: upward part of a cylinder's axis below which it lies on
-    its side.
+    speed [m/s], length [m]: of bodies, and of their places about the scene.
+    friction: acceleration on a surface beside gravity's pull along it, of g.
+    contact: price of a contact, one frame in twenty having one.
+    leave: price of another motion than the usual one, on the floor, which most videos show alone.
+    unexplained: price of a frame that no motion explains, about four standard deviations.
+    sink: depth below the floor that is still taken for an error, of the distance.
+    least: frames that show a flight at least.
+    tails: degrees of freedom of the sightings' noise, of Student's distribution.
+    alike: frames in a row whose masks err together, which count as one.
+    parted: price at most of a gap between stretches that follow each other.
+    touch: height above the floor of a body that bounces, of its size, as seen between two frames.
+    gain [m/s]: error of a speed, by which a body may seem faster after a contact.
+    struck: price at most of being faster, as of a body that another one hits.
+    most: sightings that are divided at first, of a longer film evenly chosen ones.
+    trusted: factor of the standard deviations of places, which are from one explanation among many.
+    unsure: standard deviation of a flight's places, of the body's radius, above which they are not used.
+    low: height of bounces that do not show, of the height of rest.
+    quietest: variance of sightings, of the expected one, below which they are not believed to be, since what is left
+        of a mask's error is alike in all frames.
+    lying: upward part of a cylinder's axis below which it lies on its side.
+    steepest: upward part of a face's normal below which bodies slide off it at once.
+    reweightings: of frames by Student's noise, after which evidences change by less than a tenth.
+    rounds: of reweighting and of velocities at contacts where stretches are solved together.
+    cut: sightings of a piece that is cut off.
+    shifts: frames by which a contact is tried earlier or later.
+    worth: nats that a change of the division has to gain.
     """
 
     speed: float = 5.0
@@ -48,4 +59,10 @@ class FlightSettings:
     low: float = 0.3
     quietest: float = 0.05
     lying: float = 0.7
+    steepest: float = 0.3
+    reweightings: int = 8
+    rounds: int = 4
+    cut: int = 3
+    shifts: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)
+    worth: float = 0.1
     sightings: SightingSettings = field(default_factory=SightingSettings)
