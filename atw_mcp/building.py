@@ -99,6 +99,7 @@ def build_world(
     scene: Scene,
     representation: Representation = "auto",
     heights_assumed: bool = False,
+    airborne: frozenset[str] = frozenset(),
     time: TimeBase,
     camera: Camera | None = None,
 ) -> Built:
@@ -106,6 +107,7 @@ def build_world(
 
     chosen: names of the tracks to model (default all; a deformable object of the same name takes a track's place).
     heights_assumed: the tracks were got by assuming that objects stay on the floor, so their height says nothing.
+    airborne: objects that were seen in flight or on an obstacle.
     Raises ValueError or KeyError for unknown names and for objects whose shape is neither observed nor given.
     """
     seen = {item.name: item for item in objects}
@@ -130,6 +132,7 @@ def build_world(
         gravity=scene.gravity,
         parts=scene.parts,
         heights_assumed=heights_assumed,
+        airborne=airborne,
     )
     if kind == "planar" and scene.motion_plane is None and scene.parts.deformables:
         scene = replace(scene, motion_plane=ACROSS)

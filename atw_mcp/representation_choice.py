@@ -42,11 +42,12 @@ def choose(
     gravity: tuple[float, float, float],
     parts: Parts,
     heights_assumed: bool,
+    airborne: frozenset[str] = frozenset(),
 ) -> Choice:
     """Choose the representation of all objects of a world.
 
     tracks: those of the rigid objects that were observed. half_heights [m], shapes: of all rigid objects. plane: the
-    plane of motion where one is given or the camera looks along it.
+    plane of motion where one is given or the camera looks along it. airborne: objects seen in flight or on an obstacle.
     """
     if asked != "auto":
         return Choice(asked, "as asked")
@@ -63,6 +64,9 @@ def choose(
         )
     if plane is not None:
         return Choice("planar", "a motion plane was given")
+    off_floor = [name for name in tracks.names if name in airborne]
+    if off_floor:
+        return Choice("spatial", f"{', '.join(off_floor)} seen in flight or on an obstacle")
     kind, why = _level(tracks, half_heights, heights_assumed=heights_assumed)
     rolling = rolling_bodies(tracks, shapes)
     if rolling and kind == "planar":
@@ -79,7 +83,7 @@ def _level(tracks: ObservedTracks, half_heights: Mapping[str, float], *, heights
         rows = tracks.confidence[:, column] > 0
         height = tracks.positions[rows, column, 2]
         swing = float(np.ptp(height))
-        sigma = float(np.median(tracks.coordinate_sigma[rows, column]))
+        sigma = float(np.median(tracks.height_sigma[rows, column]))
         allowed = max(HEIGHT_SHARE * half_heights[name], HEIGHT_SIGMAS * sigma)
         if swing > allowed:
             return "spatial", f"{name} rises or falls by {swing:.3g} m, more than the {allowed:.3g} m of level motion"

@@ -72,6 +72,14 @@ class ObservedTracks:
         return sigma
 
     @property
+    def height_sigma(self) -> Array:
+        """Standard deviation (T, n) of a position's height, the coordinate z [m]."""
+        if self.position_spread is None:
+            return self.position_sigma
+        sigma: Array = np.hypot(self.position_sigma, self.position_spread[:, :, 2])
+        return sigma
+
+    @property
     def times(self) -> Array:
         """Times of the frames, shape (T,) [s]."""
         return self.frames.astype(np.float64) * self.seconds_per_frame
@@ -201,6 +209,19 @@ def shapes_only(shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seco
         symmetry=(),
         shapes=shapes,
     )
+
+
+def without_spread(apart: Array, spread: Array, deviations: float = 2.0) -> Array:
+    """Return differences (..., 3) of places without what a spread (..., 3) along one direction explains.
+
+    Along that direction they lose up to so many standard deviations, which the length of `spread` is.
+    """
+    length = np.linalg.norm(spread, axis=-1)
+    direction = spread / np.maximum(length, 1e-300)[..., None]
+    along = np.sum(apart * direction, axis=-1)
+    explained = np.clip(along, -deviations * length, deviations * length)
+    left: Array = apart - explained[..., None] * direction
+    return left
 
 
 def _to_lists(values: Array) -> list[Any]:

@@ -293,6 +293,7 @@ def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | No
         ),
         representation=request.representation,
         heights_assumed=record.heights_assumed,
+        airborne=frozenset(record.source.get("motions", {})),
         time=TimeBase.model_validate(
             {
                 "seconds_per_frame": rate,
