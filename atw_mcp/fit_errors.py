@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from atw_mcp.app import App
-from atw_mcp.fit_verdict import SETTINGS
+from atw_mcp.fit_verdict import SETTINGS, is_far_off
 from atw_mcp.jobs import Progress
 from atw_mcp.rollouts import compute_rollout
 from atw_mcp.track_records import TrackRecord, at_rate
 from polyworld.geometry import equivalent_radius, plane_axes
+from polyworld.tracks import without_spread
 from polyworld.world import World
 
 
@@ -21,7 +22,8 @@ class ObjectError:
     """Root mean square distance of an object's simulated from its observed centre over `frames` frames.
 
     radius [m]: of the ball of the object's volume. noise [m]: the median standard deviation stated for its track.
-    pixels: None without a camera.
+    pixels: None without a camera. unexplained [m]: the error without what the noise along the line of sight explains;
+    across [m]: the median standard deviation across it.
     """
 
     object: str
@@ -30,11 +32,13 @@ class ObjectError:
     radius: float
     noise: float
     frames: int
+    unexplained: float
+    across: float
 
     @property
     def follows(self) -> bool:
         """Whether the error is small beside the body, or no larger than measurement explains."""
-        return self.metres < max(SETTINGS.large * self.radius, SETTINGS.noisy * self.distance_noise)
+        return not is_far_off(self.unexplained, float(np.sqrt(3.0)) * self.across, self.radius)
 
     @property
     def vague(self) -> bool:
@@ -82,6 +86,9 @@ def object_errors(
         apart = simulated - observed
         if world.planar:
             apart = apart - np.outer(apart @ normal, normal)
+        beyond = apart
+        if tracks.position_spread is not None:
+            beyond = without_spread(apart, tracks.position_spread[:, theirs])
         known = (tracks.confidence[:, theirs] > 0.0) & trajectory.active[rows, column]
         known &= np.isfinite(apart).all(axis=1)
         if not known.any():
@@ -98,6 +105,8 @@ def object_errors(
                 equivalent_radius(item.shape),
                 float(np.median(tracks.coordinate_sigma[known, theirs])),
                 int(known.sum()),
+                _rms(np.linalg.norm(beyond[known], axis=1)),
+                float(np.median(tracks.position_sigma[known, theirs])),
             )
         )
     return tuple(sorted(found, key=lambda error: -error.metres / error.radius))

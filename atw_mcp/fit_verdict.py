@@ -24,9 +24,8 @@ class VerdictSettings:
     error matters to no contact. large: of a body's radius, from which contacts happen or fail that the video shows
     otherwise. unexplained: of the motion itself, beyond which the fit says no more of where a body is than its mean
     place. share: of the moving bodies that must be largely off for the whole to have failed. wrong: probability that a
-    world answers as chance would where a body is off by more than measurement and half of its radius: answers on which
-    all members of such worlds agreed were right in 82% of 123 cases, elsewhere in 97% of 60 (questions of
-    `tests.benchmarks.foresight` on rendered throws, bounces and ramps).
+    world answers as chance would where a body is far off, from questions of `tests.benchmarks.foresight` about
+    rendered throws, bounces and ramps.
     """
 
     noisy: float = 2.0
@@ -40,12 +39,21 @@ class VerdictSettings:
 SETTINGS = VerdictSettings()
 
 
+def is_far_off(error: float, noise: float, radius: float) -> bool:
+    """Whether an error [m] that noise along the line of sight does not explain is more than noise and half a radius.
+
+    noise [m]: distance that the noise across the line of sight makes.
+    """
+    return error > max(SETTINGS.large * radius, SETTINGS.noisy * noise)
+
+
 @dataclass(frozen=True)
 class BodyFit:
     """Root mean square distance of a body's simulated from its observed centre [m].
 
     noise [m]: distance that the stated noise of its track makes. radius [m]: of the ball of its volume. motion [m]:
-    root mean square distance of the observed centre from its mean.
+    root mean square distance of the observed centre from its mean. far_off: whether contacts happen or fail otherwise
+    than the video shows, by an error that noise does not explain.
     """
 
     object: str
@@ -53,6 +61,7 @@ class BodyFit:
     noise: float
     radius: float
     motion: float
+    far_off: bool = False
 
     @property
     def verdict(self) -> Verdict:
@@ -66,7 +75,7 @@ class BodyFit:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
         return {"object": self.object, "verdict": self.verdict, "error_m": self.error, "noise_m": self.noise,
-                "of_radius": self.error / self.radius}  # fmt: skip
+                "of_radius": self.error / self.radius, "far_off": self.far_off}  # fmt: skip
 
     def in_words(self) -> str:
         """The error beside noise and size."""
@@ -113,11 +122,14 @@ def judge(result: FitResult, tracks: ObservedTracks, moving: frozenset[str]) -> 
         if error is None or not np.isfinite(error) or item.name not in tracks.names:
             continue
         column = tracks.index(item.name)
-        sigma = float(np.median(tracks.coordinate_sigma[tracks.confidence[:, column] > 0.0, column]))
+        known = tracks.confidence[:, column] > 0.0
+        sigma = float(np.median(tracks.coordinate_sigma[known, column]))
+        across = float(np.median(tracks.position_sigma[known, column]))
         radius = equivalent_radius(item.shape)
-        seen = tracks.positions[tracks.confidence[:, column] > 0.0, column]
+        seen = tracks.positions[known, column]
         motion = float(np.sqrt(np.mean(np.sum((seen - seen.mean(axis=0)) ** 2, axis=1))))
-        body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius, motion)
+        far = is_far_off(result.accuracy.unexplained_by_object[item.name], across * float(np.sqrt(components)), radius)
+        body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius, motion, far)
         if item.name in moving or body.verdict != "good":
             found.append(body)
     return FitVerdict(tuple(sorted(found, key=lambda body: -body.error / body.radius)))
@@ -137,8 +149,7 @@ def chance_of_wrong(verdict: Mapping[str, Any] | None) -> tuple[float, str]:
     if verdict is None:
         return 0.0, ""
     for row in verdict["bodies"]:
-        radius = row["error_m"] / row["of_radius"] if row["of_radius"] > 0.0 else 0.0
-        if row["error_m"] > max(SETTINGS.large * radius, SETTINGS.noisy * row["noise_m"]):
+        if row["far_off"]:
             return SETTINGS.wrong, f"the fit leaves {row['object']} {row['error_m']:.2g} m off"
     return 0.0, ""
 

@@ -9,8 +9,9 @@ import pytest
 
 from atw_mcp.ensemble_answers import query_answer, query_in_words
 from atw_mcp.ensembles import Ensemble
-from atw_mcp.fit_verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, judge
+from atw_mcp.fit_verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, is_far_off, judge
 from polyworld.estimation.world_fit import FitProblem, FitResult, Unknown, default_unknowns, refine
+from polyworld.estimation.world_fit.accuracy import errors
 from polyworld.estimation.world_fit.observed import observed_entries
 from polyworld.query import QueryResult
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
@@ -58,7 +59,7 @@ def test_a_world_that_diverges_has_failed() -> None:
 
 
 def off(by: float, name: str = "a") -> BodyFit:
-    return BodyFit(name, by, SIGMA, RADIUS, motion=0.05)
+    return BodyFit(name, by, SIGMA, RADIUS, motion=0.05, far_off=is_far_off(by, SIGMA, RADIUS))
 
 
 def test_a_whole_fails_with_half_of_its_bodies_and_is_poor_with_one() -> None:
@@ -115,3 +116,25 @@ def test_errors_along_the_line_of_sight_count_by_what_is_known_there() -> None:
     assert again.position_spread is not None
     np.testing.assert_array_equal(again.position_spread, spread[3:10])
     np.testing.assert_allclose(again.coordinate_sigma**2, SIGMA**2 + (spread[3:10] ** 2).sum(axis=2) / 3.0)
+
+
+@pytest.mark.parametrize(("along", "across", "far"), [(0.15, 0.0, False), (0.0, 0.15, True), (0.5, 0.0, True)])
+def test_errors_along_the_line_of_sight_are_excused_by_what_is_not_known_there(
+    along: float, across: float, far: bool
+) -> None:
+    """Off by 1.5 radii where depth is known to a radius: along the line of sight that is noise, across it is not."""
+    world = thrown_ball()
+    tracks = observe(world, sigma=1e-4)
+    sight, side = np.array([0.6, 0.8, 0.0]), np.array([0.8, -0.6, 0.0])
+    away = replace(
+        tracks,
+        positions=tracks.positions + along * sight + across * side,
+        position_sigma=np.full(tracks.position_sigma.shape, SIGMA),
+        position_spread=np.broadcast_to(0.1 * sight, tracks.positions.shape).copy(),
+    )
+    batch = ClosedForm(world, tracks.times, n_worlds=1).run()
+    found = errors(observed_entries(world, away), batch, 0, len(tracks.times))
+    assert found.position_by_object["ball"] == pytest.approx(np.hypot(along, across), rel=1e-2)
+    unexplained = found.unexplained_by_object["ball"]
+    assert unexplained == pytest.approx(np.hypot(max(along - 0.2, 0.0), across), abs=1e-3)
+    assert is_far_off(unexplained, np.sqrt(3.0) * SIGMA, RADIUS) == far

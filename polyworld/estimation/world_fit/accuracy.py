@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.world_fit.observed import Entries, observed_entries, sample_times
-from polyworld.tracks import ObservedTracks
+from polyworld.tracks import ObservedTracks, without_spread
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World
 
@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 class Accuracy:
     """Root mean square errors: position [m], rotation [rad], each overall and by object.
 
-    position over all observed samples (square root of the mean squared distance), NaN where none;
+    position over all observed samples (square root of the mean squared distance), NaN where none; unexplained_by_object
+    [m]: of positions without what the spread of measured places explains (`ObservedTracks.position_spread`);
     worst_position [m] is the largest single distance; samples counts the positions compared. shape_by_readout:
     object -> kind of readout -> root mean square error in the readout's unit; shape_score: the same over all shapes,
     in standard deviations, NaN where there are none.
@@ -32,6 +33,7 @@ class Accuracy:
     worst_position: float
     samples: int
     position_by_object: dict[str, float]
+    unexplained_by_object: dict[str, float]
     rotation_by_object: dict[str, float]
     shape_by_readout: dict[str, dict[str, float]]
     shape_score: float
@@ -85,12 +87,18 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
 def errors(entries: Sequence[Entries], batch: BatchTrajectory, first: int, last: int) -> Accuracy:
     """Measure the errors of the first world of a batch over the samples `first` to before `last`."""
     sizes: dict[str, dict[str, list[Array]]] = {"position": {}, "rotation": {}}
+    unexplained: dict[str, list[Array]] = {}
     standardised = []
     for e in entries:
         keep = (e.sample >= first) & (e.sample < last)
-        size = np.linalg.norm(e.differences(batch)[0][keep], axis=-1)
+        apart = e.differences(batch)[0][keep]
+        size = np.linalg.norm(apart, axis=-1)
+        beyond = size if e.spread is None else np.linalg.norm(without_spread(apart, e.spread[keep]), axis=-1)
         for owner in np.unique(e.owner[keep]):
-            sizes.setdefault(e.kind, {}).setdefault(e.names[owner], []).append(size[e.owner[keep] == owner])
+            own = e.owner[keep] == owner
+            sizes.setdefault(e.kind, {}).setdefault(e.names[owner], []).append(size[own])
+            if e.kind == "position":
+                unexplained.setdefault(e.names[owner], []).append(beyond[own])
         if e.kind not in ("position", "rotation"):
             standardised.append(e.standardised(batch)[0][keep].ravel())
     positions, rotations = sizes.pop("position"), sizes.pop("rotation")
@@ -105,6 +113,7 @@ def errors(entries: Sequence[Entries], batch: BatchTrajectory, first: int, last:
         worst_position=float(distances.max()) if len(distances) else float("nan"),
         samples=len(distances),
         position_by_object={name: _rms(parts) for name, parts in positions.items()},
+        unexplained_by_object={name: _rms(parts) for name, parts in unexplained.items()},
         rotation_by_object={name: _rms(parts) for name, parts in rotations.items()},
         shape_by_readout=shapes,
         shape_score=_rms(standardised),
