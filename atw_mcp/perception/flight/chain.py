@@ -9,7 +9,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.flight.evidence import Motion, Normal, misfits, normal_equations, squares_of, weights_of
+from atw_mcp.perception.flight.evidence import (
+    Motion,
+    Normal,
+    energy_gains,
+    misfits,
+    normal_equations,
+    squares_of,
+    weights_of,
+)
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings
 
@@ -85,6 +93,7 @@ class Chain:
         self._lift, self._reach, self._settings = lift, reach, settings
         self._normals = [normal_equations(motion, seen, centre) for motion in motions]
         self._flying = len(motions) - 1
+        self._gravity = motions[-1].drift
 
     def improved(self, parts: list[Part]) -> tuple[list[Part], Solved]:
         """Return the parts after contacts were moved, parts joined and motions exchanged as long as that helps."""
@@ -182,18 +191,21 @@ class Chain:
         energy += settings.leave * sum(before == 0 and after != 0 for before, after in pairwise(kinds))
         for part, index in moving:
             motion, normal = self._motions[part.motion], _rows(self._normals[part.motion], part)
+            ends = seen.times[[part.begin, part.end - 1]]
+            prior, mean = (one[0] for one in motion.expected(ends.mean(keepdims=True)))
             if part.unknowns is not None:
                 squares = squares_of(normal, part.unknowns)
                 weights = weights_of(squares, settings)
                 energy += 0.5 * float(misfits(squares, settings).sum())
-                energy += 0.5 * float(np.sum(((part.unknowns[:6] - motion.mean) / motion.prior) ** 2))
+                energy += 0.5 * float(np.sum((prior @ part.unknowns[:6] - mean) ** 2))
+                energy += float(energy_gains(motion, ends[None], part.unknowns[None, :6], self._gravity, settings)[0])
                 energy += 0.0 if self._is_allowed(part, part.unknowns) else np.inf
             else:
                 weights = np.full(part.end - part.begin, 1.0 / settings.alike)
             matrix[np.ix_(index, index)] += np.einsum("k,kij->ij", weights, normal.matrix)
             right[index] += weights @ normal.right
-            matrix[index[:6], index[:6]] += motion.prior**-2
-            right[index[:6]] += motion.mean * motion.prior**-2
+            matrix[np.ix_(index[:6], index[:6])] += prior.T @ prior
+            right[index[:6]] += prior.T @ mean
             energy += settings.contact
             energy += float(np.log(motion.prior).sum())
         if moving and moving[0][0].unknowns is not None:
@@ -205,8 +217,8 @@ class Chain:
                 for rows, wanted, sigma in self._contact(one, two, left, behind, size):
                     cost = len(wanted) * float(np.log(sigma))
                     if one.unknowns is not None and two.unknowns is not None:
-                        ends = rows[:, left[:6]] @ one.unknowns[:6] + rows[:, behind[:6]] @ two.unknowns[:6]
-                        cost += 0.5 * float(np.sum(((ends - wanted) / sigma) ** 2))
+                        apart = rows[:, left[:6]] @ one.unknowns[:6] + rows[:, behind[:6]] @ two.unknowns[:6] - wanted
+                        cost += 0.5 * float(np.sum((apart / sigma) ** 2))
                     energy += min(cost, settings.parted)
                     if cost < settings.parted:
                         matrix += rows.T @ rows / sigma**2
@@ -245,7 +257,8 @@ class Chain:
 
     def _velocity(self, part: Part, at: float) -> Floats:
         """Velocity at a time; of what is not solved for yet, that of unknowns of zero."""
-        return self._motions[part.motion].velocity(at, np.zeros(6) if part.unknowns is None else part.unknowns[:6])
+        unknowns = np.zeros(6) if part.unknowns is None else part.unknowns[:6]
+        return self._motions[part.motion].velocities(np.array([at]), unknowns[None])[0]
 
     def _cuts(self, part: Part) -> range:
         """Where a part is tried to be cut: about eight places, or as many as it has."""
@@ -254,7 +267,7 @@ class Chain:
 
     def _is_allowed(self, part: Part, unknowns: Floats) -> bool:
         motion, times = self._motions[part.motion], self._seen.times[[part.begin, part.end - 1]]
-        places = motion.known(times) + motion.basis(times) @ unknowns[:6]
+        places = motion.places(times, np.tile(unknowns[:6], (2, 1)))
         sink = self._settings.sink * self._seen.distances[[part.begin, part.end - 1]]
         return bool(allowed(places[None], self._surfaces, part.motion, self._lift, sink[None])[0])
 

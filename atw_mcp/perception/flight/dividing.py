@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.flight.chain import Chain, Part, Stretch, Surface, allowed, within
-from atw_mcp.perception.flight.evidence import Motion, evidences, flight, normal_equations, sliding
+from atw_mcp.perception.flight.evidence import Motion, energy_gains, evidences, flight, normal_equations, sliding
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid
 from polyworld.camera import Camera
@@ -71,15 +71,18 @@ def divided(
 def _motions(
     seen: Sightings, camera: Camera, surfaces: Sequence[Surface], lift: float, gravity: Floats, settings: FlightSettings
 ) -> list[Motion]:
-    middle = camera.centre + np.median(seen.distances) * seen.directions.mean(axis=0)
+    away = float(np.median(seen.distances))
+    middle = camera.centre + away * seen.directions.mean(axis=0)
+    length = settings.length * away * camera.width / camera.intrinsics[0][0]
+    speed = settings.speed * float(np.sqrt(length * np.linalg.norm(gravity)))
     found = []
     for surface in surfaces:
         one = np.cross(surface.normal, np.eye(3)[np.argmin(np.abs(surface.normal))])
         axes = np.stack([one / np.linalg.norm(one), np.cross(surface.normal, one / np.linalg.norm(one))])
         point = surface.point + lift * surface.normal
         foot = middle - ((middle - point) @ surface.normal) * surface.normal
-        found.append(sliding(surface.name, foot, axes, gravity, settings.friction, settings.length, settings.speed))
-    return [*found, flight(gravity, middle, settings.length, settings.speed)]
+        found.append(sliding(surface.name, foot, axes, gravity, settings.friction, length, speed))
+    return [*found, flight(gravity, middle, length, speed)]
 
 
 def _cheapest(
@@ -95,16 +98,15 @@ def _cheapest(
     cost, unknowns = [], []
     first, last = np.triu_indices(count + 1, 1)
     for k, motion in enumerate(motions):
-        evidence, theta = evidences(motion, normal_equations(motion, seen, camera.centre), (0.0, seen.scale), settings)
-        ends = np.stack([first, last - 1], axis=1)
+        normal = normal_equations(motion, seen, camera.centre)
+        evidence, theta = evidences(motion, normal, times, (0.0, seen.scale), settings)
+        ends, own = np.stack([first, last - 1], axis=1), theta[first, last][:, :6]
         at = times[ends]
-        places = motion.known(at.ravel()) + np.einsum(
-            "kij,kj->ki", motion.basis(at.ravel()), np.repeat(theta[first, last][:, :6], 2, axis=0)
-        )
-        places = places.reshape(-1, 2, 3)
+        places = np.stack([motion.places(at[:, side], own) for side in (0, 1)], axis=1)
         possible = allowed(places, surfaces, k, lift, settings.sink * seen.distances[ends])
         price = np.full((count, count + 1), np.inf)
         price[first, last] = np.where(possible, -evidence[first, last], np.inf) + settings.contact
+        price[first, last] += energy_gains(motion, at, own, motions[-1].drift, settings)
         price += 0.0 if k == 0 else settings.leave
         if k == len(surfaces):
             short = np.arange(count + 1)[None, :] - np.arange(count)[:, None] < settings.least
@@ -122,7 +124,10 @@ def _cheapest(
     parts, j = [], count
     while j > 0:
         i, k = int(back[j, 0]), int(back[j, 1])
-        parts.append(Part(i, j, k, unknowns[k][i, j] if k >= 0 else None))
+        if k < 0 and parts and parts[-1].motion < 0:
+            parts[-1] = replace(parts[-1], begin=i)
+        else:
+            parts.append(Part(i, j, k, unknowns[k][i, j] if k >= 0 else None))
         j = i
     return parts[::-1]
 

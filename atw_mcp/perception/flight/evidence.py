@@ -24,7 +24,8 @@ SCALE = 6  # index of the unknown relative error of distances, after the six of 
 class Motion:
     """A motion whose place is linear in six unknowns: X(t) = known(t) + basis(t) theta.
 
-    name: of the surface, or "flight". prior: standard deviations (6,) of the unknowns; mean (6,).
+    name: of the surface, or "flight". prior: standard deviations (6,) of the unknowns, were time counted from the
+    middle of a stretch; mean (6,).
     """
 
     name: str
@@ -44,11 +45,29 @@ class Motion:
         """Return the places (K, 3) where all unknowns are zero."""
         return self.origin + 0.5 * times[:, None] ** 2 * self.drift
 
-    def velocity(self, time: float, unknowns: Floats) -> Floats:
-        """Return the velocity (3,) at a time, where the unknowns are (6,)."""
-        rates = [0.0, 1.0] + ([time] if self.curved else [])
-        basis = np.concatenate([rate * self.axes.T for rate in rates], axis=1)
-        return np.asarray(time * self.drift + basis @ unknowns)
+    def velocities(self, times: Floats, unknowns: Floats) -> Floats:
+        """Return the velocities (K, 3) at times (K,), where the unknowns are (K, 6)."""
+        rates = [np.zeros_like(times), np.ones_like(times)] + ([times] if self.curved else [])
+        basis = np.concatenate([rate[:, None, None] * self.axes.T for rate in rates], axis=2)
+        return np.asarray(times[:, None] * self.drift + np.einsum("kij,kj->ki", basis, unknowns))
+
+    def places(self, times: Floats, unknowns: Floats) -> Floats:
+        """Return the places (K, 3) at times (K,), where the unknowns are (K, 6)."""
+        return np.asarray(self.known(times) + np.einsum("kij,kj->ki", self.basis(times), unknowns))
+
+    def expected(self, middles: Floats) -> tuple[Floats, Floats]:
+        """Return rows (K, 6, 6) and values (K, 6): rows @ unknowns - values is standard normal a priori.
+
+        middles (K,): of the stretches, from which the time of what is expected is counted.
+        """
+        size, pull = len(self.axes), self.axes @ self.drift
+        rows, shift = np.tile(np.eye(6), (len(middles), 1, 1)), np.zeros((len(middles), 6))
+        for k in range(size):
+            rows[:, k, size + k] = middles
+            shift[:, k], shift[:, size + k] = 0.5 * middles**2 * pull[k], middles * pull[k]
+            if self.curved:
+                rows[:, k, 2 * size + k], rows[:, size + k, 2 * size + k] = 0.5 * middles**2, middles
+        return rows / self.prior[:, None], (self.mean - shift) / self.prior
 
 
 def flight(gravity: Floats, centre: Floats, length: float, speed: float) -> Motion:
@@ -95,11 +114,11 @@ def normal_equations(motion: Motion, seen: Sightings, centre: Floats) -> Normal:
 
 
 def evidences(
-    motion: Motion, normal: Normal, scale: tuple[float, float], settings: FlightSettings
+    motion: Motion, normal: Normal, times: Floats, scale: tuple[float, float], settings: FlightSettings
 ) -> tuple[Floats, Floats]:
     """Return the log evidence (K, K + 1) of stretches [i, j) and the unknowns (K, K + 1, 7); -inf where j <= i.
 
-    scale: mean and standard deviation of the relative error of distances. The noise has Student's tails, for
+    times (K,): of the frames. scale: mean and standard deviation of the relative error of distances. The noise has Student's tails, for
     masks that take in a shadow or lose half of the body. Laplace's approximation at the
     maximum, without terms that all motions of the same frames share.
     """
@@ -107,21 +126,38 @@ def evidences(
     first, last = np.triu_indices(count + 1, 1)
     within = (np.arange(count) >= first[:, None]) & (np.arange(count) < last[:, None])
     unit = np.append(motion.prior, scale[1])  # unknowns in units of their priors: matrices are well scaled
-    mean = np.append(motion.mean, scale[0]) / unit
+    rows, values = motion.expected(0.5 * (times[first] + times[last - 1]))
+    prior, mean = np.zeros((len(first), 7, 7)), np.full((len(first), 7), scale[0] / scale[1])
+    prior[:, :6, :6], prior[:, 6, 6], mean[:, :6] = rows * motion.prior, 1.0, values
+    precision, pull = np.einsum("sij,sik->sjk", prior, prior), np.einsum("sij,si->sj", prior, mean)
     matrices = (normal.matrix * unit[:, None] * unit).reshape(count, 49)
     rights = normal.right * unit
     weights = within / settings.alike
     for _ in range(settings.reweightings):
-        matrix = (weights @ matrices).reshape(-1, 7, 7) + np.eye(7)
-        solved = np.linalg.solve(matrix, (weights @ rights + mean)[..., None])[..., 0]
+        matrix = (weights @ matrices).reshape(-1, 7, 7) + precision
+        solved = np.linalg.solve(matrix, (weights @ rights + pull)[..., None])[..., 0]
         squares = (solved[:, :, None] * solved[:, None, :]).reshape(-1, 49) @ matrices.T
         squares = np.maximum(squares + normal.square - 2.0 * solved @ rights.T, 0.0)
         weights = within * weights_of(squares, settings)
     misfit = np.sum(within * misfits(squares, settings), axis=1)
-    log = -0.5 * (misfit + np.sum((solved - mean) ** 2, axis=1) + np.linalg.slogdet(matrix)[1])
+    log = -0.5 * (
+        misfit + np.sum((np.einsum("sij,sj->si", prior, solved) - mean) ** 2, axis=1) + np.linalg.slogdet(matrix)[1]
+    )
     evidence, unknowns = np.full((count, count + 1), -np.inf), np.zeros((count, count + 1, 7))
     evidence[first, last], unknowns[first, last] = log, solved * unit
     return evidence, unknowns
+
+
+def energy_gains(motion: Motion, ends: Floats, unknowns: Floats, gravity: Floats, settings: FlightSettings) -> Floats:
+    """Return the prices (S,) of being faster at the end of a stretch than gravity explains: friction only slows down.
+
+    ends (S, 2) [s]: its first and last time; unknowns (S, 6).
+    """
+    before, after = (motion.velocities(ends[:, k], unknowns) for k in (0, 1))
+    fall = motion.places(ends[:, 1], unknowns) - motion.places(ends[:, 0], unknowns)
+    most = np.sqrt(np.maximum(np.sum(before**2, axis=1) + 2.0 * fall @ gravity, 0.0))
+    excess = np.maximum(np.linalg.norm(after, axis=1) - most, 0.0)
+    return np.asarray(0.5 * (excess / settings.gain) ** 2)
 
 
 def weights_of(squares: Floats, settings: FlightSettings) -> Floats:

@@ -11,7 +11,8 @@ from atw_mcp.perception.flight.sightings import SightingSettings
 class FlightSettings:
     """Expectations as standard deviations, and prices of explanations in nats.
 
-    speed [m/s], length [m]: of bodies, and of their places about the scene.
+    length: of places about the middle of what is seen, of the width of the view there.
+    speed: of bodies, of the one at which they fall through that length times the square root of two.
     friction: acceleration on a surface beside gravity's pull along it, of g.
     contact: price of a contact, one frame in twenty having one.
     leave: price of another motion than the usual one, on the floor, which most videos show alone.
@@ -39,8 +40,8 @@ class FlightSettings:
     worth: nats that a change of the division has to gain.
     """
 
-    speed: float = 5.0
-    length: float = 5.0
+    length: float = 1.0
+    speed: float = 1.0
     friction: float = 0.3
     contact: float = 3.0
     leave: float = 10.0
