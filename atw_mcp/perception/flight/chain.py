@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception.flight.contacts import Equations, Side, joined, landed, rebound
 from atw_mcp.perception.flight.evidence import (
     Motion,
     Normal,
@@ -214,15 +215,14 @@ class Chain:
             if one.unknowns is not None and two.unknowns is not None:
                 energy += self._gain(one, two)
             if one.end == two.begin:
-                for rows, wanted, sigma in self._contact(one, two, left, behind, size):
-                    cost = len(wanted) * float(np.log(sigma))
-                    if one.unknowns is not None and two.unknowns is not None:
-                        apart = rows[:, left[:6]] @ one.unknowns[:6] + rows[:, behind[:6]] @ two.unknowns[:6] - wanted
-                        cost += 0.5 * float(np.sum((apart / sigma) ** 2))
-                    energy += min(cost, settings.parted)
-                    if cost < settings.parted:
-                        matrix += rows.T @ rows / sigma**2
-                        right += rows.T @ wanted / sigma**2
+                options = self._contact(one, two)
+                costs = [option.cost(_own(one), _own(two)) for option in options]
+                energy += min(*costs, settings.parted)
+                if min(costs) < settings.parted:
+                    both = np.append(left[:6], behind[:6])
+                    equations, wanted = options[int(np.argmin(costs))].normal()
+                    matrix[np.ix_(both, both)] += equations
+                    right[both] += wanted
         energy += 0.5 * float(np.linalg.slogdet(matrix)[1])
         covariance: Floats = np.asarray(np.linalg.inv(matrix), dtype=float)
         return Solved(covariance @ right, covariance, energy)
@@ -233,32 +233,31 @@ class Chain:
         speeds = [float(np.linalg.norm(self._velocity(part, at))) for part in (one, two)]
         return min(0.5 * (max(speeds[1] - speeds[0], 0.0) / self._settings.gain) ** 2, self._settings.struck)
 
-    def _contact(
-        self, one: Part, two: Part, left: NDArray[np.int64], behind: NDArray[np.int64], size: int
-    ) -> Iterator[tuple[Floats, Floats, float]]:
-        """Yield equations of a contact, rows @ unknowns = wanted, and their standard deviation [m]."""
+    def _contact(self, one: Part, two: Part) -> list[Equations]:
+        """What may hold where one part ends and another begins: landing, a rebound, or that both merely meet there."""
+        settings = self._settings
         before, after = self._seen.times[one.end - 1], self._seen.times[two.begin]
-        at = np.array([0.5 * (before + after)])
-        a, b = self._motions[one.motion], self._motions[two.motion]
-        turn = float(np.linalg.norm(self._velocity(one, at[0]) - self._velocity(two, at[0])))
-        sigma = (after - before) * max(turn, self._settings.gain) / np.sqrt(12.0)
-        rows = np.zeros((3, size))
-        rows[:, left[:6]], rows[:, behind[:6]] = a.basis(at)[0], -b.basis(at)[0]
-        yield rows, (b.known(at) - a.known(at))[0], sigma
-        if one.motion == two.motion == self._flying:
+        a, b = (
+            Side.of(self._motions[part.motion], np.zeros(6) if part.unknowns is None else part.unknowns[:6], middle)
+            for part, middle in ((one, 0.5 * (before + after)), (two, 0.5 * (before + after)))
+        )
+        usual = float(self._motions[self._flying].prior[3])
+        kinds = one.motion == self._flying, two.motion == self._flying
+        rolls_off = not kinds[0] and one.motion != two.motion
+        options = [joined(a, b, after - before, 0.0 if rolls_off else settings.odd, settings)]
+        if kinds == (True, True):
             floor = self._surfaces[0]
-            height = np.zeros((1, size))
-            for motion, index in ((a, left), (b, behind)):
-                height[:, index[:6]] += 0.5 * floor.normal @ motion.basis(at)[0]
-            known = 0.5 * (a.known(at) + b.known(at))[0] - floor.point
-            middle, half = 0.5 * (self._lift + self._reach), 0.5 * (self._reach - self._lift)
-            spread = float(np.sqrt(sigma**2 + half**2 + (self._settings.touch * self._lift) ** 2))
-            yield height, np.array([middle - known @ floor.normal]), spread
+            heights = (self._lift, self._reach)
+            options.append(rebound(a, b, after - before, (floor.point, floor.normal), heights, usual, settings))
+        elif kinds == (True, False):
+            options.append(landed(a, b, after - before, self._surfaces[two.motion].normal, usual, settings))
+        return options
 
     def _velocity(self, part: Part, at: float) -> Floats:
         """Velocity at a time; of what is not solved for yet, that of unknowns of zero."""
         unknowns = np.zeros(6) if part.unknowns is None else part.unknowns[:6]
-        return self._motions[part.motion].velocities(np.array([at]), unknowns[None])[0]
+        found: Floats = self._motions[part.motion].velocities(np.array([at]), unknowns[None])[0]
+        return found
 
     def _cuts(self, part: Part) -> range:
         """Where a part is tried to be cut: about eight places, or as many as it has."""
@@ -293,6 +292,10 @@ def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
         inward = np.cross(face.normal, b - a)
         inside &= (places - a) @ (inward / np.linalg.norm(inward)) >= -lift
     return inside
+
+
+def _own(part: Part) -> Floats | None:
+    return None if part.unknowns is None else part.unknowns[:6]
 
 
 def _rows(normal: Normal, part: Part) -> Normal:

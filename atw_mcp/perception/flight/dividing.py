@@ -121,7 +121,8 @@ def _cheapest(
         i = int(np.argmin(options))
         alone = best[j - 1] + settings.unexplained
         best[j], back[j] = (options[i], (i, which[i, j])) if options[i] <= alone else (alone, (j - 1, -1))
-    parts, j = [], count
+    parts: list[Part] = []
+    j = count
     while j > 0:
         i, k = int(back[j, 0]), int(back[j, 1])
         if k < 0 and parts and parts[-1].motion < 0:

@@ -45,11 +45,15 @@ class Motion:
         """Return the places (K, 3) where all unknowns are zero."""
         return self.origin + 0.5 * times[:, None] ** 2 * self.drift
 
+    def velocity_basis(self, times: Floats) -> Floats:
+        """Return the derivatives (K, 3, 6) of velocities by the unknowns."""
+        rates = [np.zeros_like(times), np.ones_like(times)] + ([times] if self.curved else [])
+        return np.concatenate([rate[:, None, None] * self.axes.T for rate in rates], axis=2)
+
     def velocities(self, times: Floats, unknowns: Floats) -> Floats:
         """Return the velocities (K, 3) at times (K,), where the unknowns are (K, 6)."""
-        rates = [np.zeros_like(times), np.ones_like(times)] + ([times] if self.curved else [])
-        basis = np.concatenate([rate[:, None, None] * self.axes.T for rate in rates], axis=2)
-        return np.asarray(times[:, None] * self.drift + np.einsum("kij,kj->ki", basis, unknowns))
+        moved = np.einsum("kij,kj->ki", self.velocity_basis(times), unknowns)
+        return np.asarray(times[:, None] * self.drift + moved)
 
     def places(self, times: Floats, unknowns: Floats) -> Floats:
         """Return the places (K, 3) at times (K,), where the unknowns are (K, 6)."""
@@ -118,8 +122,8 @@ def evidences(
 ) -> tuple[Floats, Floats]:
     """Return the log evidence (K, K + 1) of stretches [i, j) and the unknowns (K, K + 1, 7); -inf where j <= i.
 
-    times (K,): of the frames. scale: mean and standard deviation of the relative error of distances. The noise has Student's tails, for
-    masks that take in a shadow or lose half of the body. Laplace's approximation at the
+    times (K,): of the frames. scale: mean and standard deviation of the relative error of distances. The noise has
+    Student's tails, for masks that take in a shadow or lose half of the body. Laplace's approximation at the
     maximum, without terms that all motions of the same frames share.
     """
     count = len(normal.square)

@@ -21,8 +21,13 @@ class FlightSettings:
     least: frames that show a flight at least.
     tails: degrees of freedom of the sightings' noise, of Student's distribution.
     alike: frames in a row whose masks err together, which count as one.
+    odd: price of a contact at which a body neither lands, rebounds nor rolls off, as when another one hits it.
     parted: price at most of a gap between stretches that follow each other.
     touch: height above the floor of a body that bounces, of its size, as seen between two frames.
+    joint [m]: distance of two motions where they meet, as a contact takes some time.
+    kept, kept_spread: share of the tangential velocity that is left after a rebound, and its deviation.
+    rubbing: deviation of the tangential velocity after a rebound, from friction and spin, of the normal one.
+    restitution, restitution_spread: of the normal velocity, what is left after a rebound, and its deviation.
     gain [m/s]: error of a speed, by which a body may seem faster after a contact.
     struck: price at most of being faster, as of a body that another one hits.
     most: sightings that are divided at first, of a longer film evenly chosen ones.
@@ -50,8 +55,15 @@ class FlightSettings:
     least: int = 4
     tails: float = 4.0
     alike: float = 2.0
+    odd: float = 4.0
     parted: float = 8.0
     touch: float = 0.2
+    joint: float = 0.01
+    kept: float = 0.85
+    kept_spread: float = 0.15
+    rubbing: float = 0.2
+    restitution: float = 0.55
+    restitution_spread: float = 0.3
     gain: float = 0.3
     struck: float = 8.0
     most: int = 100
