@@ -21,20 +21,10 @@ from atw_mcp.perception.flight.evidence import (
 )
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings
+from atw_mcp.perception.flight.surfaces import Surface, allowed
 
 Floats = NDArray[np.float64]
 MEDIAN_OF_THREE = 2.366  # of the chi-square distribution with three degrees of freedom
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A face that bodies can be on: a point (3,), its unit normal (3,) and corners (n, 3) in order round it; None for
-    the floor, which has no end."""
-
-    name: str
-    point: Floats
-    normal: Floats
-    corners: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -207,6 +197,8 @@ class Chain:
             right[index] += weights @ normal.right
             matrix[np.ix_(index[:6], index[:6])] += prior.T @ prior
             right[index[:6]] += prior.T @ mean
+            if part.motion == 0:
+                energy += settings.covered * float(np.count_nonzero(seen.covered[part.begin : part.end]))
             energy += settings.contact
             energy += float(np.log(motion.prior).sum())
         if moving and moving[0][0].unknowns is not None:
@@ -269,29 +261,6 @@ class Chain:
         places = motion.places(times, np.tile(unknowns[:6], (2, 1)))
         sink = self._settings.sink * self._seen.distances[[part.begin, part.end - 1]]
         return bool(allowed(places[None], self._surfaces, part.motion, self._lift, sink[None])[0])
-
-
-def allowed(places: Floats, surfaces: Sequence[Surface], k: int, lift: float, sink: Floats) -> NDArray[np.bool_]:
-    """Whether the ends (S, 2, 3) of stretches are where motion k can be: on its own face, or above the floor.
-
-    sink (S, 2) [m]: depth below the floor that is taken for an error.
-    """
-    if k == len(surfaces):
-        floor = surfaces[0]
-        height = (places - floor.point) @ floor.normal
-        return np.asarray(np.all(height >= lift - sink, axis=1))
-    return np.asarray(within(places, surfaces[k], lift).all(axis=1))
-
-
-def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
-    """Whether places (..., 3) are above a face, or beside it by less than `lift` [m]."""
-    inside = np.ones(places.shape[:-1], dtype=bool)
-    if face.corners is None:
-        return inside
-    for a, b in zip(face.corners, np.roll(face.corners, -1, axis=0), strict=True):
-        inward = np.cross(face.normal, b - a)
-        inside &= (places - a) @ (inward / np.linalg.norm(inward)) >= -lift
-    return inside
 
 
 def _own(part: Part) -> Floats | None:

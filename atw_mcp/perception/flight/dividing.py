@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
-from atw_mcp.perception.flight.chain import Chain, Part, Stretch, Surface, allowed, within
+from atw_mcp.perception.flight.chain import Chain, Part, Stretch
 from atw_mcp.perception.flight.evidence import Motion, energy_gains, evidences, flight, normal_equations, sliding
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid
+from atw_mcp.perception.flight.surfaces import Surface, allowed, within
 from polyworld.camera import Camera
 from polyworld.geometry import circumscribed_radius
 
@@ -106,6 +106,9 @@ def _cheapest(
         possible = allowed(places, surfaces, k, lift, settings.sink * seen.distances[ends])
         price = np.full((count, count + 1), np.inf)
         price[first, last] = np.where(possible, -evidence[first, last], np.inf) + settings.contact
+        if k == 0:
+            behind = np.append(0.0, np.cumsum(settings.covered * seen.covered))
+            price[first, last] += behind[last] - behind[first]
         price[first, last] += energy_gains(motion, at, own, motions[-1].drift, settings)
         price += 0.0 if k == 0 else settings.leave
         if k == len(surfaces):
@@ -140,24 +143,3 @@ def _is_met(face: Surface, seen: Sightings, camera: Camera, lift: float, setting
         distance = height / (seen.directions @ face.normal)
     met = camera.centre + distance[:, None] * seen.directions
     return bool(np.count_nonzero((distance > 0.0) & within(met, face, lift)) >= settings.least)
-
-
-def surfaces_of(floor: float, fixtures: Mapping[str, Floats], steepest: float) -> list[Surface]:
-    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear.
-
-    steepest: least upward part of a face's normal.
-    """
-    found = [Surface("floor", np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]))]
-    for name, corners in fixtures.items():
-        hull = ConvexHull(corners)
-        for equation in np.unique(np.round(hull.equations, 6), axis=0):
-            normal = equation[:3]
-            if normal[2] < steepest:
-                continue
-            on = np.unique(hull.simplices[np.abs(hull.equations - equation).max(axis=1) < 1e-5])
-            face = corners[on]
-            middle = face.mean(axis=0)
-            one = (face[0] - middle) / np.linalg.norm(face[0] - middle)
-            angles = np.arctan2((face - middle) @ np.cross(normal, one), (face - middle) @ one)
-            found.append(Surface(name, middle, normal, face[np.argsort(angles)]))
-    return found

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.flight.chain import Surface
-from atw_mcp.perception.flight.dividing import Divided, divided, surfaces_of
+from atw_mcp.perception.flight.dividing import Divided, divided
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid, sightings
+from atw_mcp.perception.flight.surfaces import Surface, is_covered, surfaces_of
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.silhouettes import SolidKind, lift_of
 from atw_mcp.perception.tracks import costs_of_rest, kind_and_size, world_tracks
@@ -67,6 +67,7 @@ def with_flights(
         if found is None or name not in tracks.names:
             continue
         lift = _lift(tracks, name, solid)
+        found = replace(found, covered=is_covered(found.directions, camera.centre, surfaces[0], lift, fixtures))
         parts = divided(found, camera, surfaces, solid, lift, np.array(about.gravity), SETTINGS)
         if _leaves(parts, found.rows, equivalent_radius(solid)):
             tracks = _in_flight(tracks, seen, camera, name, solid, found, parts)

@@ -14,6 +14,7 @@ class FlightSettings:
     length: of places about the middle of what is seen, of the width of the view there.
     speed: of bodies, of the one at which they fall through that length times the square root of two.
     friction: acceleration on a surface beside gravity's pull along it, of g.
+    covered: price of a frame in which something fixed would hide the body, were it on the floor.
     contact: price of a contact, one frame in twenty having one.
     leave: price of another motion than the usual one, on the floor, which most videos show alone.
     unexplained: price of a frame that no motion explains, about four standard deviations.
@@ -48,6 +49,7 @@ class FlightSettings:
     length: float = 1.0
     speed: float = 1.0
     friction: float = 0.3
+    covered: float = 4.0
     contact: float = 3.0
     leave: float = 10.0
     unexplained: float = 8.0

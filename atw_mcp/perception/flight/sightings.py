@@ -53,7 +53,7 @@ class Sightings:
     rows (K,): of the observation; times (K,) [s]; directions (K, 3): unit vectors from the camera; distances (K,) [m]:
     of its centre, from its apparent size; across (K,) [m]: standard deviation of the centre across the line of sight;
     along (K,) [m]: that of the distance without what all frames have in common; scale: relative standard deviation of
-    all distances together.
+    all distances together. covered (K,): where something fixed would hide the body, were it on the floor.
     """
 
     rows: NDArray[np.int64]
@@ -63,6 +63,7 @@ class Sightings:
     across: Floats
     along: Floats
     scale: float
+    covered: NDArray[np.bool_]
 
     def only(self, chosen: slice) -> Sightings:
         """Return some of the sightings."""
@@ -74,6 +75,7 @@ class Sightings:
             self.across[chosen],
             self.along[chosen],
             self.scale,
+            self.covered[chosen],
         )
 
 
@@ -130,6 +132,7 @@ def sightings(
         np.hypot(shift * away / focal, offset),
         away * np.sqrt((settings.edge**2 + excess**2) / pixels**2 + turning**2 + settings.masks**2),
         float(np.hypot(np.hypot(settings.given, turning), settings.edge_bias / np.median(pixels))),
+        np.zeros(len(kept), dtype=bool),
     )
 
 

@@ -27,6 +27,7 @@ from atw_mcp.perception.known.outlines import Window, around, assign_by_size, ou
 from atw_mcp.perception.known.paths import best_path
 from atw_mcp.perception.known.settings import SETTINGS
 from atw_mcp.perception.known.still import StillBodies
+from atw_mcp.perception.known.unchanged import unchanged
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.observe import describe, enlarged, reduced
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
@@ -176,7 +177,9 @@ class _Search:
             stop()
             free.append([places.candidates(self.ratio(k, t)) for t in range(len(self.bins))])
         left = list(range(len(self.words)))
-        paths = {k: self._path(k, free[k]) for k in left}
+        paths = {}
+        for k in left:
+            free[k], paths[k] = self._without_marks(k, free[k])
         while left:
             first = max(left, key=lambda k: paths[k][0])
             left.remove(first)
@@ -188,6 +191,19 @@ class _Search:
                 ]
                 if still_free != free[k]:
                     free[k], paths[k] = still_free, self._path(k, still_free)
+
+    def _without_marks(
+        self, k: int, free: list[list[Candidate]]
+    ) -> tuple[list[list[Candidate]], tuple[float, list[Candidate | None]]]:
+        """Return candidates and their best path without places that look the same while the body is elsewhere."""
+        path = self._path(k, free)
+        for _ in range(SETTINGS.candidates):
+            marks = unchanged(path[1], self.frames)
+            if not marks:
+                break
+            free = [[c for c in frame if not any(c.near(mark, 1.0) for mark in marks)] for frame in free]
+            path = self._path(k, free)
+        return free, path
 
     def _path(self, k: int, free: list[list[Candidate]]) -> tuple[float, list[Candidate | None]]:
         return best_path(free, self.said[k].rows, self.said[k].first)

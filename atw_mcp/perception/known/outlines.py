@@ -71,7 +71,8 @@ def assign_by_size(
 ) -> dict[int, int]:  # fmt: skip
     """Return which body (value) each found one (key) of several look-alikes is: the sizes they show agree best.
 
-    areas (T,) [px] and places (T,) by found body.
+    Sizes are compared in the frames in which a body is seen least enlarged: in the air it is nearer than it would be
+    on the floor, and looks larger. areas (T,) [px] and places (T,) by found body.
     """
     if not 2 <= len(alike) <= SETTINGS.most_alike:
         return {k: k for k in alike}
@@ -83,7 +84,8 @@ def assign_by_size(
                 for area, place in zip(areas[found], places[found], strict=True)
                 if place is not None and area > SETTINGS.least_area
             ]
-            off[found, body] = abs(float(np.median(ratios))) if ratios else SETTINGS.unknown_size
+            nearly_down = float(np.quantile(ratios, SETTINGS.nearly_down)) if ratios else SETTINGS.unknown_size
+            off[found, body] = abs(nearly_down)
     orders = permutations(alike)
     best = min(orders, key=lambda order: sum(off[f, b] for f, b in zip(alike, order, strict=True)))
     return dict(zip(alike, best, strict=True))

@@ -85,6 +85,10 @@ class KnownSettings:
         the expected outline, squared. farthest_edge: that a body may reach. piece: of the largest piece, from which
         another is the same body behind something. most_alike: bodies of one colour that sizes are to distinguish.
         unknown_size: ln of a ratio of sizes where none was seen. least_area: pixels from which a size is known.
+        stays, elsewhere: radii within which a body rests, and from which on it is elsewhere. least_free_rows, compared:
+        frames of either kind at least, and that are compared. smooth: radius of the filter. changed: levels below which
+        a place looks the same with the body there and without it.
+        nearly_down: part of the frames in which a body that flies is taken to be next to the floor.
     """
 
     nearer_than: float = 0.75
@@ -159,6 +163,13 @@ class KnownSettings:
     most_alike: int = 5
     unknown_size: float = 0.5
     least_area: float = 12.0
+    nearly_down: float = 0.25
+    stays: float = 0.5
+    elsewhere: float = 3.0
+    least_free_rows: int = 3
+    compared: int = 9
+    smooth: float = 0.3
+    changed: float = 2.5
 
     def __post_init__(self) -> None:
         require_positive(self)

@@ -1,0 +1,91 @@
+"""What bodies move on: the floor and the faces of fixed convex solids, and where these hide the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A face that bodies can be on: a point (3,), its unit normal (3,) and corners (n, 3) in order round it; None for
+    the floor, which has no end."""
+
+    name: str
+    point: Floats
+    normal: Floats
+    corners: Floats | None = None
+
+
+def surfaces_of(floor: float, fixtures: Mapping[str, Floats], steepest: float) -> list[Surface]:
+    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear.
+
+    steepest: least upward part of a face's normal.
+    """
+    found = [Surface("floor", np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]))]
+    for name, corners in fixtures.items():
+        hull = ConvexHull(corners)
+        for equation in np.unique(np.round(hull.equations, 6), axis=0):
+            normal = equation[:3]
+            if normal[2] < steepest:
+                continue
+            on = np.unique(hull.simplices[np.abs(hull.equations - equation).max(axis=1) < 1e-5])
+            face = corners[on]
+            middle = face.mean(axis=0)
+            one = (face[0] - middle) / np.linalg.norm(face[0] - middle)
+            angles = np.arctan2((face - middle) @ np.cross(normal, one), (face - middle) @ one)
+            found.append(Surface(name, middle, normal, face[np.argsort(angles)]))
+    return found
+
+
+def allowed(places: Floats, surfaces: Sequence[Surface], k: int, lift: float, sink: Floats) -> NDArray[np.bool_]:
+    """Whether the ends (S, 2, 3) of stretches are where motion k can be: on its own face, or above the floor.
+
+    sink (S, 2) [m]: depth below the floor that is taken for an error.
+    """
+    if k == len(surfaces):
+        floor = surfaces[0]
+        height = (places - floor.point) @ floor.normal
+        return np.asarray(np.all(height >= lift - sink, axis=1))
+    return np.asarray(within(places, surfaces[k], lift).all(axis=1))
+
+
+def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
+    """Whether places (..., 3) are above a face, or beside it by less than `lift` [m]."""
+    inside = np.ones(places.shape[:-1], dtype=bool)
+    if face.corners is None:
+        return inside
+    for a, b in zip(face.corners, np.roll(face.corners, -1, axis=0), strict=True):
+        inward = np.cross(face.normal, b - a)
+        inside &= (places - a) @ (inward / np.linalg.norm(inward)) >= -lift
+    return inside
+
+
+def is_covered(
+    directions: Floats, centre: Floats, floor: Surface, lift: float, fixtures: Mapping[str, Floats]
+) -> NDArray[np.bool_]:
+    """Whether rays (K, 3) from a camera's centre meet a fixed solid before a body that is `lift` [m] above the floor.
+
+    What is seen there cannot be on the floor: it is in front of the solid, or on it.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        end = (floor.point + lift * floor.normal - centre) @ floor.normal / (directions @ floor.normal)
+    covered = np.zeros(len(directions), dtype=bool)
+    for corners in fixtures.values():
+        equations = ConvexHull(corners).equations
+        enter, leave = np.zeros(len(directions)), np.where(end > 0.0, end - lift, np.inf)
+        for equation in equations:  # inside: normal . (centre + s direction) + offset < 0
+            rate, start = directions @ equation[:3], float(centre @ equation[:3] + equation[3])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                meets = -start / rate
+            enter = np.where(rate < 0.0, np.maximum(enter, meets), enter)
+            leave = np.where(rate > 0.0, np.minimum(leave, meets), leave)
+            leave = np.where((rate == 0.0) & (start > 0.0), -np.inf, leave)
+        covered |= enter < leave
+    return covered
