@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
@@ -20,10 +21,12 @@ from atw_mcp.steps import Step, StepFailed, Steps
 from atw_mcp.video_report import MATCHING, VideoModel, failure_report, fit_report
 from evidence_store import Case, StoreError
 from polyworld.camera import Camera
+from polyworld.geometry import equivalent_radius
 from polyworld.world import MotionPlane, World
 
 SHARES = {"ObserveObjects": 0.35, "CalibrateCamera": 0.36, "BuildWorld": 0.5, "FitWorld": 0.98}
 UNPLACED = 0.75  # of the frames that show a body, below which that its rays miss the floor is no matter of edges
+ALIKE = 1.15  # ratio of sizes below which masks do not distinguish objects
 MOVED = 0.5  # of its own size in the image, by which a track has moved
 
 
@@ -168,11 +171,25 @@ def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: 
     latest = latest_image_observation(app, case)
     found = () if latest is None else latest[1].names
     if latest is not None and len(found) >= max(least, 1):
+        model.notes += _look_alikes(request.known, found)
         return latest[1]
     model.notes.append(f"looked for by colour and size, only {', '.join(found) or 'nothing'} was found")
     if before is not None:
         steps.call("ObserveObjects", case=case.id, observation=before[0])
     return None
+
+
+def _look_alikes(known: tuple[Known, ...], found: tuple[str, ...]) -> Iterator[str]:
+    """Yield doubts about objects of one colour and nearly one size, of which nobody said where they are."""
+    for one, two in combinations([k for k in known if k.pixel is None and k.name in found and k.shape is not None], 2):
+        if one.colour != two.colour or one.shape is None or two.shape is None:
+            continue
+        sizes = sorted((equivalent_radius(one.shape), equivalent_radius(two.shape)))
+        if sizes[1] < ALIKE * sizes[0]:
+            yield (
+                f"{one.name} and {two.name} are alike in colour and size, so that either may be the other: give a "
+                "pixel on one of them"
+            )
 
 
 def _renames(names: dict[str, str], tracks: tuple[str, ...]) -> Iterator[dict[str, str]]:
@@ -253,7 +270,11 @@ def _better(
     other = VideoModel()
     built = steps.call("BuildWorld", case=case.id, **building)
     names = list(fitted.evidence.objects)
-    again = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
+    try:
+        again = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
+    except StepFailed as error:
+        model.notes.append(f"a {building['representation']} world could not be fitted: {error.reason}")
+        return fitted
     _compare(app, case, again, other, progress)
     if _misfit(other) < _misfit(model):
         model.errors, model.diverged = other.errors, None

@@ -157,10 +157,9 @@ def _opened(app: App, video: str | None, name: str | None) -> Case:
 
 
 def _looked_for(known: Sequence[Known], items: Sequence[KnownObject]) -> list[dict[str, Any]] | None:
-    """Return what ObserveObjects can look for; None where objects cannot be distinguished by colour and pixel."""
+    """Return what ObserveObjects can look for; None where a colour or a size is not given."""
     words = [colour_word(k.color or k.name) for k in known]
-    unpointed = [word for word, k in zip(words, known, strict=True) if k.pixel is None]
-    if None in words or len(set(unpointed)) < len(unpointed) or not all(isinstance(k.shape, Sized) for k in known):
+    if None in words or not all(isinstance(k.shape, Sized) for k in known):
         return None
     return [item.model_dump(include={"name", "shape", "color", "pixel", "frame"}, exclude_none=True) for item in items]
 
