@@ -58,10 +58,13 @@ def roll_out_members(
 
 
 def differences(world: World, members: Sequence[World], paths: Iterable[str]) -> dict[str, Array]:
-    """Return values (N,) by path that make `world` into the members, for those of the paths that it has."""
+    """Return values (N,) by path that make `world` into the members, for those of the paths that it has.
+
+    A component comes with the other two of its vector, into which an edit may have turned it.
+    """
     known = parameter_paths(world)
     found: dict[str, Array] = {}
-    for path in dict.fromkeys(paths):
+    for path in dict.fromkeys(sibling for given in paths for sibling in _components(given)):
         if path not in known:
             continue
         head, _, field = path.partition(".")[2].partition(".")
@@ -83,6 +86,12 @@ def differences(world: World, members: Sequence[World], paths: Iterable[str]) ->
             if f"{path[:-1]}{letter}" in known:
                 found[f"{path[:-1]}{letter}"] = vectors[:, column]
     return found
+
+
+def _components(path: str) -> list[str]:
+    """Paths of all components of the vector that a path is one of, or the path itself."""
+    head, _, last = path.rpartition(".")
+    return [f"{head}.{axis}" for axis in "xyz"] if last in ("x", "y", "z") else [path]
 
 
 def _rotation(world: World, member: World, kind: str, name: str) -> Array:

@@ -8,12 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from polyworld.description import Description, Name, NonNegative, Positive, Quaternion, Vec3
+from polyworld.geometry import quaternion_matrix, quaternion_product, rotation_quaternion
 from polyworld.joints import check_joints_hold, with_stops_kept
 from polyworld.parameters import read_parameter, with_parameters
-from polyworld.relocation import moved
+from polyworld.relocation import moved, start_of
 from polyworld.removal import PARTS, without
 from polyworld.representations.attachment import Attachment
 from polyworld.representations.fluid import Container, Drain, Emitter, FluidGrid
@@ -40,13 +42,13 @@ class Add(Description):
     action: Literal["add"] = "add"
     object: RigidObject | None = Field(default=None, description="the rigid object to add, with its initial state")
     deformable: Deformable | None = Field(default=None, description="the rope, cloth, soft body or fluid to add")
-    static: StaticObject | None = Field(default=None, description="the static to add")
-    joint: Joint | None = Field(default=None, description="the joint to add")
-    attachment: Attachment | None = Field(default=None, description="the attachment to add")
-    pulley: Pulley | None = Field(default=None, description="the pulley to add")
-    emitter: Emitter | None = Field(default=None, description="the emitter to add")
-    drain: Drain | None = Field(default=None, description="the drain to add")
-    container: Container | None = Field(default=None, description="the container to add")
+    static: StaticObject | None = None
+    joint: Joint | None = None
+    attachment: Attachment | None = None
+    pulley: Pulley | None = None
+    emitter: Emitter | None = None
+    drain: Drain | None = None
+    container: Container | None = None
     fluid_grid: FluidGrid | None = Field(default=None, description="with the first fluid of a world: its grid")
 
     @model_validator(mode="after")
@@ -60,10 +62,10 @@ class Add(Description):
 
 
 class Move(Description):
-    """Start an object somewhere else or otherwise turned, all of it, about its centre of mass.
+    """Start an object elsewhere, or turned about its centre of mass.
 
-    A hinged object keeps its hinge: one on a single hinge turns about it when given only an orientation; any
-    other move must leave the attached points where they are. Springs are stretched; a rope tied to the object by
+    A hinged object keeps its hinge: one on a single hinge turns about it where nothing moves its centre; any other
+    move must leave the attached points where they are. Springs are stretched; a rope tied to the object by
     an end follows with it; fastenings of a deformable object to the world move along with it.
     """
 
@@ -71,13 +73,19 @@ class Move(Description):
     object: Name = Field(description="name of the object")
     position: Vec3 | None = Field(default=None, description="centre of mass at the object's start_time [m]")
     orientation: Quaternion | None = Field(
-        default=None, description="unit quaternion w, x, y, z; of ropes, cloth and fluids: turn from how they lie"
+        default=None, description="quaternion w, x, y, z; of ropes, cloth and fluids: turn from how they lie"
     )
+    shift: Vec3 | None = Field(default=None, description="instead of position: change of it [m]")
+    turn: Vec3 | None = Field(default=None, description="instead of orientation: rotation vector [rad]")
 
     @model_validator(mode="after")
     def _some(self) -> Self:
-        if self.position is None and self.orientation is None:
-            raise ValueError("move needs at least one of: position, orientation")
+        given = [name for name in ("position", "orientation", "shift", "turn") if getattr(self, name) is not None]
+        if not given:
+            raise ValueError("move needs at least one of: position, orientation, shift, turn")
+        for pair in (("position", "shift"), ("orientation", "turn")):
+            if set(pair) <= set(given):
+                raise ValueError(f"move takes {pair[0]} or {pair[1]}, not both")
         return self
 
 
@@ -99,12 +107,13 @@ class SetVelocity(Description):
 
 
 class ScaleVelocity(Description):
-    """Start an object with a multiple of its velocity, of a rigid object or soft body also of its angular velocity."""
+    """Start an object with a multiple of its velocity and angular velocity, or with both turned."""
 
     action: Literal["scale_velocity"] = "scale_velocity"
     object: Name = Field(description="name of the object")
-    factor: float = Field(description="2: twice as fast; 0: at rest; -1: the other way")
+    factor: float = Field(default=1.0, description="2: twice as fast; 0: at rest; -1: the other way")
     angular_factor: float | None = Field(default=None, description="of the angular velocity; default: as factor")
+    turn: Vec3 | None = Field(default=None, description="rotation vector that turns both [rad]")
 
 
 class SetParameter(Description):
@@ -149,6 +158,7 @@ class ChangeEnvironment(Description):
 
     action: Literal["environment"] = "environment"
     gravity: Vec3 | None = Field(default=None, description="gravitational acceleration [m/s^2]")
+    gravity_factor: float | None = Field(default=None, description="instead of gravity: a multiple of it")
     plane_friction: NonNegative | None = Field(default=None, description="friction coefficient of the motion plane")
     wind: Vec3 | None = Field(default=None, description="velocity of the air that cloth moves through [m/s]")
     air_density: NonNegative | None = Field(default=None, description="density of that air [kg/m^3]")
@@ -156,7 +166,11 @@ class ChangeEnvironment(Description):
     @model_validator(mode="after")
     def _some(self) -> Self:
         if self.model_fields_set <= {"action"}:
-            raise ValueError("environment needs at least one of: gravity, plane_friction, wind, air_density")
+            raise ValueError(
+                "environment needs at least one of: gravity, gravity_factor, plane_friction, wind, air_density"
+            )
+        if self.gravity is not None and self.gravity_factor is not None:
+            raise ValueError("environment takes gravity or gravity_factor, not both")
         return self
 
 
@@ -198,7 +212,7 @@ def _edited(world: World, edit: Intervention) -> World:
         return _added(world, edit)
     if isinstance(edit, Move):
         _must_move(world, edit.object)
-        return moved(world, edit.object, edit.position, edit.orientation)
+        return moved(world, edit.object, *_destination(world, edit))
     if isinstance(edit, SetVelocity):
         return _restarted(world, edit)
     if isinstance(edit, ScaleVelocity):
@@ -217,8 +231,24 @@ def _edited(world: World, edit: Intervention) -> World:
     return _in_other_surroundings(world, edit)
 
 
+def _destination(world: World, edit: Move) -> tuple[Vec3 | None, Quaternion | None]:
+    """Where an object starts after a move, and how it is turned; None where that stays."""
+    item = world.item(edit.object)
+    position, orientation = edit.position, edit.orientation
+    if edit.shift is not None:
+        x, y, z = np.asarray(start_of(world, item)) + np.asarray(edit.shift)
+        position = (float(x), float(y), float(z))
+    if edit.turn is not None:
+        turn = rotation_quaternion(np.asarray(edit.turn))
+        w, i, j, k = quaternion_product(turn, np.asarray(getattr(item, "orientation", (1.0, 0.0, 0.0, 0.0))))
+        orientation = (float(w), float(i), float(j), float(k))
+    return position, orientation
+
+
 def _in_other_surroundings(world: World, edit: ChangeEnvironment) -> World:
     data: dict[str, Any] = world.model_dump()
+    if edit.gravity_factor is not None:
+        data["environment"]["gravity"] = tuple(edit.gravity_factor * g for g in world.environment.gravity)
     for field in ("gravity", "wind", "air_density"):
         if getattr(edit, field) is not None:
             data["environment"][field] = getattr(edit, field)
@@ -275,9 +305,10 @@ def _scaled(world: World, edit: ScaleVelocity) -> World:
     data: dict[str, Any] = world.model_dump()
     item = next(d for d in (*data["objects"], *data["deformables"]) if d["name"] == edit.object)
     angular = edit.factor if edit.angular_factor is None else edit.angular_factor
+    turn = quaternion_matrix(rotation_quaternion(np.asarray(edit.turn or (0.0, 0.0, 0.0))))
     for field, factor in (("velocity", edit.factor), ("angular_velocity", angular)):
         if field in item:
-            item[field] = tuple(factor * value for value in item[field])
+            item[field] = tuple(float(v) for v in factor * np.asarray(item[field]) @ turn.T)
     return World.model_validate(data)
 
 

@@ -117,6 +117,11 @@ def _check_length(world: World, name: str) -> None:
         )
 
 
+def start_of(world: World, item: RigidObject | Deformable) -> Vector:
+    """Centre of mass (3,) of an object where it starts [m]."""
+    return item.position if isinstance(item, RigidObject) else _vector(centre_of_mass(world, item))
+
+
 def _moved_deformable(world: World, item: Deformable, position: Vector | None, orientation: Turn | None) -> World:
     threaded = [p.name for p in world.pulleys if p.rope == item.name]
     if threaded:

@@ -182,6 +182,7 @@ def _query_answer(
         if ensemble is not None:
             row["ensemble"] = query_answer(ensemble[0], ensemble[1][number], question.aggregation)
             text += f". Of the ensemble: {query_in_words(row['ensemble'], question.aggregation)}"
+            text += _against_the_best(row)
         texts.append(text)
         rows.append(row)
     data: dict[str, Any] = rows[0] if len(rows) == 1 else {"answers": rows}
@@ -199,6 +200,19 @@ def _query_answer(
         interval=(min(a for a, _ in covered), max(b for _, b in covered)) if covered else None,
         status=result.status,
     )
+
+
+def _against_the_best(row: dict[str, Any]) -> str:
+    """That most members answer otherwise than the best fit does, whose answer comes first."""
+    about, verdict = row["ensemble"], row["verdict"]
+    if "true" not in about or verdict not in ("true", "false"):
+        return ""
+    share = about["true"] / (about["members"] - about["unknown"])
+    agreeing = share if verdict == "true" else 1.0 - share
+    if agreeing > 0.5:
+        return ""
+    row["best_fit_is_in_the_minority"] = True
+    return f". The best fit alone says {verdict}, with {100 * agreeing:.0f}% of the members: go by the probability"
 
 
 def _answered(

@@ -33,14 +33,13 @@ def edits_of(clip: Clip, world: dict[str, Any], edit: dict[str, Any]) -> list[di
     if op == "speed":
         return [{"action": "scale_velocity", "object": name, "factor": f}]
     if op == "turn":
-        return [_turned(clip, name, objects[name], np.radians(f))]
+        return [_turned(clip, name, float(np.radians(f)))]
     if op in ("shift", "raise"):
-        place = np.asarray(objects[name]["position"]) + (np.array([f, 0, 0]) if op == "shift" else np.array([0, 0, f]))
-        return [{"action": "move", "object": name, "position": place.tolist()}]
+        return [{"action": "move", "object": name, "shift": [f, 0.0, 0.0] if op == "shift" else [0.0, 0.0, f]}]
     if op == "angle":
         return [_swung(clip, name, objects[name], f)]
     if op == "gravity":
-        return [{"action": "environment", "gravity": [0.0, 0.0, -9.81 * f]}]
+        return [{"action": "environment", "gravity_factor": f}]
     return [{"action": "scale_parameter", "path": path, "factor": f} for path in _paths(clip, world, op, name)]
 
 
@@ -63,28 +62,17 @@ def _paths(clip: Clip, world: dict[str, Any], op: str, name: str) -> list[str]:
     raise Inexpressible(op)
 
 
-def _turned(clip: Clip, name: str, state: dict[str, Any], angle: float) -> dict[str, Any]:
+def _turned(clip: Clip, name: str, angle: float) -> dict[str, Any]:
     """A velocity turned about z, of a tossed body from x towards z."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = state["velocity"]
-    upright = clip.kind in ("tossed", "bouncing")
-    turned = [c * x - s * z, y, s * x + c * z] if upright else [c * x - s * y, s * x + c * y, z]
-    edit = {"action": "set_velocity", "object": name, "velocity": [float(v) for v in turned]}
-    if not upright:
-        p, q, r = state["angular_velocity"]
-        edit["angular_velocity"] = [float(c * p - s * q), float(s * p + c * q), float(r)]
-    return edit
+    turn = [0.0, -angle, 0.0] if clip.kind in ("tossed", "bouncing") else [0.0, 0.0, angle]
+    return {"action": "scale_velocity", "object": name, "turn": turn}
 
 
 def _swung(clip: Clip, name: str, state: dict[str, Any], factor: float) -> dict[str, Any]:
     """A pendulum that starts at a multiple of its angle from the vertical, in the plane y = 0."""
     pivot = next(b["pivot"] for b in clip.bodies if b["name"] == name)
     x, _, z = np.asarray(state["position"]) - pivot
-    half = 0.5 * (factor - 1.0) * float(np.arctan2(x, -z))
-    w, i, j, k = state["orientation"]
-    c, s = np.cos(half), -np.sin(half)  # about y, from x towards -z
-    turned = [c * w - s * j, c * i + s * k, c * j + s * w, c * k - s * i]
-    return {"action": "move", "object": name, "orientation": [float(v) for v in turned]}
+    return {"action": "move", "object": name, "turn": [0.0, -(factor - 1.0) * float(np.arctan2(x, -z)), 0.0]}
 
 
 def question_of(clip: Clip, question: dict[str, Any], names: set[str]) -> tuple[dict[str, Any], bool]:

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from atw_mcp.tools.known_objects import KnownObject
+from polyworld.interventions import Intervention, branch
+from polyworld.representations.rigid import RigidObject
+from polyworld.shapes import Sphere
+from polyworld.world import World
 from tests.benchmarks.foresight import calibration_error
 from tests.benchmarks.foresight_edits import edits_of
 from tests.benchmarks.foresight_run import Answered
@@ -59,15 +64,24 @@ def state(velocity: list[float], spin: list[float]) -> dict[str, object]:
 
 def test_turning_a_rolling_ball_keeps_it_rolling() -> None:
     """A quarter turn about z takes x to y: rolling without slip along +x is a spin about +y, along +y about -x."""
-    world = {"objects": [state([1.0, 0.0, 0.0], [0.0, 10.0, 0.0])], "joints": []}
-    (edit,) = edits_of(clip(), world, {"op": "turn", "body": "A", "factor": 90.0})
-    assert edit["velocity"] == pytest.approx([0.0, 1.0, 0.0])
-    assert np.allclose(np.cross(edit["angular_velocity"], [0.0, 0.0, 0.1]), edit["velocity"])
+    inspected = {"objects": [state([1.0, 0.0, 0.0], [0.0, 10.0, 0.0])], "joints": []}
+    (edit,) = edits_of(clip(), inspected, {"op": "turn", "body": "A", "factor": 90.0})
+    ball = RigidObject(
+        name="A",
+        shape=Sphere(radius=0.1),
+        representation="rigid_spatial",
+        position=(0.0, 0.0, 0.1),
+        velocity=(1.0, 0.0, 0.0),
+        angular_velocity=(0.0, 10.0, 0.0),
+    )
+    turned = branch(World(objects=(ball,)), [TypeAdapter(Intervention).validate_python(edit)]).object("A")
+    assert turned.velocity == pytest.approx((0.0, 1.0, 0.0))
+    assert np.allclose(np.cross(turned.angular_velocity, [0.0, 0.0, 0.1]), turned.velocity)
 
 
 def test_a_raised_body_moves_up_and_damping_is_that_of_joints_and_bodies() -> None:
     world = {"objects": [state([0.0] * 3, [0.0] * 3)], "joints": [{"name": "pivot_A"}]}
     (edit,) = edits_of(clip(), world, {"op": "raise", "body": "A", "factor": 0.3})
-    assert edit["position"] == pytest.approx([1.0, 2.0, 0.4])
+    assert edit["shift"] == [0.0, 0.0, 0.3]
     paths = [e["path"] for e in edits_of(clip("pendulum"), world, {"op": "damping", "body": "", "factor": 2.0})]
     assert paths == ["joints.pivot_A.friction", "joints.pivot_A.damping", "objects.A.linear_damping"]

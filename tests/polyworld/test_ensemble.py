@@ -51,6 +51,8 @@ def test_members_in_a_batch_move_as_each_of_them_alone() -> None:
         [Remove(object="other")],
         [SetVelocity(object="box", velocity=(1.0, 0.0, 0.0))],
         [Move(object="box", position=(1.0, 2.0, 3.0))],
+        [Move(object="box", shift=(0.0, 0.0, 0.2), turn=(0.0, 0.3, 0.0))],
+        [ScaleVelocity(object="box", turn=(0.0, 0.0, 0.5))],
         [ScaleParameter(path="objects.box.friction", factor=0.5), ScaleVelocity(object="other", factor=0.0)],
     ],
 )

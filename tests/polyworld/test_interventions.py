@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
@@ -11,6 +12,7 @@ from polyworld.interventions import (
     Intervention,
     Move,
     Remove,
+    ScaleVelocity,
     SetParameter,
     SetVelocity,
     ToggleEffect,
@@ -18,7 +20,7 @@ from polyworld.interventions import (
 )
 from polyworld.rollout import rollout
 from polyworld.shapes import Sphere, Wall
-from polyworld.world import Effect, StaticObject, World
+from polyworld.world import Effect, Environment, StaticObject, World
 from tests.verification.planar_scenes import body, disc, top_view
 
 
@@ -86,6 +88,33 @@ def test_edits_apply_in_their_order() -> None:
     assert other.environment.motion_plane.friction == 0.3
 
 
+def test_edits_relative_to_the_world_change_what_it_has() -> None:
+    """A quarter turn about z takes x to y; the angular velocity of a rolling ball turns with its velocity."""
+    ball = body("ball", Sphere(radius=0.1), (1.0, 2.0, 0.1)).model_copy(
+        update={
+            "representation": "rigid_spatial",
+            "velocity": (0.5, 0.0, 0.0),
+            "angular_velocity": (0.0, 5.0, 0.0),
+        }
+    )
+    before = World(objects=(ball,), environment=Environment(gravity=(0.0, 0.0, -8.0)))
+    quarter = (0.0, 0.0, np.pi / 2)
+    after = branch(
+        before,
+        [
+            Move(object="ball", shift=(0.0, 0.0, 0.2), turn=quarter),
+            ScaleVelocity(object="ball", factor=2.0, turn=quarter),
+            ChangeEnvironment(gravity_factor=1.25),
+        ],
+    )
+    moved = after.object("ball")
+    np.testing.assert_allclose(moved.position, (1.0, 2.0, 0.3))
+    np.testing.assert_allclose(moved.orientation, (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    np.testing.assert_allclose(moved.velocity, (0.0, 1.0, 0.0), atol=1e-15)
+    np.testing.assert_allclose(moved.angular_velocity, (-10.0, 0.0, 0.0), atol=1e-14)
+    np.testing.assert_allclose(after.environment.gravity, (0.0, 0.0, -10.0))
+
+
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
@@ -118,6 +147,8 @@ def test_an_impossible_edit_names_the_valid_choices(edit: Intervention, message:
         {"action": "move", "object": "red"},
         {"action": "set_velocity", "object": "red"},
         {"action": "environment"},
+        {"action": "environment", "gravity": [0.0, 0.0, -1.0], "gravity_factor": 2.0},
+        {"action": "move", "object": "red", "position": [0.0, 0.0, 0.0], "shift": [0.0, 0.0, 1.0]},
         {"action": "add"},
         {"action": "explode", "object": "red"},
         {"action": "remove", "object": "red", "why": "fun"},

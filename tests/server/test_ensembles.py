@@ -75,6 +75,22 @@ def test_a_line_far_ahead_and_one_far_behind_are_certain_and_one_at_the_stop_is_
     assert shares[2] == 0.0
 
 
+def test_a_best_fit_that_most_members_contradict_is_named(session: Session, rollout: str) -> None:
+    """Between where the best fit stops and where the median of the members does, they disagree."""
+    rolled = session("Rollout", case="slide", horizon_seconds=2.0, ensemble=40)["data"]
+    best = rolled["objects"][0]["end"][0]
+    median = rolled["ensemble"]["ends"][0]["position_90%"]["median"][0]
+    asked = session("QueryWorld", rollout=rollout, predicate=beyond(0.5 * (best + median)), ensemble=40)
+    about, said = asked["data"]["ensemble"], "true" if best > median else "false"
+    assert asked["data"]["verdict"] == said
+    assert (about["true"] > 20) == (said == "false")
+    assert asked["data"]["best_fit_is_in_the_minority"] is True
+    assert f"The best fit alone says {said}" in asked["summary"]
+    agreed = session("QueryWorld", rollout=rollout, predicate=beyond(0.6 * best), ensemble=40)
+    assert "best fit" not in agreed["summary"]
+    assert "best_fit_is_in_the_minority" not in agreed["data"]
+
+
 def test_the_answer_names_what_decides_it_and_how_narrow_it_is(session: Session) -> None:
     """All members start with 1 m/s in this branch: which of them pass x is a matter of friction, 1 / (2 g x)."""
     edits = [{"action": "set_velocity", "object": "block", "velocity": [1.0, 0.0, 0.0]}]
