@@ -70,16 +70,21 @@ def track_noise(values: Array) -> Array:
     return noise
 
 
-def initial_states(tracks: ObservedTracks, *, seconds_per_frame: float | None = None) -> dict[str, InitialState]:
+def initial_states(
+    tracks: ObservedTracks,
+    *,
+    seconds_per_frame: float | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> dict[str, InitialState]:
     """Initial state of every track with at least two observations; others are absent from the result.
 
-    seconds_per_frame: default the tracks' own.
+    seconds_per_frame: default the tracks' own. gravity [m/s^2]: with which a short path may be that of free fall.
     """
     step = tracks.seconds_per_frame if seconds_per_frame is None else seconds_per_frame
     states: dict[str, InitialState] = {}
     for column, name in enumerate(tracks.names):
         if np.count_nonzero(tracks.confidence[:, column] > 0.0) >= 2:
-            states[name] = _initial_state(tracks, column, step)
+            states[name] = _initial_state(tracks, column, step, np.array(gravity))
     return states
 
 
@@ -90,7 +95,8 @@ def with_initial_states(world: World, tracks: ObservedTracks) -> World:
     height above the motion plane, and the orientation's tilt, stay as the world has them.
     """
     axes = geometry.plane_axes(world.environment.motion_plane)
-    states = initial_states(tracks, seconds_per_frame=world.time.seconds_per_frame)
+    frame, gravity = world.time.seconds_per_frame, world.environment.gravity
+    states = initial_states(tracks, seconds_per_frame=frame, gravity=gravity)
     data = world.model_dump()
     for item in data["objects"]:
         state = states.get(item["name"])
@@ -117,11 +123,11 @@ def with_initial_states(world: World, tracks: ObservedTracks) -> World:
     return World.model_validate(data)
 
 
-def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialState:
+def _initial_state(tracks: ObservedTracks, column: int, step: float, gravity: Array) -> InitialState:
     rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
     times = (tracks.frames[rows] - tracks.frames[rows[0]]) * step
     points = tracks.positions[rows, column]
-    stated = float(np.median(tracks.coordinate_sigma[rows, column]))
+    stated = float(np.median(tracks.position_sigma[rows, column]))
     scatter, varied = _scatter(points, stated)
     # Where a track is smoother than it claims to be exact, the rest of its error drifts slowly: half-way between
     # the two (geometrically) is what a stretch is judged and a velocity known by, and of the position the part
@@ -133,7 +139,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
     path, covariance = _polynomial(times[:count], points[:count], weight[:count], noise)
     position_sd, velocity_sd = BIAS * np.sqrt(np.diag(covariance)[:2])
     if velocity_sd > VAGUE and len(path) > 2:
-        path, covariance = _polynomial(times[:count], points[:count], weight[:count], noise, largest=1)
+        path, covariance = _straight_or_falling(times[:count], points[:count], weight[:count], noise, gravity)
         position_sd, velocity_sd = BIAS * np.sqrt(np.diag(covariance)[:2])
         velocity_sd = np.hypot(velocity_sd, CURVING * times[count - 1] / 2.0)
     velocity = path[1] if len(path) > 1 else np.zeros(3)
@@ -144,6 +150,9 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float) -> InitialS
         path = np.array([(points[:count] * mean_weight).sum(axis=0) / mean_weight.sum(), np.zeros(3)])
         position_sd = noise / np.sqrt(mean_weight.sum())
         velocity = np.zeros(3)
+    if tracks.position_spread is not None:  # a distance from a camera errs for the whole stretch alike
+        away, receding = _spread(times[:count], tracks.position_spread[rows[:count], column])
+        position_sd, velocity_sd = np.hypot(position_sd, away), np.hypot(velocity_sd, receding)
     turn = _initial_rotation(tracks, column, int(rows[0]), int(rows[count - 1]), step)
     orientation, orientation_sd, spin, spin_sd = turn
     turning = bool(np.linalg.norm(spin) > max(SLOWEST_TURN, 4.0 * spin_sd))
@@ -206,6 +215,30 @@ def _polynomial(times: Array, points: Array, weight: Array, noise: float, larges
     size = min(2, degree + 1)
     covariance[:size, :size] = inverse[:size, :size] * noise**2
     return path, covariance
+
+
+def _straight_or_falling(
+    times: Array, points: Array, weight: Array, noise: float, gravity: Array
+) -> tuple[Array, Array]:
+    """Fit a straight line or a free fall, whichever is nearer to the points."""
+    fits = []
+    for acceleration in (np.zeros(3), gravity):
+        fallen = 0.5 * times[:, None] ** 2 * acceleration
+        path, covariance = _polynomial(times, points - fallen, weight, noise, largest=1)
+        off = np.sum(((_at(path, times) + fallen - points) * weight[:, None]) ** 2)
+        fits.append((float(off), path, covariance))
+    _, path, covariance = min(fits, key=lambda fit: fit[0])
+    return path, covariance
+
+
+def _spread(times: Array, spread: Array) -> tuple[float, float]:
+    """Standard deviations of place [m] and velocity [m/s] at the start, of what errs by a spread (T, 3) [m] with time.
+
+    The largest over the axes.
+    """
+    path = np.polynomial.polynomial.polyfit(times, spread, min(1, len(times) - 1))
+    away = float(np.abs(path[0]).max())
+    return away, float(np.abs(path[1]).max()) if len(path) > 1 else 0.0
 
 
 def _at(path: Array, times: Array) -> Array:

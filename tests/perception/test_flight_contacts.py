@@ -112,8 +112,15 @@ def test_only_gravity_makes_a_body_faster() -> None:
     floor = sliding("floor", np.zeros(3), np.eye(3)[:2], G, 0.3, 1.0, USUAL)
     slowing, faster = (np.array([0.0, 0.0, 1.0, 0.0, rate, 0.0]) for rate in (-2.0, 2.0))
     assert energy_gains(floor, ends, slowing[None], G, SETTINGS)[0] == 0.0
-    gained = 2.0 * 0.4
-    assert energy_gains(floor, ends, faster[None], G, SETTINGS)[0] == pytest.approx(0.5 * (gained / SETTINGS.gain) ** 2)
+    turning = np.array([0.0, 0.0, 1.0, 0.0, 0.0, -10.0])  # from 2 m/s along y to -2 m/s, past none
+    before, after, least = np.hypot(1.0, 2.0), np.hypot(1.0, 2.0), 1.0
+    assert before == after
+    for motion, gained in (
+        (faster, 1.4 - np.sqrt(1.4**2 - (1.4**2 - 0.6**2))),
+        (turning, after - np.sqrt(least**2)),
+    ):
+        found = energy_gains(floor, ends, motion[None], G, SETTINGS)[0]
+        assert found == pytest.approx(0.5 * (gained / SETTINGS.gain) ** 2)
 
 
 def test_what_an_obstacle_hides_cannot_be_on_the_floor() -> None:

@@ -49,11 +49,12 @@ def divided(
     local = replace(seen, times=seen.times - seen.times.mean())
     stride = -(-len(seen.rows) // settings.most)
     fewer = local.only(slice(None, None, stride))
-    rough = _cheapest(fewer, camera, motions, surfaces, lift, settings)
+    rough, airy = _cheapest(fewer, camera, motions, surfaces, lift, settings)
     if all(part.motion == 0 for part in rough):  # it stays on the floor: how it is divided there is of no interest
         floor = Stretch(int(seen.rows[0]), int(seen.rows[-1]), motions[0].name, surfaces[0])
         return Divided((floor,), np.full((len(seen.rows), 3), np.nan), np.full((len(seen.rows), 3, 3), np.nan))
-    parts, _ = Chain(fewer, camera.centre, motions, surfaces, lift, reach, settings).improved(rough)
+    chain = Chain(fewer, camera.centre, motions, surfaces, lift, reach, settings)
+    parts, _ = min((chain.improved(start) for start in (rough, airy)), key=lambda found: found[1].energy)
     if stride > 1:
         last = len(seen.rows)
         parts = [replace(p, begin=stride * p.begin, end=min(stride * p.end, last)) for p in parts]
@@ -92,8 +93,8 @@ def _cheapest(
     surfaces: Sequence[Surface],
     lift: float,
     settings: FlightSettings,
-) -> list[Part]:
-    """The cheapest division of all frames (dynamic programming over where stretches end)."""
+) -> tuple[list[Part], list[Part]]:
+    """The cheapest divisions of all frames, without and with what contacts add in favour of flights."""
     count, times = len(seen.rows), seen.times
     cost, unknowns = [], []
     first, last = np.triu_indices(count + 1, 1)
@@ -116,6 +117,16 @@ def _cheapest(
             price[short] = np.inf
         cost.append(price)
         unknowns.append(theta)
+    favoured = [price - (settings.favour if k == len(surfaces) else 0.0) for k, price in enumerate(cost)]
+    return _division(cost, unknowns, settings), _division(favoured, unknowns, settings)
+
+
+def _division(cost: Sequence[Floats], unknowns: Sequence[Floats], settings: FlightSettings) -> list[Part]:
+    """The division of the least cost (dynamic programming over where stretches end).
+
+    cost: prices (K, K + 1) of stretches [i, j) for each motion; unknowns (K, K + 1, 7) of these.
+    """
+    count = len(cost[0])
     price, which = np.min(cost, axis=0), np.argmin(cost, axis=0)
     best, back = np.full(count + 1, np.inf), np.zeros((count + 1, 2), dtype=np.int64)
     best[0] = 0.0

@@ -155,12 +155,22 @@ def evidences(
 def energy_gains(motion: Motion, ends: Floats, unknowns: Floats, gravity: Floats, settings: FlightSettings) -> Floats:
     """Return the prices (S,) of being faster at the end of a stretch than gravity explains: friction only slows down.
 
-    ends (S, 2) [s]: its first and last time; unknowns (S, 6).
+    ends (S, 2) [s]: its first and last time; unknowns (S, 6). Energy is compared with the least that the stretch has.
     """
-    before, after = (motion.velocities(ends[:, k], unknowns) for k in (0, 1))
-    fall = motion.places(ends[:, 1], unknowns) - motion.places(ends[:, 0], unknowns)
-    most = np.sqrt(np.maximum(np.sum(before**2, axis=1) + 2.0 * fall @ gravity, 0.0))
-    excess = np.maximum(np.linalg.norm(after, axis=1) - most, 0.0)
+    first, last = ends.T
+
+    def energies(times: Floats) -> Floats:
+        """Kinetic and potential energy (S,) of the unit of mass [m^2/s^2]."""
+        speeds = motion.velocities(times, unknowns)
+        return np.asarray(0.5 * np.sum(speeds**2, axis=1) - motion.places(times, unknowns) @ gravity)
+
+    start, middle, end = (energies(times) for times in (first, 0.5 * (first + last), last))
+    # A parabola in the share s of the time from first to last, as places are quadratic in time.
+    bend, slope = 2.0 * (start - 2.0 * middle + end), 4.0 * middle - 3.0 * start - end
+    turning = np.divide(-slope, 2.0 * bend, out=np.zeros_like(bend), where=bend > 0.0)
+    lowest = np.minimum(start, energies(first + np.clip(turning, 0.0, 1.0) * (last - first)))
+    speed = np.linalg.norm(motion.velocities(last, unknowns), axis=1)
+    excess = speed - np.sqrt(np.maximum(speed**2 - 2.0 * np.maximum(end - lowest, 0.0), 0.0))
     return np.asarray(0.5 * (excess / settings.gain) ** 2)
 
 

@@ -19,6 +19,7 @@ class FlightSettings:
     leave: price of another motion than the usual one, on the floor, which most videos show alone.
     unexplained: price of a frame that no motion explains, about four standard deviations.
     sink: depth below the floor that is still taken for an error, of the distance.
+    favour: nats by which contacts speak for a flight beside others, in a second division from which a search starts.
     least: frames that show a flight at least.
     tails: degrees of freedom of the sightings' noise, of Student's distribution.
     alike: frames in a row whose masks err together, which count as one.
@@ -54,6 +55,7 @@ class FlightSettings:
     leave: float = 10.0
     unexplained: float = 8.0
     sink: float = 0.03
+    favour: float = 12.0
     least: int = 4
     tails: float = 4.0
     alike: float = 2.0

@@ -22,7 +22,8 @@ class Shown:
     @cached_property
     def states(self) -> dict[str, InitialState]:
         """Initial states of the tracked objects."""
-        return initial_states(self.tracks, seconds_per_frame=self.world.time.seconds_per_frame)
+        frame, gravity = self.world.time.seconds_per_frame, self.world.environment.gravity
+        return initial_states(self.tracks, seconds_per_frame=frame, gravity=gravity)
 
     @cached_property
     def contacts(self) -> dict[tuple[str, str], float]:

@@ -2,8 +2,9 @@
 
 The first frames show initial states nearly linearly; every longer stretch starts from what the shorter one found, so
 that each collision is met with a path that reaches it at about the right place and time. Where the whole is not
-described within the noise, further starts are drawn from the priors, the initial states kept; one that falls behind the
-best start over a stretch is abandoned there (racing, Maron & Moore 1994).
+described within the noise, further starts are drawn from the priors, the initial states kept but for distances from a
+camera that are hardly known; one that falls behind the best start over a stretch is abandoned there (racing, Maron &
+Moore 1994).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import LossPoint, Status
 from polyworld.estimation.world_fit.search import Cancelled
 from polyworld.estimation.world_fit.settings import PrefixSettings
+from polyworld.estimation.world_fit.sight_lines import sight_lines
 
 Array = NDArray[np.float64]
 
@@ -41,7 +43,9 @@ def fit_by_prefixes(
     stages = _stages(problem, settings.stages)
     reached = np.full(len(stages), np.inf)  # lowest loss over each stretch
     starts: list[Start] = []
-    for number in range(settings.starts):
+    lines = sight_lines(problem)
+    most = settings.starts + (settings.distances if len(lines) and settings.starts > 1 else 0)
+    for number in range(most):
         problem.begin()
         at = space.mean.copy()
         if number:
@@ -51,6 +55,9 @@ def fit_by_prefixes(
         history: list[LossPoint] = []
         behind = False
         for stage, (samples, iterations) in enumerate(zip(stages, settings.iterations, strict=True)):
+            if number and stage == 1:  # the first stretch shows all but the distance; what follows may hang on it
+                at = at + settings.distance * rng.standard_normal(len(lines)) @ lines
+                at = np.clip(at, space.lower, space.upper)
             at, points, status = descend(
                 problem,
                 at,
@@ -62,7 +69,7 @@ def fit_by_prefixes(
             )
             history += points
             if progress is not None:
-                progress(number + 1, settings.starts, history[-1].best if history else float("nan"))
+                progress(number + 1, most, history[-1].best if history else float("nan"))
             if status == "cancelled":
                 break
             loss = float(problem.losses(at[None], samples)[0])

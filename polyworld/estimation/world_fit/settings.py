@@ -13,7 +13,8 @@ class PrefixSettings:
     and seldom more than one contact. iterations: at most, in each stage; the last has all parameters to settle.
     tolerance: converged when an iteration gains less than this share of the loss, a hundredth of what `behind` decides
     on. behind: times the lowest loss over a stretch above which a further start is abandoned. scatter: standard
-    deviations of a prior by which a further start departs, so that starts cover what the prior holds likely.
+    deviations of a prior by which a further start departs, so that starts cover what the prior holds likely. distance:
+    the same of distances from a camera. distances: starts that are added where such a distance is hardly known.
     """
 
     starts: int = 3
@@ -23,6 +24,8 @@ class PrefixSettings:
     tolerance: float = 1e-3
     behind: float = 1.1
     scatter: float = 1.0
+    distance: float = 1.5
+    distances: int = 8
 
     def __post_init__(self) -> None:
         if self.starts < 1:

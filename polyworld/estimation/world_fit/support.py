@@ -53,7 +53,8 @@ def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | N
         return {}
     settings = settings or SupportSettings()
     held = {name for joint in world.joints for name in (joint.object, joint.other)}
-    states = initial_states(tracks, seconds_per_frame=world.time.seconds_per_frame)
+    frame, gravity = world.time.seconds_per_frame, world.environment.gravity
+    states = initial_states(tracks, seconds_per_frame=frame, gravity=gravity)
     found: dict[str, Support] = {}
     for item in world.objects:
         state = states.get(item.name)
