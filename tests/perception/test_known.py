@@ -13,6 +13,7 @@ from atw_mcp.perception.known.colour_words import colour_word
 from atw_mcp.perception.known.finding import Candidate
 from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.known.paths import best_path
+from atw_mcp.perception.known.unchanged import unchanged
 from atw_mcp.perception.observation import ObservationError
 from polyworld.camera import Camera
 
@@ -290,3 +291,51 @@ def test_the_longest_colour_in_a_description_is_taken() -> None:
     assert colour_word("a dark grey cube") == "dark grey"
     assert colour_word("gray") == "grey"
     assert colour_word("metal sphere") is None
+
+
+@pytest.mark.parametrize(("leaves", "light"), [(False, 1.0), (False, 1.2), (True, 1.0), (True, 1.2)])
+def test_what_looks_the_same_while_the_body_is_elsewhere_is_no_body(leaves: bool, light: float) -> None:
+    """A path that rests on a red spot and then moves: the spot stays, or goes with it; the light may change."""
+    rng, radius, rests = np.random.default_rng(3), 8.0, 8
+    spot, moving = (200.0, 180.0), line((60, 60), (250, 60), FRAMES - rests)
+    places = np.concatenate([np.tile(spot, (rests, 1)), moving])
+    frames = []
+    for t, place in enumerate(places):
+        frame = np.full((HEIGHT, WIDTH, 3), GREY, dtype=float)
+        if t < rests or not leaves:
+            disc(frame, np.array(spot), radius, RED)
+        if t >= rests:
+            disc(frame, place, radius, RED)
+            frame *= light
+        frames.append(np.clip(frame + rng.normal(0, 3, frame.shape), 0, 255).astype(np.uint8))
+    path = [Candidate(x, y, radius, 1.0) for x, y in places]
+    assert [(c.x, c.y) for c in unchanged(path, np.stack(frames))] == ([] if leaves else [spot])
+
+
+def test_of_two_alike_the_smaller_one_is_known_when_it_lands(tmp_path: Path) -> None:
+    """Thrown above the horizon, where nothing on the floor is, a ball has no size to compare until it comes down."""
+    path, t = tmp_path / "clip.avi", np.linspace(0.0, 1.0, FRAMES)
+    small, large = 0.08, 0.12
+    flying = np.stack([-0.7 + 1.4 * t, 0.2 * t, small + np.maximum(4.4 * t * (0.8 - t), 0.0)], axis=1)
+    resting = np.array([0.4, 0.4, large])
+    forward, right = np.array([0.0, 1.0, -0.1]) / np.sqrt(1.01), np.array([1.0, 0.0, 0.0])
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    translation = -rotation @ np.array([0.0, -2.2, 0.5])
+    camera = from_above().model_copy(update={"rotation": rotation.tolist(), "translation": translation.tolist()})
+    frames = []
+    for place in flying:
+        frame = np.full((HEIGHT, WIDTH, 3), GREY, dtype=float)
+        for centre, radius in ((resting, large), (place, small)):
+            disc(frame, camera.project(centre), radius * FOCAL / camera.to_camera(centre)[2], RED)
+        frames.append(frame)
+    write(path, frames)
+    around = np.array([[-0.8, -0.5, 0.0], [0.8, -0.5, 0.0], [0.8, 0.6, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.5, 0.9]])
+    for names in (("small", "large"), ("large", "small")):
+        sizes = {"small": small, "large": large}
+        bodies = [KnownBody(name, "red", sizes[name], sizes[name]) for name in names]
+        seen = observe_known(path, bodies, camera, around)
+        for name, truth in (
+            ("small", camera.project(flying)),
+            ("large", np.tile(camera.project(resting), (FRAMES, 1))),
+        ):
+            assert np.nanmedian(np.linalg.norm(seen.object(name).centroid - truth, axis=1)) < 4.0

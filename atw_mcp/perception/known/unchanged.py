@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 def unchanged(path: Sequence[Candidate | None], frames: Frames) -> list[Candidate]:
     """Return the places of a path's rests that a frame shows alike, with the body there and with it elsewhere.
 
-    frames (T, H, W, 3). Compared are medians over some frames of either kind, smoothed, beside the change around them.
+    frames (T, H, W, 3). Compared are medians over some frames of either kind, smoothed, beside the light around them.
     """
     found = []
     for place, rows in _rests(path):
@@ -45,15 +45,15 @@ def _rests(path: Sequence[Candidate | None]) -> Iterator[tuple[Candidate, list[i
 
 
 def _change(place: Candidate, frames: Frames, rows: Sequence[int], others: Sequence[int]) -> float:
-    """Mean change [levels] of the pixels of a place between frames, beside that of its surroundings."""
+    """Mean change [levels] of the pixels of a place between frames, in the light of their surroundings."""
     window, away = around(place, SETTINGS.outer, (frames.shape[1], frames.shape[2]))
     images = []
     for kind in (rows, others):
         chosen = [kind[i] for i in np.unique(np.linspace(0, len(kind) - 1, SETTINGS.compared).round().astype(int))]
         middle = np.median(frames[chosen][(slice(None), *window)].astype(np.float32), axis=0)
         images.append(cv2.GaussianBlur(middle, (0, 0), max(SETTINGS.smooth * place.radius, 0.5)))
-    change = np.asarray(images[0] - images[1], dtype=float).reshape(*away.shape, -1)
+    there, without = (np.asarray(image, dtype=float).reshape(*away.shape, -1) for image in images)
     ring = (away > SETTINGS.reach) & (away < SETTINGS.outer)
-    if ring.any():
-        change -= np.median(change[ring], axis=0)  # light that changes, changes both
-    return float(np.abs(change[away < SETTINGS.inner]).mean())
+    if ring.any():  # light that changes, changes both
+        there = there * (np.median(without[ring], axis=0) / np.maximum(np.median(there[ring], axis=0), 1.0))
+    return float(np.abs(there - without)[away < SETTINGS.inner].mean())
