@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.perception.flight.placing import Surroundings, with_flights
-from atw_mcp.perception.flight.sightings import cone
+from atw_mcp.perception.flight.sightings import SightingSettings, cone, sightings
 from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservedObject, measure
 from atw_mcp.perception.tracks import Solid, world_tracks
@@ -252,3 +253,20 @@ def test_the_cone_of_a_ball_is_found_exactly() -> None:
     found, half = cone(rays)
     np.testing.assert_allclose(found, axis, atol=1e-9)
     assert half == pytest.approx(angle, rel=1e-6)
+
+
+def test_frames_without_the_body_do_not_make_the_others_vague() -> None:
+    """Hidden between its first two frames and the rest, a ball is still seen to a pixel in these."""
+    truth = bouncing(24, np.array([-0.9, 0.5, 0.8]), np.array([1.4, -0.6, 1.0]), 0.75)
+    seen = observed([ball_mask(CAMERA, p, BALL.radius) for p in truth])
+    (ball,) = seen.objects
+    status = tuple("hidden" if 2 <= t < 9 else "visible" for t in range(24))
+    labels = [seen.label_image(frame) for frame in seen.frames]
+    times = np.arange(24) * FRAME
+    whole, parted = (
+        sightings(replace(seen, objects=(one,)), "ball", labels, CAMERA, BALL, times, SightingSettings())
+        for one in (ball, replace(ball, status=status))
+    )
+    assert whole is not None
+    assert parted is not None
+    np.testing.assert_allclose(parted.across, whole.across[[0, 1, *range(9, 24)]], rtol=0.3)

@@ -160,6 +160,6 @@ def _noise(pixels: Floats, rows: NDArray[np.int64]) -> float:
     """
     if len(rows) < 4:
         return 0.0
-    follow = rows[3:] - rows[:-3] == rows[3] - rows[0]
+    follow = rows[3:] - rows[:-3] == 3 * np.diff(rows).min()
     third = np.abs(np.diff(pixels, 3, axis=0))[follow]
     return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
