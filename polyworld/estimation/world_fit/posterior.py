@@ -2,8 +2,8 @@
 
 Around a minimum x0 the log-posterior is -U(x), U = sum of w r(x)^2 / 2, with weights w that admit the reduced
 chi-square and the correlation of the residuals. Its linearisation is a Gaussian truncated to the bounds, flat along
-what the data leave open. Candidates from it are weighted by exp(U_linearised - U), tempered so that enough of them
-count, and resampled (sampling importance resampling, Rubin 1988; tempering as in Neal 2001).
+what the data leave open. Candidates from it are weighted by exp(U_linearised - U) and resampled (sampling importance
+resampling, Rubin 1988); where too few of them count, they are moved as well (`tempering`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtri_exp
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.default_unknowns import states_at_rest, unknown_of
@@ -25,6 +24,8 @@ from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult
 from polyworld.estimation.world_fit.search_space import SearchSpace
 from polyworld.estimation.world_fit.sensitivity import sensitivity
+from polyworld.estimation.world_fit.tempering import annealed, systematic, tempered
+from polyworld.estimation.world_fit.truncated import TruncatedGaussian
 
 Array = NDArray[np.float64]
 
@@ -32,8 +33,7 @@ MEMBERS = 64
 CANDIDATES, COUPLED_CANDIDATES = 4, 2  # rollouts for each member kept; those of coupled worlds take seconds
 MOST_MINIMA = 3
 FARTHEST = 6.0  # difference of log-posteriors beyond which a second minimum holds no member
-SWEEPS = 12
-NARROWEST = 1e-12  # precision in units of the bounds' width: what is flatter counts as flat
+WELL = 0.5  # exponent of importance weights below which draws are moved, too
 UNFITTED = ("friction", "restitution", "mass")
 
 
@@ -109,18 +109,26 @@ def sample_posterior(
         return None
     share = _masses(minima, space.width)
     total = (COUPLED_CANDIDATES if problem.world.coupled else CANDIDATES) * count
-    drawn, linearised = [], []
-    for minimum, number in zip(minima, rng.multinomial(total, share), strict=True):
-        x = draw_truncated(
-            minimum.centre, minimum.gradient, minimum.curvature, space.lower, space.upper, int(number), rng
-        )
-        drawn.append(x)
-        linearised.append(minimum.linearised(x))
-    candidates, expected = np.concatenate(drawn), np.concatenate(linearised)
-    residuals = problem.residuals(candidates)
-    misfit = 0.5 * np.where(np.isfinite(residuals), residuals, 0.0) ** 2 @ minima[0].weight
-    misfit[~np.isfinite(residuals).all(axis=1)] = np.inf
-    weights, exponent = tempered(expected - misfit, least=count)
+    approximations = [TruncatedGaussian(m.centre, m.gradient, m.curvature, space.lower, space.upper) for m in minima]
+    owner = np.repeat(np.arange(len(minima)), rng.multinomial(total, share))
+    counts = np.bincount(owner, minlength=len(minima))
+    candidates = np.concatenate([a.draw(int(n), rng) for a, n in zip(approximations, counts, strict=True)])
+
+    def log_ratio(x: Array, own: NDArray[np.int64]) -> Array:
+        """Log-posterior (N,) over that of the linearisation from which each candidate comes."""
+        residuals = problem.residuals(x)
+        misfit = 0.5 * np.where(np.isfinite(residuals), residuals, 0.0) ** 2 @ minima[0].weight
+        expected = np.zeros(len(x))
+        for number, minimum in enumerate(minima):
+            expected[own == number] = minimum.linearised(x[own == number])
+        ratio: Array = np.where(np.isfinite(residuals).all(axis=1), expected - misfit, -np.inf)
+        return ratio
+
+    ratios = log_ratio(candidates, owner)
+    weights, exponent = tempered(ratios, least=count)
+    if exponent < WELL and np.isfinite(ratios).any() and not problem.world.coupled:
+        candidates, exponent = annealed(candidates, ratios, owner, approximations, log_ratio, rng)
+        weights = np.full(len(candidates), 1.0 / len(candidates))
     chosen = rng.permutation(systematic(weights, count, rng))
     values = space.values(candidates[chosen])
     fitted = {path for u in space.unknowns for path in u.paths}
@@ -148,79 +156,6 @@ def sample_posterior(
         candidates=total,
         seed=seed,
     )
-
-
-def draw_truncated(
-    centre: Array, gradient: Array, curvature: Array, lower: Array, upper: Array, count: int, rng: np.random.Generator
-) -> Array:
-    """Draw (count, P) from exp(-(g'd + d'A d / 2)), d = x - centre, within bounds (P,), by hit-and-run.
-
-    Every sweep moves all chains along the eigenvectors of A, which for a Gaussian that the bounds do not touch gives an
-    exact draw at once, and along the coordinates, which suits the corners of the box. A may be singular.
-    """
-    width = upper - lower
-    a = curvature * np.outer(width, width)
-    g = gradient * width
-    directions = np.concatenate([np.linalg.eigh(a)[1].T, np.eye(len(width))])
-    start = (np.clip(centre, lower, upper) - lower) / width
-    origin = (centre - lower) / width
-    y = np.repeat(start[None], count, axis=0)
-    for _ in range(SWEEPS):
-        for d in directions:
-            along = a @ d
-            precision = max(float(d @ along), NARROWEST)
-            mean = -(g @ d + (y - origin) @ along) / precision
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ends = np.stack([-y / d, (1.0 - y) / d])
-            ends = np.where(np.isnan(ends), np.inf, ends)
-            least = np.where(d == 0.0, -np.inf, ends.min(axis=0)).max(axis=1)
-            most = np.where(d == 0.0, np.inf, ends.max(axis=0)).min(axis=1)
-            step = _truncated_normal(mean, 1.0 / np.sqrt(precision), np.minimum(least, 0.0), np.maximum(most, 0.0), rng)
-            y = np.clip(y + step[:, None] * d, 0.0, 1.0)
-    drawn: Array = lower + y * width
-    return drawn
-
-
-def _truncated_normal(mean: Array, sd: float, lower: Array, upper: Array, rng: np.random.Generator) -> Array:
-    """Draw from normal distributions (n,) restricted to [lower, upper] (n,), by inversion in the lighter tail."""
-    a, b = (lower - mean) / sd, (upper - mean) / sd
-    flip = a > 0.0  # the distribution function is exact in the lower tail alone
-    a, b = np.where(flip, -b, a), np.where(flip, -a, b)
-    low, high, u = log_ndtr(a), log_ndtr(b), rng.uniform(size=len(mean))
-    z = np.clip(ndtri_exp(high + np.log(u + (1.0 - u) * np.exp(low - high))), a, b)
-    drawn: Array = np.clip(mean + sd * np.where(flip, -z, z), lower, upper)
-    return drawn
-
-
-def tempered(logarithms: Array, least: float) -> tuple[Array, float]:
-    """Return normalised weights exp(t l) of log-weights l (n,), and the largest exponent t <= 1 that leaves an
-    effective sample size, 1 / sum of squared weights, of `least`."""
-
-    def weights(exponent: float) -> Array:
-        scaled = np.where(np.isfinite(logarithms), exponent * logarithms, -np.inf)
-        w = np.exp(scaled - scaled.max())
-        normalised: Array = w / w.sum()
-        return normalised
-
-    if not np.isfinite(logarithms).any():
-        return np.full(len(logarithms), 1.0 / len(logarithms)), 0.0
-    low, high = 0.0, 1.0
-    if 1.0 / (weights(1.0) ** 2).sum() >= least:
-        return weights(1.0), 1.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if 1.0 / (weights(middle) ** 2).sum() >= least else (low, middle)
-    return weights(low), low
-
-
-def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return `count` indices drawn with probabilities `weights` (n,) by systematic resampling.
-
-    Carpenter, Clifford & Fearnhead (1999).
-    """
-    positions = (np.arange(count) + rng.uniform()) / count
-    found: NDArray[np.int64] = np.minimum(np.searchsorted(np.cumsum(weights), positions), len(weights) - 1)
-    return found
 
 
 def _minima(problem: FitProblem, results: Sequence[FitResult]) -> list[_Minimum]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
 from polyworld.estimation.world_fit import FitProblem, default_unknowns, refine, sample_posterior
-from polyworld.estimation.world_fit.posterior import draw_truncated, systematic, tempered
+from polyworld.estimation.world_fit.tempering import annealed, systematic, tempered
+from polyworld.estimation.world_fit.truncated import TruncatedGaussian
 from polyworld.tracks import ObservedTracks
 from tests.polyworld.sliding_block import fitted_block
 from tests.server.probing import two_discs
@@ -16,7 +17,39 @@ from tests.server.probing import two_discs
 def drawn(centre: list[float], gradient: list[float], curvature: list[list[float]]) -> np.ndarray:
     rng = np.random.default_rng(1)
     unit = np.zeros(len(centre)), np.ones(len(centre))
-    return draw_truncated(np.array(centre), np.array(gradient), np.array(curvature), *unit, 2000, rng)
+    return TruncatedGaussian(np.array(centre), np.array(gradient), np.array(curvature), *unit).draw(2000, rng)
+
+
+def test_moves_along_some_directions_keep_the_density() -> None:
+    """A ridge of two, cut by a bound, and a flat third: mean and covariance stay through many moves."""
+    curvature = np.array([[400.0, 380.0, 0.0], [380.0, 400.0, 0.0], [0.0, 0.0, 0.0]])
+    density = TruncatedGaussian(np.array([0.05, 0.5, 0.5]), np.zeros(3), curvature, np.zeros(3), np.ones(3))
+    rng = np.random.default_rng(4)
+    x = density.draw(4000, rng)
+    moved = x
+    for _ in range(30):
+        moved = density.moved(moved, 2, rng)
+    assert np.mean(np.abs(moved - x)) > 0.05
+    np.testing.assert_allclose(moved.mean(axis=0), x.mean(axis=0), atol=0.02)
+    np.testing.assert_allclose(np.cov(moved.T), np.cov(x.T), atol=0.005)
+
+
+@pytest.mark.parametrize("edge", [1.5, 2.3])
+def test_where_few_draws_count_they_are_moved_to_where_the_posterior_is(edge: float) -> None:
+    """Beyond an edge in the tail, where 7% or 1% of the draws are, the mean is phi(e) / (1 - Phi(e))."""
+    size = 6
+    density = TruncatedGaussian(np.zeros(size), np.zeros(size), np.eye(size), np.full(size, -7.0), np.full(size, 7.0))
+    rng = np.random.default_rng(2)
+
+    def log_ratio(x: np.ndarray, _owner: np.ndarray) -> np.ndarray:
+        return np.minimum(60.0 * (x[:, 0] - edge), 0.0)
+
+    draws, owner = density.draw(1024, rng), np.zeros(1024, dtype=np.int64)
+    found, power = annealed(draws, log_ratio(draws, owner), owner, [density], log_ratio, rng)
+    assert power == 1.0
+    assert found[:, 0].mean() == pytest.approx(norm.pdf(edge) / norm.sf(edge), abs=0.08)
+    np.testing.assert_allclose(found[:, 1:].std(axis=0), 1.0, atol=0.2)
+    np.testing.assert_allclose(found[:, 1:].mean(axis=0), 0.0, atol=0.25)
 
 
 def test_draws_within_the_bounds_have_the_covariance_of_the_gaussian() -> None:
