@@ -211,10 +211,11 @@ def shapes_only(shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seco
     )
 
 
-def without_spread(apart: Array, spread: Array, deviations: float = 2.0) -> Array:
+def without_spread(apart: Array, spread: Array, deviations: float = 4.0) -> Array:
     """Return differences (..., 3) of places without what a spread (..., 3) along one direction explains.
 
-    Along that direction they lose up to so many standard deviations, which the length of `spread` is.
+    Along that direction they lose up to so many standard deviations, which the length of `spread` is: a distance from
+    one camera hangs on how its path is divided into flights, and errs by several at times.
     """
     length = np.linalg.norm(spread, axis=-1)
     direction = spread / np.maximum(length, 1e-300)[..., None]
