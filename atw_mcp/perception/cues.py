@@ -98,6 +98,9 @@ def silhouette_widths(mask: Mask) -> Floats:
     return widths
 
 
+WORST = 1.0  # residual of a solid that fits not at all, as a box does a sliver
+
+
 def shape_cue(masks: list[Mask]) -> Cue:
     """The solid whose outline, seen from afar, fits the silhouettes: sphere, cylinder, cube or box; else other.
 
@@ -117,7 +120,7 @@ def shape_cue(masks: list[Mask]) -> Cue:
                 evenness.append(even)
     if not solidity:
         return UNKNOWN
-    measured = {k: float(np.median(v)) for k, v in residuals.items()}
+    measured = {k: float(min(np.median(v), WORST)) for k, v in residuals.items()}
     measured["solidity"] = float(np.median(solidity))
     measured["evenness"] = float(np.median(evenness))
     measured["roundness"] = float(np.median(round_share))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from atw_mcp.perception.cues import shape_cue
 from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservationError, ObservedObject, measure
 from atw_mcp.perception.shapes import DIRECTIONS, deforming, image_shapes
@@ -154,3 +155,15 @@ def test_an_unknown_object_is_refused_with_those_there_are() -> None:
     drawn = observation(seen("rope", [rope_mask(t) for t in range(FRAMES)]))
     with pytest.raises(ObservationError, match="objects: \\['rope'\\]"):
         image_shapes(drawn, {"string": "rope"})
+
+
+def test_a_sliver_has_a_shape_that_can_be_stored() -> None:
+    """A line of pixels, as edges and reflections leave, is fitted by no box at all: numbers stay finite."""
+    slivers = []
+    for row in (40, 41, 44):
+        mask = np.zeros((80, 120), dtype=bool)
+        mask[row, 20:100] = True
+        slivers.append(mask)
+    cue = shape_cue(slivers)
+    assert all(np.isfinite(value) for value in cue.measured.values())
+    assert np.isfinite(cue.confidence)
