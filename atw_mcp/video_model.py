@@ -181,11 +181,11 @@ def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: 
 
 def _look_alikes(known: tuple[Known, ...], found: tuple[str, ...]) -> Iterator[str]:
     """Yield doubts about objects of one colour and nearly one size, of which nobody said where they are."""
-    for one, two in combinations([k for k in known if k.pixel is None and k.name in found and k.shape is not None], 2):
-        if one.colour != two.colour or one.shape is None or two.shape is None:
-            continue
-        sizes = sorted((equivalent_radius(one.shape), equivalent_radius(two.shape)))
-        if sizes[1] < ALIKE * sizes[0]:
+    free = [k for k in known if k.pixel is None and k.name in found]
+    sizes = {k.name: equivalent_radius(k.shape) for k in free if k.shape is not None}
+    for one, two in combinations([k for k in free if k.name in sizes], 2):
+        small, large = sorted((sizes[one.name], sizes[two.name]))
+        if one.colour == two.colour and large < ALIKE * small:
             yield (
                 f"{one.name} and {two.name} are alike in colour and size, so that either may be the other: give a "
                 "pixel on one of them"

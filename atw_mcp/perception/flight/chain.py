@@ -229,26 +229,22 @@ class Chain:
         """What may hold where one part ends and another begins: landing, a rebound, or that both merely meet there."""
         settings = self._settings
         before, after = self._seen.times[one.end - 1], self._seen.times[two.begin]
-        a, b = (
-            Side.of(self._motions[part.motion], np.zeros(6) if part.unknowns is None else part.unknowns[:6], middle)
-            for part, middle in ((one, 0.5 * (before + after)), (two, 0.5 * (before + after)))
-        )
+        middle = 0.5 * (before + after)
+        a, b = (Side.of(self._motions[part.motion], _or_zero(part), middle) for part in (one, two))
         usual = float(self._motions[self._flying].prior[3])
         kinds = one.motion == self._flying, two.motion == self._flying
         rolls_off = not kinds[0] and one.motion != two.motion
         options = [joined(a, b, after - before, 0.0 if rolls_off else settings.odd, settings)]
         if kinds == (True, True):
-            floor = self._surfaces[0]
             heights = (self._lift, self._reach)
-            options.append(rebound(a, b, after - before, (floor.point, floor.normal), heights, usual, settings))
+            options.append(rebound(a, b, after - before, self._surfaces[0], heights, usual, settings))
         elif kinds == (True, False):
-            options.append(landed(a, b, after - before, self._surfaces[two.motion].normal, usual, settings))
+            options.append(landed(a, b, after - before, self._surfaces[two.motion], usual, settings))
         return options
 
     def _velocity(self, part: Part, at: float) -> Floats:
         """Velocity at a time; of what is not solved for yet, that of unknowns of zero."""
-        unknowns = np.zeros(6) if part.unknowns is None else part.unknowns[:6]
-        found: Floats = self._motions[part.motion].velocities(np.array([at]), unknowns[None])[0]
+        found: Floats = self._motions[part.motion].velocities(np.array([at]), _or_zero(part)[None])[0]
         return found
 
     def _cuts(self, part: Part) -> range:
@@ -265,6 +261,10 @@ class Chain:
 
 def _own(part: Part) -> Floats | None:
     return None if part.unknowns is None else part.unknowns[:6]
+
+
+def _or_zero(part: Part) -> Floats:
+    return np.zeros(6) if part.unknowns is None else part.unknowns[:6]
 
 
 def _rows(normal: Normal, part: Part) -> Normal:

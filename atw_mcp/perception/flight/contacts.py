@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.flight.evidence import Motion
 from atw_mcp.perception.flight.settings import FlightSettings
-from polyworld.geometry import plane_axes
-from polyworld.world import MotionPlane
+from atw_mcp.perception.flight.surfaces import Surface
 
 Floats = NDArray[np.float64]
 HALF_LOG = 0.5 * float(np.log(2.0 * np.pi))
@@ -23,7 +22,11 @@ HALF_LOG = 0.5 * float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True)
 class Side:
-    """A motion as it is on one side of a contact: its derivatives of place and velocity, and both as solved for."""
+    """A motion on one side of a contact.
+
+    place, speed (3, 6): derivatives of its place and velocity by its unknowns; rest, pull (3,): both where these are
+    zero; velocity (3,): as it is solved for.
+    """
 
     place: Floats
     speed: Floats
@@ -80,15 +83,17 @@ def joined(one: Side, two: Side, interval: float, price: float, settings: Flight
     return Equations(one.place, -two.place, two.rest - one.rest, covariance, price)
 
 
-def landed(one: Side, two: Side, interval: float, normal: Floats, usual: float, settings: FlightSettings) -> Equations:
-    """A flight ends on a surface with a normal, on which the body goes on with most of its tangential velocity.
+def landed(
+    one: Side, two: Side, interval: float, surface: Surface, usual: float, settings: FlightSettings
+) -> Equations:
+    """A flight ends on a surface, on which the body goes on with most of its tangential velocity.
 
     usual [m/s]: standard deviation of velocities where nothing is known of them.
     """
-    along = plane_axes(MotionPlane(point=(0.0, 0.0, 0.0), normal=_triple(normal)))[:2]
+    along = surface.axes
     meeting = joined(one, two, interval, 0.0, settings)
     covariance = np.zeros((5, 5))
-    covariance[:3, :3], covariance[3:, 3:] = meeting.covariance, _slip(one, normal, settings) * np.eye(2)
+    covariance[:3, :3], covariance[3:, 3:] = meeting.covariance, _slip(one, surface.normal, settings) * np.eye(2)
     return Equations(
         np.vstack([meeting.before, settings.kept * along @ one.speed]),
         np.vstack([meeting.after, -along @ two.speed]),
@@ -102,17 +107,17 @@ def rebound(
     one: Side,
     two: Side,
     interval: float,
-    floor: tuple[Floats, Floats],
+    floor: Surface,
     heights: tuple[float, float],
     usual: float,
     settings: FlightSettings,
 ) -> Equations:
-    """Both are flights that meet on the floor, with its point and normal, from which the body rebounds.
+    """Both are flights that meet on the floor, from which the body rebounds.
 
     heights: least and largest of the body's centre above the floor it touches. usual [m/s]: standard deviation of
     velocities where nothing is known of them.
     """
-    point, normal = floor
+    normal = floor.normal
     turn, mean = _turn(one, two, settings), 0.5 * (one.velocity + two.velocity)
     low, high = heights
     size = float(np.hypot(0.5 * (high - low), settings.touch * low))
@@ -125,7 +130,7 @@ def rebound(
     bounce = (settings.restitution_spread * into) ** 2 + settings.gain**2
     covariance[4:, 4:] = _slip(one, normal, settings) * (np.eye(3) - upward) + bounce * upward
     kept = settings.kept * (np.eye(3) - upward) - settings.restitution * upward  # velocity after = kept @ before
-    touching = 0.5 * (low + high) + normal @ (point - 0.5 * (one.rest + two.rest))
+    touching = 0.5 * (low + high) + normal @ (floor.point - 0.5 * (one.rest + two.rest))
     return Equations(
         np.vstack([one.place, 0.5 * normal @ one.place, kept @ one.speed]),
         np.vstack([-two.place, 0.5 * normal @ two.place, -two.speed]),
@@ -149,8 +154,3 @@ def _turn(one: Side, two: Side, settings: FlightSettings) -> Floats:
     if length >= settings.gain:
         return turn
     return settings.gain * (turn / length if length > 0.0 else np.array([0.0, 0.0, 1.0]))
-
-
-def _triple(vector: Floats) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z

@@ -78,11 +78,9 @@ def _motions(
     speed = settings.speed * float(np.sqrt(length * np.linalg.norm(gravity)))
     found = []
     for surface in surfaces:
-        one = np.cross(surface.normal, np.eye(3)[np.argmin(np.abs(surface.normal))])
-        axes = np.stack([one / np.linalg.norm(one), np.cross(surface.normal, one / np.linalg.norm(one))])
         point = surface.point + lift * surface.normal
         foot = middle - ((middle - point) @ surface.normal) * surface.normal
-        found.append(sliding(surface.name, foot, axes, gravity, settings.friction, length, speed))
+        found.append(sliding(surface.name, foot, surface.axes, gravity, settings.friction, length, speed))
     return [*found, flight(gravity, middle, length, speed)]
 
 

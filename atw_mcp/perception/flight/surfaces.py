@@ -22,6 +22,13 @@ class Surface:
     normal: Floats
     corners: Floats | None = None
 
+    @property
+    def axes(self) -> Floats:
+        """Two unit vectors (2, 3) along the face, across each other."""
+        one = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
+        one = one / np.linalg.norm(one)
+        return np.stack([one, np.cross(self.normal, one)])
+
 
 def surfaces_of(floor: float, fixtures: Mapping[str, Floats], steepest: float) -> list[Surface]:
     """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear.

@@ -24,7 +24,7 @@ from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult
 from polyworld.estimation.world_fit.search_space import SearchSpace
 from polyworld.estimation.world_fit.sensitivity import sensitivity
-from polyworld.estimation.world_fit.tempering import annealed, systematic, tempered
+from polyworld.estimation.world_fit.tempering import TemperingSettings, annealed, systematic, tempered
 from polyworld.estimation.world_fit.truncated import TruncatedGaussian
 
 Array = NDArray[np.float64]
@@ -33,7 +33,6 @@ MEMBERS = 64
 CANDIDATES, COUPLED_CANDIDATES = 4, 2  # rollouts for each member kept; those of coupled worlds take seconds
 MOST_MINIMA = 3
 FARTHEST = 6.0  # difference of log-posteriors beyond which a second minimum holds no member
-WELL = 0.5  # exponent of importance weights below which draws are moved, too
 UNFITTED = ("friction", "restitution", "mass")
 
 
@@ -125,9 +124,10 @@ def sample_posterior(
         return ratio
 
     ratios = log_ratio(candidates, owner)
+    settings = TemperingSettings()
     weights, exponent = tempered(ratios, least=count)
-    if exponent < WELL and np.isfinite(ratios).any() and not problem.world.coupled:
-        candidates, exponent = annealed(candidates, ratios, owner, approximations, log_ratio, rng)
+    if exponent < settings.well and np.isfinite(ratios).any() and not problem.world.coupled:
+        candidates, exponent = annealed(candidates, ratios, owner, approximations, log_ratio, rng, settings)
         weights = np.full(len(candidates), 1.0 / len(candidates))
     chosen = rng.permutation(systematic(weights, count, rng))
     values = space.values(candidates[chosen])

@@ -1,7 +1,7 @@
 """Directions in which starts are uncertain: paths of bodies in flight that one camera sees move towards it or away.
 
 Seen from one place, a flight that is farther away and faster is hardly distinguished from a near and slow one. Which of
-them a collision needs, no gradient tells before bodies touch: further starts depart along these directions.
+them a collision needs, no gradient shows before bodies touch: further starts depart along these directions.
 """
 
 from __future__ import annotations

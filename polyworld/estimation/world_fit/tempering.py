@@ -20,10 +20,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TemperingSettings:
-    """stages: of growing powers, at most. kept: share of the draws that go on after the first resampling. moves: of all
-    these in each stage. share: of the draws that count at least before they are resampled. directions: share of the
-    directions along which a move goes."""
+    """How draws are moved.
 
+    well: power of the weights, of plain resampling, below which draws are moved as well.
+    stages: of growing powers, at most.
+    kept: share of the draws that go on after the first resampling.
+    moves: of all these in each stage.
+    share: of the draws that count at least before they are resampled.
+    directions: share of the directions along which a move goes.
+    """
+
+    well: float = 0.5
     stages: int = 12
     kept: float = 0.5
     moves: int = 3

@@ -42,7 +42,7 @@ class TruncatedGaussian:
         return drawn
 
     def _along(self, y: Array, d: Array, rng: np.random.Generator) -> Array:
-        """Draw points (N, P) of the unit box anew on the lines through them along d."""
+        """Replace points (N, P) of the unit box by draws from the lines through them along d."""
         along = self._a @ d
         precision = max(float(d @ along), NARROWEST)
         mean = -(self._g @ d + (y - self._origin) @ along) / precision
