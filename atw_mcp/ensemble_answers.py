@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from atw_mcp import readouts
 from atw_mcp.ensembles import Ensemble
 from atw_mcp.intervals import Span
+from atw_mcp.prediction_errors import chances
 from polyworld.compare import Comparison, compare
 from polyworld.ensemble_statistics import (
     LEVEL,
@@ -30,11 +31,14 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 MOST_EVENTS = 24  # rows of a timeline over all members
+NOTABLE = 0.01  # of probability: a smaller difference from the share of members is not worth a reason
 PERCENT = f"{100 * LEVEL:.0f}%"
 
 
-def query_answer(ensemble: Ensemble, results: Sequence[QueryResult], aggregation: Aggregation) -> dict[str, Any]:
-    """Probability or distribution of what each member answered to one query."""
+def query_answer(
+    ensemble: Ensemble, results: Sequence[QueryResult], aggregation: Aggregation, names: Sequence[str]
+) -> dict[str, Any]:
+    """Probability or distribution of what each member answered to one query about the objects `names`."""
     decided = [i for i, result in enumerate(results) if result.decided]
     about: dict[str, Any] = {"members": ensemble.size, "unknown": ensemble.size - len(decided)}
     if not decided:
@@ -43,7 +47,7 @@ def query_answer(ensemble: Ensemble, results: Sequence[QueryResult], aggregation
     values = [results[i].value for i in decided]
     if aggregation in ("any", "all"):
         true = np.array([bool(value) for value in values])
-        about |= _probability(true, ensemble)
+        about |= _probability(true, chances(ensemble, decided, [results[i] for i in decided], names), ensemble)
         split = decisive_split(parameters, true)
         margins = np.array([_number(results[i].margin) for i in decided])
         about |= {
@@ -97,14 +101,24 @@ def query_in_words(about: dict[str, Any], aggregation: Aggregation) -> str:
     return text + rest
 
 
-def together(ensemble: Ensemble, results: Sequence[Sequence[QueryResult]]) -> dict[str, Any]:
-    """In how many of the members all, and any, of several statements hold; members where one is unknown left out."""
-    table = np.array([[bool(result.value) for result in row] for row in results])
-    known = np.array([[result.decided for result in row] for row in results]).all(axis=0)
-    if not known.any():
+def together(
+    ensemble: Ensemble, results: Sequence[Sequence[QueryResult]], names: Sequence[Sequence[str]]
+) -> dict[str, Any]:
+    """In how many of the members all, and any, of several statements hold; members where one is unknown left out.
+
+    names: of the objects that each statement is about.
+    """
+    members = [i for i in range(ensemble.size) if all(row[i].decided for row in results)]
+    if not members:
         return {"all": _none(), "any": _none()}
-    every, some = np.atleast_1d(table[:, known].all(axis=0)), np.atleast_1d(table[:, known].any(axis=0))
-    return {"all": _probability(every, ensemble), "any": _probability(some, ensemble)}
+    table = np.array([[bool(row[i].value) for i in members] for row in results])
+    each = np.array(
+        [chances(ensemble, members, [row[i] for i in members], own) for row, own in zip(results, names, strict=True)]
+    )
+    return {
+        "all": _probability(np.logical_and.reduce(table), each.prod(axis=0), ensemble),
+        "any": _probability(np.logical_or.reduce(table), 1.0 - (1.0 - each).prod(axis=0), ensemble),
+    }
 
 
 def rollout_answer(ensemble: Ensemble, horizon: float) -> dict[str, Any]:
@@ -241,7 +255,7 @@ def comparison_answer(first: Ensemble, second: Ensemble, results: Sequence[Compa
         moved = np.array([d is not None and d.apart_from is not None for d in own])
         finals = np.array([_number(None if d is None else d.final) for d in own])
         split = decisive_split(parameters, moved)
-        row: dict[str, Any] = {"object": name, "displaced": _probability(moved, first)}
+        row: dict[str, Any] = {"object": name, "displaced": _probability(moved, moved.astype(float), first)}
         row |= {"decided_by": None if split is None else split.to_dict()}
         row |= {"decided_by_in_words": None if split is None else _split_in_words(split, first.units)}
         if np.isfinite(finals).any():
@@ -347,22 +361,31 @@ def _place(places: Array) -> dict[str, list[float]]:
     return {key: [spread[key] for spread in spreads] for key in ("median", "from", "to")}
 
 
-def _probability(true: NDArray[np.bool_], ensemble: Ensemble) -> dict[str, Any]:
-    """Count members, and the probability that admits that the fitted world itself may be wrong."""
+def _probability(true: NDArray[np.bool_], chance: Array, ensemble: Ensemble) -> dict[str, Any]:
+    """Count members, and the probability that admits errors of prediction and that the fitted world may be wrong.
+
+    chance (n,): probability of the statement in each member.
+    """
     found = _counted_true(int(true.sum()), len(true))
+    reasons = []
+    if not np.array_equal(chance, true):
+        expected = Probability(float(chance.sum()), len(chance))
+        found |= {"probability": expected.share, "probability_interval": list(expected.interval)}
+        if abs(expected.share - found["true"] / len(true)) >= NOTABLE:
+            reasons.append("it is decided after the last fitted frame, where predictions drift")
     if ensemble.wrong:
         sure = 1.0 - ensemble.wrong
         found["probability"] = sure * found["probability"] + 0.5 * ensemble.wrong
         found["probability_interval"] = [sure * end + 0.5 * ensemble.wrong for end in found["probability_interval"]]
-        found["less_sure_because"] = ensemble.why
-    return found
+        reasons.append(ensemble.why)
+    return found | ({"less_sure_because": " and ".join(reasons)} if reasons else {})
 
 
 def _counted_true(true: int, members: int) -> dict[str, Any]:
     found = Probability(true, members)
     return {
-        "true": found.true,
-        "false": found.members - found.true,
+        "true": true,
+        "false": members - true,
         "probability": found.share,
         "probability_interval": list(found.interval),
     }

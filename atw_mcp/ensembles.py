@@ -60,7 +60,8 @@ class Ensemble:
     """The members of a world rolled out alike.
 
     parameters: name -> values (N,) of what was sampled, after any edit. wrong: probability that the fitted world, whose
-    parameters alone the members vary, answers as chance would; why: what speaks for that.
+    parameters alone the members vary, answers as chance would; why: what speaks for that. fitted_until [s]: time of the
+    last sample that the fit used.
     """
 
     worlds: tuple[World, ...]
@@ -69,6 +70,7 @@ class Ensemble:
     units: dict[str, str]
     wrong: float = 0.0
     why: str = ""
+    fitted_until: float = np.inf
 
     @property
     def size(self) -> int:
@@ -205,6 +207,7 @@ def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensem
     return Ensemble(
         wrong=wrong,
         why=why,
+        fitted_until=float(descent.sample.document["until"]),
         worlds=worlds,
         rollouts=tuple(rollouts),
         parameters=parameters,

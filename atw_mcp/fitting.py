@@ -24,6 +24,7 @@ from polyworld.estimation.world_fit import (
     Start,
     Tested,
     Unknown,
+    alternative_minima,
     choose_resistance,
     default_unknowns,
     fit_by_prefixes,
@@ -38,6 +39,7 @@ from polyworld.estimation.world_fit import (
     release_shared,
     restarts,
     sample_posterior,
+    support_constraints,
 )
 from polyworld.parameters import read_parameter, specification
 from polyworld.tracks import ObservedTracks
@@ -184,7 +186,16 @@ def run_fit(
     objective = ObjectiveSettings(position_tolerance=request.position_tolerance)
     if request.method == "refine":
         parameters = _at_present_values(world, parameters)
-    problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=request.holdout_from)
+    fitted = {path for u in parameters for path in u.paths}
+    constraints = support_constraints(world, tracks, fitted) if request.method == "prefixes" else []
+    problem = FitProblem(
+        world,
+        tracks,
+        parameters,
+        objective=objective,
+        holdout_from=request.holdout_from,
+        constraints=constraints,
+    )
     run = replace(_run_search(problem, request, progress), start=world)
     if run.result.status == "cancelled":
         return _judged(problem, run)
@@ -193,12 +204,24 @@ def run_fit(
         problem, run = _completed(problem, run, request, progress)
         if run.result.status == "cancelled":
             return _judged(problem, run)
+        run = _with_alternatives(problem, run, request, progress)
     progress.note(progress.done, progress.total, "sampling the posterior")
     fixed = {path for override in request.overrides if override.fixed for path in override.paths}
     names = run.result.by_name.keys()
-    outcomes = [run.result, *(s.best for s in run.starts[1:] if s.best.by_name.keys() == names)]
+    others = [s.best for s in run.starts[1:] if s.best.by_name.keys() == names]
+    outcomes = [run.result, *others]
     sample = sample_posterior(problem, outcomes, known=fixed, seed=request.seed)
     return _judged(problem, replace(run, sample=sample, outlying=outlying_frames(problem, run.result)))
+
+
+def _with_alternatives(problem: FitProblem, run: FitRun, request: FitRequest, progress: Progress) -> FitRun:
+    """Other minima that a first start which reached the noise leaves unknown, as further starts; the best first."""
+    if len(run.starts) > 1:
+        return run
+    progress.note(progress.done, progress.total, "searching for other minima")
+    others = alternative_minima(problem, run.result, seed=request.seed, cancelled=progress.cancelled)
+    starts = in_order([run.starts[0], *(Start(other) for other in others)])
+    return replace(run, result=starts[0].best, starts=starts)
 
 
 def _judged(problem: FitProblem, run: FitRun) -> FitRun:

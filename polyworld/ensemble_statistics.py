@@ -21,9 +21,12 @@ RELATED = 0.5  # least rank correlation reported
 
 @dataclass(frozen=True)
 class Probability:
-    """How many of the members agree, with a Jeffreys interval for the probability (Brown, Cai & DasGupta 2001)."""
+    """How many of the members agree, with a Jeffreys interval for the probability (Brown, Cai & DasGupta 2001).
 
-    true: int
+    true: number of members, or the sum of their probabilities where they are not certain themselves.
+    """
+
+    true: float
     members: int
 
     @property

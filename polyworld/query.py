@@ -55,7 +55,7 @@ class QueryResult:
     decided on. sampled_every [s]: the longest time between the samples it was judged on, None where contact events
     alone decided. margin: of any and all, by how much it is true (positive) or false (negative), in `margin_unit`: the
     predicate's quantity beyond its threshold, for contacts minus the gap of the surfaces, for an order the lead of a
-    over b; None where there is no such number.
+    over b; None where there is no such number. margin_at [s]: when it is that, None of an order.
     """
 
     value: bool | int | float | None
@@ -68,6 +68,7 @@ class QueryResult:
     sampled_every: float | None = None
     margin: float | None = None
     margin_unit: str | None = None
+    margin_at: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-ready values."""
@@ -79,9 +80,16 @@ class QueryResult:
             "covered": None if self.covered is None else list(self.covered),
             "asked": None if self.asked is None else list(self.asked),
             "evidence": self.evidence,
-            **({} if self.margin is None else {"margin": self.margin, "margin_unit": self.margin_unit}),
+            **(
+                {}
+                if self.margin is None
+                else {"margin": self.margin, "margin_unit": self.margin_unit, "margin_at_s": self.margin_at}
+            ),
             **({} if self.sampled_every is None else {"sampled_every_s": self.sampled_every}),
         }
+
+    def _margin(self) -> dict[str, Any]:
+        return {"margin": self.margin, "margin_unit": self.margin_unit, "margin_at_s": self.margin_at}
 
 
 def query(
@@ -173,21 +181,22 @@ def _decided(
         if isinstance(wet, str):
             return _unknown(wet)
         holds, evidence = _contacts(rollout, predicate, covered) if wet is None else wet
-        extremes, unit = None, "m"
+        extremes, moments, unit = None, (np.nan, np.nan), "m"
     else:
         between = None
         if isinstance(predicate, WithinDistance) and predicate.b is not None:
             between = _approach(rollout, world, predicate, covered)
-        holds, evidence, extremes, unit = _states(rollout.trajectory, world, predicate, covered, between)
+        holds, evidence, extremes, moments, unit = _states(rollout.trajectory, world, predicate, covered, between)
     if isinstance(predicate, InContact | Collides | NearerThan):
         nearest = _approach(rollout, world, predicate, covered)
         evidence = {**evidence, "closest_approach": nearest}
         if extremes is None and nearest is not None and aggregation == "any":
-            extremes = (-nearest["gap_m"], -nearest["gap_m"])
+            extremes, moments = (-nearest["gap_m"],) * 2, (nearest["time"],) * 2
     result = _aggregate(aggregation, holds, covered, asked, evidence)
     if extremes is None or not result.decided or aggregation not in ("any", "all"):
         return result
-    return replace(result, margin=float(extremes[aggregation == "any"]), margin_unit=unit)
+    which = int(aggregation == "any")
+    return replace(result, margin=float(extremes[which]), margin_unit=unit, margin_at=float(moments[which]))
 
 
 def _unknown(
@@ -338,9 +347,9 @@ def _approach(
 
 def _states(
     trajectory: Trajectory, world: World, predicate: Predicate, covered: Interval, nearest: dict[str, Any] | None
-) -> tuple[tuple[Interval, ...], dict[str, Any], tuple[float, float], str]:
+) -> tuple[tuple[Interval, ...], dict[str, Any], tuple[float, float], tuple[float, float], str]:
     """Intervals in which the predicate's margin is positive, the range of the quantity behind it, and the least and the
-    greatest margin with their unit.
+    greatest margin with their times and unit.
 
     nearest: the closest approach of two surfaces, which may lie between samples.
     """
@@ -364,7 +373,9 @@ def _states(
         }
     }
     m = np.interp(grid, times, margin)
-    return _where_positive(times, margin, covered), evidence, (float(m.min()), float(m.max())), told.unit
+    least, greatest = int(np.argmin(m)), int(np.argmax(m))
+    extremes, moments = (float(m[least]), float(m[greatest])), (float(grid[least]), float(grid[greatest]))
+    return _where_positive(times, margin, covered), evidence, extremes, moments, told.unit
 
 
 def _where_positive(times: Array, margin: Array, covered: Interval) -> tuple[Interval, ...]:

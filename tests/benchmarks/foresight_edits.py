@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.foresight_scene import Clip, tool_name
+from tests.benchmarks.foresight_scene import Clip, reach, tool_name
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +93,9 @@ def question_of(clip: Clip, question: dict[str, Any], names: set[str]) -> tuple[
             near = {"predicate": "within_distance", "a": body, "place": question["point"]}
         return {"predicate": {**near, "distance": question["distance"]}, "interval": instant}, True
     if question["type"] == "rest":
-        still = {"predicate": "at_rest", "object": body, "speed": clip.hidden["physics"]["rest_speed"]}
+        slow = float(clip.hidden["physics"]["rest_speed"])  # of the centre, and of the surface by rotation
+        thing = next(b for b in clip.bodies if b["name"] == body)
+        still = {"predicate": "at_rest", "object": body, "speed": slow, "spin": slow / reach(thing)}
         return {"predicate": still, "aggregation": "all", "interval": [time, end]}, False
     if question["type"] == "touch":
         both = {"predicate": "in_contact", "a": body, "b": tool_name(question["other"])}

@@ -110,6 +110,11 @@ def radius_of_gyration(thing: dict[str, Any]) -> float:
     return float(np.linalg.norm(size) / np.sqrt(18.0))
 
 
+def reach(thing: dict[str, Any]) -> float:
+    """Half the first side or the diameter of a thing [m], whose speed by rotation the simulator's rest is judged on."""
+    return float(thing["size"][0] if "size" in thing else thing["diameter"]) / 2
+
+
 def true_tracks(clip: Clip, rng: np.random.Generator, noise: float = NOISE) -> ObservedTracks:
     """Tracks of the bodies where the clip shows them: true centres with noise [m], and how boxes and cylinders lie.
 

@@ -70,9 +70,9 @@ def test_a_line_far_ahead_and_one_far_behind_are_certain_and_one_at_the_stop_is_
     for x in (0.6 * stop, stop, 1.6 * stop):
         answer = session("QueryWorld", rollout=rollout, predicate=beyond(x), ensemble=40)
         shares.append(answer["data"]["ensemble"]["probability"])
-    assert shares[0] == 1.0
+    assert shares[0] > 0.99
     assert 0.02 < shares[1] < 0.98
-    assert shares[2] == 0.0
+    assert shares[2] < 0.01
 
 
 def test_a_best_fit_that_most_members_contradict_is_named(session: Session, rollout: str) -> None:

@@ -91,7 +91,7 @@ def test_a_body_off_by_more_than_contacts_bear_makes_answers_less_sure() -> None
     none: tuple[()] = ()
     for chance, expected in ((0.0, 1.0), (0.35, 0.825)):
         members = Ensemble(worlds=none, rollouts=none, parameters={}, units={}, wrong=chance, why=why)
-        about = query_answer(replace(members, worlds=(thrown_ball(),) * 40), [true] * 40, "any")
+        about = query_answer(replace(members, worlds=(thrown_ball(),) * 40), [true] * 40, "any", ())
         assert (about["true"], about["probability"]) == (40, pytest.approx(expected))
         assert about["probability_interval"][1] == pytest.approx(expected)
         assert ("no surer because" in query_in_words(about, "any")) == (chance > 0.0)

@@ -2,6 +2,7 @@
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, accuracy
+from polyworld.estimation.world_fit.alternatives import alternative_minima
 from polyworld.estimation.world_fit.bounds import refit_with_wider_bounds
 from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
@@ -26,6 +27,7 @@ from polyworld.estimation.world_fit.settings import (
     WideningSettings,
 )
 from polyworld.estimation.world_fit.support import supports, with_supports
+from polyworld.estimation.world_fit.support_constraints import support_constraints
 
 __all__ = [
     "Accuracy",
@@ -50,6 +52,7 @@ __all__ = [
     "Unknown",
     "WideningSettings",
     "accuracy",
+    "alternative_minima",
     "choose_resistance",
     "default_unknowns",
     "fit",
@@ -65,6 +68,7 @@ __all__ = [
     "release_shared",
     "restarts",
     "sample_posterior",
+    "support_constraints",
     "supports",
     "with_supports",
 ]

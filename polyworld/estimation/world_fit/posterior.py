@@ -44,7 +44,7 @@ class PosteriorSample:
     and the places of objects that do not move. from_bounds: names of unknowns that the data do not
     determine, drawn from their bounds. minima: how many minima the members come from. tempering: exponent of the
     importance weights, 1 where the linearised misfit describes the simulated one well; effective: number of candidates
-    of equal weight that the `candidates` are worth.
+    of equal weight that the `candidates` are worth. until [s]: time of the last sample that was fitted.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -55,6 +55,7 @@ class PosteriorSample:
     effective: float
     candidates: int
     seed: int
+    until: float
 
     def overrides(self, count: int) -> dict[str, Array]:
         """Parameter path -> values (count,) of the first `count` members."""
@@ -63,6 +64,7 @@ class PosteriorSample:
     def to_dict(self) -> dict[str, Any]:
         """All but the values, as JSON-ready values."""
         about = {"from_bounds": list(self.from_bounds), "minima": self.minima, "seed": self.seed}
+        about |= {"until": self.until}
         about |= {"tempering": self.tempering, "effective": self.effective, "candidates": self.candidates}
         return about | {"unknowns": [{"name": u.name, "paths": list(u.paths), "unit": u.unit} for u in self.unknowns]}
 
@@ -155,6 +157,7 @@ def sample_posterior(
         effective=float(1.0 / (weights**2).sum()),
         candidates=total,
         seed=seed,
+        until=float(problem.objective.sample_times[problem.samples - 1]),
     )
 
 

@@ -39,7 +39,7 @@ def fit_by_prefixes(
     settings = settings or PrefixSettings()
     rng = np.random.default_rng([settings.seed, 0x9F])
     space = problem.space
-    contact = np.array([_of_contact(u.paths[0]) for u in space.unknowns])
+    contact = np.array([of_contact(u.paths[0]) for u in space.unknowns])
     stages = _stages(problem, settings.stages)
     reached = np.full(len(stages), np.inf)  # lowest loss over each stretch
     starts: list[Start] = []
@@ -90,7 +90,7 @@ def _stages(problem: FitProblem, shares: Sequence[float]) -> list[int]:
     return [max(least, round(share * problem.samples)) for share in shares]
 
 
-def _of_contact(path: str) -> bool:
+def of_contact(path: str) -> bool:
     """Whether a path is of what contacts depend on, rather than of an initial state."""
     return path.rsplit(".", 1)[1] in ("friction", "restitution", "rolling_resistance", "mass") or (
         ".angular_velocity." in path

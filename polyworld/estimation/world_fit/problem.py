@@ -17,6 +17,7 @@ from polyworld.estimation.world_fit.observed import observed_entries, sample_tim
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, LossPoint, Method, Status, Undetermined
 from polyworld.estimation.world_fit.search_space import SearchSpace
 from polyworld.estimation.world_fit.sensitivity import Sensitivity, sensitivity
+from polyworld.estimation.world_fit.support_constraints import SupportConstraint
 from polyworld.parameters import specification, with_parameters
 from polyworld.readouts import object_mesh
 from polyworld.representations.fluid import Fluid
@@ -51,6 +52,7 @@ class FitProblem:
         *,
         objective: ObjectiveSettings | None = None,
         holdout_from: int | None = None,
+        constraints: Sequence[SupportConstraint] = (),
         make_simulator: MakeSimulator = simulator,
     ) -> None:
         """Check everything.
@@ -60,7 +62,7 @@ class FitProblem:
         """
         self.world, self.tracks, self.window = world, tracks, tracks
         self._holdout_from = holdout_from
-        self.space = SearchSpace(world, unknowns)
+        self.space = SearchSpace(world, unknowns, constraints)
         if holdout_from is not None:
             if len(tracks.frames) == 0 or not tracks.frames[0] < holdout_from <= tracks.frames[-1]:
                 span = f"{int(tracks.frames[0]) + 1}..{int(tracks.frames[-1])}" if len(tracks.frames) else "no frame"
@@ -79,6 +81,7 @@ class FitProblem:
             unknowns,
             objective=self.objective.settings,
             holdout_from=self._holdout_from,
+            constraints=self.space.constraints,
             make_simulator=self._make_simulator,
         )
 
@@ -118,7 +121,7 @@ class FitProblem:
     def huber_weights(self, at: Array, samples: int | None = None) -> Array:
         """Weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""
         data = self._over(at[None], samples or self.samples, self.objective.huber_weights)[0]
-        return np.concatenate([data, np.ones(sum(u.prior is not None for u in self.space.unknowns))])
+        return np.concatenate([data, np.ones(self.space.prior_residuals(at[None]).shape[1])])
 
     def difference_quotients(
         self, at: Array, steps: Array, samples: int | None = None, only: NDArray[np.bool_] | None = None

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.world_fit.support_constraints import SupportConstraint
 from polyworld.parameters import check_differs_per_world, specification
 from polyworld.world import World
 
@@ -18,9 +19,12 @@ class SearchSpace:
     """A box of P search coordinates.
 
     lower, upper, mean, sd (P,): the box, and where a search begins, in search coordinates. logarithmic (P,).
+    constraints: on what several unknowns do together.
     """
 
-    def __init__(self, world: World, unknowns: Sequence[Unknown]) -> None:
+    def __init__(
+        self, world: World, unknowns: Sequence[Unknown], constraints: Sequence[SupportConstraint] = ()
+    ) -> None:
         """Lay out the box of some unknowns.
 
         Raises ValueError for repeated names or paths, impossible bounds, starts, widths or priors, and bounds beyond
@@ -37,6 +41,7 @@ class SearchSpace:
         for u in unknowns:
             _check(world, u)
         self.unknowns = tuple(unknowns)
+        self.constraints = tuple(constraints)
         self.logarithmic = np.array([u.scale == "log" for u in unknowns])
         self._least = np.array([u.lower for u in unknowns])
         self._most = np.array([u.upper for u in unknowns])
@@ -67,10 +72,13 @@ class SearchSpace:
         return self._searched(np.clip([values[u.name] for u in self.unknowns], self._least, self._most))
 
     def prior_residuals(self, coordinates: Array) -> Array:
-        """(value - prior mean) / prior sd of candidates (N, P), one column for each unknown with a prior."""
+        """(value - prior mean) / prior sd of candidates (N, P), one column for each unknown with a prior, and those of
+        the constraints."""
         values = self.values(coordinates)
         columns = [(values[:, i] - u.prior[0]) / u.prior[1] for i, u in enumerate(self.unknowns) if u.prior is not None]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(values), 0))
+        priors = np.stack(columns, axis=1) if columns else np.zeros((len(values), 0))
+        by_path = {path: values[:, i] for i, u in enumerate(self.unknowns) for path in u.paths}
+        return np.concatenate([priors, *(c.residuals(by_path, len(values)) for c in self.constraints)], axis=1)
 
     def entered(self, horizon: float) -> NDArray[np.bool_]:
         """Which unknowns (P,) can show in observations up to `horizon` [s]."""

@@ -39,6 +39,22 @@ class PrefixSettings:
 
 
 @dataclass(frozen=True)
+class AlternativeSettings:
+    """How to search for other minima where the first start reaches the noise.
+
+    draws: from the priors, judged by one rollout each: with 100, one in thirty of the prior's mass is met with 97%.
+    descents: from the likeliest of them. iterations, tolerance: of each. same: deviations of a prior within which two
+    outcomes are one minimum.
+    """
+
+    draws: int = 100
+    descents: int = 2
+    iterations: int = 16
+    tolerance: float = 1e-3
+    same: float = 0.1
+
+
+@dataclass(frozen=True)
 class ResistanceSettings:
     """How to choose laws of resistance.
 
@@ -85,7 +101,8 @@ class SupportSettings:
     since sizes and cameras are known no better. sigmas: standard errors within which heights and their trend are those
     of a body on the surface. flat: cosine within which a body's axis lies along or across the normal, 26 degrees, more
     than tracks err and less than half way to an edge. steady: samples looked at, as many as show a trend and no more
-    than a free stretch usually has.
+    than a free stretch usually has. tight: standard deviation of what a support forbids, of the height of the centre
+    and in rad: less than shows in any track, and no less than descent can follow.
     """
 
     upward: float = 0.5
@@ -93,6 +110,7 @@ class SupportSettings:
     sigmas: float = 4.0
     flat: float = 0.9
     steady: int = 12
+    tight: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class Support:
 
     static: name of what supports it. normal (3,): of the surface. position (3,) [m], orientation (4,): of the body in
     contact, nearest to what was observed. axis (3,): about which it rolls, None for a ball, which rolls about any, and
-    for what lies on a face. rolls: whether it can.
+    for what lies on a face. rolls: whether it can. height [m]: of its centre over the surface.
     """
 
     static: str
@@ -37,6 +37,7 @@ class Support:
     orientation: Array
     axis: Array | None
     rolls: bool
+    height: float
 
     @property
     def level(self) -> bool:
@@ -153,7 +154,7 @@ def _on(
         if abs(slope) > settings.sigmas * noise / float(np.sqrt(spread @ spread)):
             return None
     position = state.position - normal * ((state.position - at) @ normal - reach)
-    return Support(static, normal, position, orientation, axis, rolls)
+    return Support(static, normal, position, orientation, axis, rolls, reach)
 
 
 def _lain(

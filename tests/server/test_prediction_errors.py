@@ -1,0 +1,80 @@
+"""Errors of prediction after the last fitted frame, on a ball in even motion: its distances are known exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import cauchy
+
+from atw_mcp.ensemble_answers import query_answer, query_in_words, together
+from atw_mcp.ensembles import Ensemble
+from atw_mcp.prediction_errors import SETTINGS, chances, distance
+from polyworld.predicates import AtRest, InsideRegion
+from polyworld.query import QueryResult, query
+from polyworld.rollout import rollout
+from tests.verification.planar_scenes import body, disc, top_view
+
+SPEED, UNTIL, END = 1.0, 0.5, 2.0
+
+
+@pytest.fixture(scope="module")
+def members() -> Ensemble:
+    """Five balls that move by SPEED along x without resistance; the fit ended at UNTIL."""
+    world = top_view(body("ball", disc(), (0.0, 0.0, 0.2), velocity=(SPEED, 0.0, 0.0)), gravity=0.0)
+    run = rollout(world, END)
+    return Ensemble((world,) * 5, (run,) * 5, {}, {}, fitted_until=UNTIL)
+
+
+def past(members: Ensemble, x: float, time: float) -> QueryResult:
+    statement = InsideRegion(object="ball", lower=(x, -9.0, -9.0), upper=(9.0, 9.0, 9.0))
+    return query(members.rollouts[0], members.worlds[0], statement, (time, time))
+
+
+def test_distance_is_that_of_the_path_between_two_times(members: Ensemble) -> None:
+    assert distance(members.rollouts[0], ["ball"], UNTIL, END) == pytest.approx(SPEED * (END - UNTIL), rel=1e-6)
+    assert distance(members.rollouts[0], ["ball", "ball"], 0.0, 1.0) == pytest.approx(np.sqrt(2.0) * SPEED, rel=1e-6)
+    assert distance(members.rollouts[0], ["floor"], 0.0, 1.0) == 0.0
+
+
+@pytest.mark.parametrize("by", [-0.5, -0.01, 0.02, 0.4])
+def test_a_place_is_as_probable_as_its_margin_beside_the_distance_travelled(members: Ensemble, by: float) -> None:
+    time = 1.5
+    result = past(members, SPEED * time - by, time)
+    (found,) = chances(members, [0], [result], ["ball"])
+    assert found == pytest.approx(cauchy.cdf(by, scale=SETTINGS.place * SPEED * (time - UNTIL)), rel=1e-6)
+
+
+def test_what_is_decided_within_the_fitted_frames_is_as_sure_as_the_members(members: Ensemble) -> None:
+    early = past(members, SPEED * 0.4 - 0.001, 0.4)
+    assert chances(members, [0], [early], ["ball"])[0] == 1.0
+    about = query_answer(members, [early] * 5, "any", ["ball"])
+    assert about["probability"] == 1.0
+    assert "less_sure_because" not in about
+
+
+def test_a_narrow_answer_about_what_comes_is_less_sure_and_says_why(members: Ensemble) -> None:
+    narrow = past(members, SPEED * 1.5 - 0.01, 1.5)
+    about = query_answer(members, [narrow] * 5, "any", ["ball"])
+    assert about["true"] == 5
+    assert 0.5 < about["probability"] < 0.7
+    assert about["probability_interval"][0] < about["probability"] < about["probability_interval"][1]
+    assert "after the last fitted frame" in query_in_words(about, "any")
+
+
+def test_what_has_no_margin_in_metres_is_less_sure_by_a_share(members: Ensemble) -> None:
+    moving = query(members.rollouts[0], members.worlds[0], AtRest(object="ball"), (1.0, END), "all")
+    assert moving.value is False
+    assert chances(members, [0], [moving], ["ball"])[0] == pytest.approx(0.5 * SETTINGS.other)
+
+
+def test_several_statements_hold_together_as_often_as_all_of_them_do(members: Ensemble) -> None:
+    rows = [[past(members, SPEED * 1.5 - by, 1.5)] * 5 for by in (0.05, 0.1)]
+    first, second = (chances(members, [0], row[:1], ["ball"])[0] for row in rows)
+    found = together(members, rows, [["ball"], ["ball"]])
+    assert found["all"]["true"] == found["any"]["true"] == 5
+    assert found["all"]["probability"] == pytest.approx(first * second)
+    assert found["any"]["probability"] == pytest.approx(1.0 - (1.0 - first) * (1.0 - second))
+    unfitted = together(replace(members, fitted_until=np.inf), rows, [["ball"], ["ball"]])
+    assert unfitted["all"]["probability"] == 1.0
