@@ -26,10 +26,12 @@ class PredictionErrorSettings:
     """Errors of predictions, from 680 questions of `tests.benchmarks.foresight` about worlds fitted to true tracks.
 
     place: half width of the distribution of a place's error, of the distance travelled since the last fitted frame.
-    other: probability that an answer without a margin in metres (contact, rest, order) is as good as chance there.
+    rest, other: probability that an answer about rest or speed, or another without a margin in metres (contact, order),
+    is as good as chance there. When a body stops depends on the smallest forces.
     """
 
     place: float = 0.05
+    rest: float = 0.3
     other: float = 0.1
 
 
@@ -48,7 +50,8 @@ def chances(ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryR
         if decided_at <= ensemble.fitted_until:
             continue
         if result.margin is None or result.margin_unit != "m" or (result.margin == 0.0 and result.value):
-            found[row] = (1.0 - SETTINGS.other) * found[row] + 0.5 * SETTINGS.other
+            chance = SETTINGS.rest if result.margin_unit == "m/s" else SETTINGS.other
+            found[row] = (1.0 - chance) * found[row] + 0.5 * chance
             continue
         width = SETTINGS.place * distance(ensemble.rollouts[member], names, ensemble.fitted_until, decided_at)
         if width > 0.0:

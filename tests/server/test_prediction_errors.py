@@ -66,7 +66,7 @@ def test_a_narrow_answer_about_what_comes_is_less_sure_and_says_why(members: Ens
 def test_what_has_no_margin_in_metres_is_less_sure_by_a_share(members: Ensemble) -> None:
     moving = query(members.rollouts[0], members.worlds[0], AtRest(object="ball"), (1.0, END), "all")
     assert moving.value is False
-    assert chances(members, [0], [moving], ["ball"])[0] == pytest.approx(0.5 * SETTINGS.other)
+    assert chances(members, [0], [moving], ["ball"])[0] == pytest.approx(0.5 * SETTINGS.rest)
 
 
 def test_several_statements_hold_together_as_often_as_all_of_them_do(members: Ensemble) -> None:
