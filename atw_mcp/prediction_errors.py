@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PredictionErrorSettings:
-    """Errors of predictions, from 680 questions of `tests.benchmarks.foresight` about worlds fitted to true tracks.
+    """Errors of predictions, from 540 questions of `tests.benchmarks.foresight`, half of them about worlds from videos.
 
     place: half width of the distribution of a place's error, of the distance travelled since the last fitted frame.
     rest, other: probability that an answer about rest or speed, or another without a margin in metres (contact, order),
     is as good as chance there. When a body stops depends on the smallest forces.
     """
 
-    place: float = 0.05
+    place: float = 0.04
     rest: float = 0.3
-    other: float = 0.1
+    other: float = 0.05
 
 
 SETTINGS = PredictionErrorSettings()
