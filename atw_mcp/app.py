@@ -1,4 +1,4 @@
-"""What every tool needs: the store, the jobs, and the case it is asked about in the right stage."""
+"""State that all tools share: the store, the jobs, and the case asked about, checked to be in the right stage."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class App:
         return case
 
     def case_to_probe(self, identifier: str, tool: str, wanted: str | None = None) -> tuple[Case, World]:
-        """The case and its committed world, refused before there is one (experimentation tools).
+        """Return the case and its committed world, refused before there is one (experimentation tools).
 
-        wanted: the world that was asked for; the refusal tells how to commit this one, default the latest.
+        wanted: the world that was asked for; the refusal says how to commit this one, default the latest.
         """
         case = self.case(identifier)
         if case.committed_world is None:
@@ -109,13 +109,13 @@ class App:
     # --- evidence ---
 
     def evidence_result(self, identifier: str) -> CallToolResult:
-        """An evidence record as a tool result; one still running says how far it is."""
+        """Return an evidence record as a tool result; one still running says how far it is."""
         record = self.store.read_evidence(identifier)
         job = self.store.jobs.get(identifier) if record.status == "running" else None
         if job is not None:
             progress = {"done": job.done, "total": job.total, "message": job.message}
             summary = (
-                f"{record.summary}; still running: ReadEvidence(evidence={record.id!r}) tells how far it is, "
+                f"{record.summary}; still running: ReadEvidence(evidence={record.id!r}) shows its progress, "
                 "with cancel=true it stops it"
             )
             record = replace(record, summary=summary, payload={"data": {"progress": progress}})

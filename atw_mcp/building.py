@@ -31,7 +31,7 @@ TRUST = 0.5  # an object begins at the first sample with this share of its media
 
 @dataclass(frozen=True)
 class ObservedObject:
-    """What was seen of an object beside its motion; None where it was not."""
+    """Observed properties of an object beside its motion; None where one was not observed."""
 
     name: str
     shape: BodyShape | None = None
@@ -41,8 +41,8 @@ class ObservedObject:
 
 @dataclass(frozen=True)
 class Given:
-    """What the agent says about one object; None leaves it to the observation or to the default. An object without
-    a track needs a shape and a position."""
+    """Statements of the agent about one object; None leaves a field to the observation or to the default. An object
+    without a track needs a shape and a position."""
 
     shape: BodyShape | None = None
     mass: float | None = None
@@ -63,7 +63,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Scene:
-    """What surrounds the objects. floor_height [m] is where they rest; None: nothing supports them."""
+    """Surroundings of the objects. floor_height [m] is where they rest; None: nothing supports them."""
 
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     floor_height: float | None = 0.0

@@ -45,7 +45,7 @@ def existing_file(text: str) -> Path:
 
 
 def video_facts(info: VideoInfo) -> dict[str, Any]:
-    """What is kept of a video's probe: facts of the content, not of where the file lies."""
+    """Return what is kept of a video's probe: facts of the content, not of where the file lies."""
     facts = info.to_dict()
     for key in ("path", "sha256"):
         facts.pop(key)

@@ -37,7 +37,7 @@ class ProgressDisplay(Protocol):
 
 @dataclass(frozen=True)
 class Reply:
-    """What a tool call came back with. body: the result's JSON; pictures: encoded images with their file ending."""
+    """Reply to a tool call. body: the result's JSON; pictures: encoded images with their file ending."""
 
     tool: str
     body: dict[str, Any]
@@ -143,7 +143,7 @@ async def connected(store: Path | None, progress: ProgressDisplay) -> AsyncItera
 
 @contextmanager
 def _errors_shown() -> Iterator[TextIO]:
-    """A file whose lines go on to stderr, but for those that tell of a machine without a GPU, which needs none."""
+    """Yield a file whose lines are forwarded to stderr, except warnings that the machine has no GPU: none is needed."""
     source, sink = os.pipe()
 
     def pass_on() -> None:

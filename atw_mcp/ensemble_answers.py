@@ -1,4 +1,4 @@
-"""What the members of an ensemble answer, in numbers and in words: how probable, how narrow, and what decides it."""
+"""Answers of an ensemble's members, in numbers and in words: how probable, how narrow, and what decides it."""
 
 from __future__ import annotations
 
@@ -233,11 +233,11 @@ def trajectory_in_words(about: dict[str, Any], name: str) -> str:
 def compared_members(
     first: Ensemble, second: Ensemble, objects: Sequence[str] | None, tolerance: float
 ) -> list[Comparison]:
-    """Comparisons of the same members of two ensembles, of events worth reporting alone."""
+    """Compare the same members of two ensembles, of reported events alone."""
     return [
         compare(
-            replace(a, events=readouts.told_events(first.worlds[i], a)),
-            replace(b, events=readouts.told_events(second.worlds[i], b)),
+            replace(a, events=readouts.reported_events(first.worlds[i], a)),
+            replace(b, events=readouts.reported_events(second.worlds[i], b)),
             objects,
             tolerance=tolerance,
         )

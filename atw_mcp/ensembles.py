@@ -90,7 +90,7 @@ def stored_sample(app: App, world: str) -> Content | None:
 
 
 def sample_in_words(sample: Content) -> dict[str, Any]:
-    """What an agent should know of a posterior sample: its size, what of it the data do not determine, doubts."""
+    """Summarize a posterior sample for an agent: its size, what of it the data do not determine, doubts."""
     document = sample.document
     about: dict[str, Any] = {
         "members": len(sample.arrays["values"]),

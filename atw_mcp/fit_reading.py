@@ -1,4 +1,4 @@
-"""What an agent should make of a fit: doubts about its minimum, better drafts, what the data left open, in brief."""
+"""Interpretation of a fit for an agent: doubts about its minimum, better drafts, what the data left open, in brief."""
 
 from __future__ import annotations
 

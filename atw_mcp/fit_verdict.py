@@ -155,7 +155,7 @@ def chance_of_wrong(verdict: Mapping[str, Any] | None) -> tuple[float, str]:
 
 
 def cure(case: str, world: str) -> str:
-    """What to do about a fit that failed."""
+    """Advise what to do about a fit that failed."""
     return (
         f"InspectRollout(case={case!r}, world={world!r}) shows where it leaves the video. Then correct tracks, shapes "
         "or obstacles (BuildWorld), or fit the frames up to the first that goes wrong (FitWorld with last_frame) and "

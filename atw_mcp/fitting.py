@@ -90,9 +90,9 @@ class FitRequest:
 
 
 def observed_of(world: World, tracks: ObservedTracks) -> ObservedTracks:
-    """What a record tells of the world's objects: tracks of all, shapes of those that are deformable in it.
+    """Select what a record shows of the world's objects: tracks of all, shapes of those that are deformable in it.
 
-    Raises ValueError where it tells of none.
+    Raises ValueError where it shows none.
     """
     soft = {item.name for item in world.deformables}
     names = [
@@ -110,12 +110,12 @@ def observed_of(world: World, tracks: ObservedTracks) -> ObservedTracks:
 def chosen_parameters(
     world: World, tracks: ObservedTracks, request: FitRequest, ordinary: OrdinarySettings | None = None
 ) -> list[Unknown]:
-    """The unknowns of a fit: those the tracks can show, changed as the agent asked.
+    """Choose the unknowns of a fit: those the tracks can show, changed as the agent asked.
 
     ordinary: priors of a spatial world fitted by `prefixes`, and from how many on bodies alike share parameters.
     Raises KeyError for an unknown path, ValueError for bounds that do not suit it or when nothing is left.
     """
-    # What is held out must not tell where to begin the search.
+    # Held-out frames must not inform the search's start.
     seen = tracks if request.holdout_from is None else tracks.window(int(tracks.frames[0]), request.holdout_from - 1)
     by_evidence = request.method == "prefixes" and request.shared is None
     parameters = default_unknowns(
@@ -157,7 +157,7 @@ def window(tracks: ObservedTracks, request: FitRequest) -> ObservedTracks:
 
 @dataclass(frozen=True)
 class FitRun:
-    """What a fit did: its result, all its starts (none for a method without them), and the seed that was asked for.
+    """Outcome of a fit: its result, all its starts (none for a method without them), and the seed that was asked for.
 
     start: the world that the values refer to, which may have got a law of resistance. sample: of the posterior; None
     where the fit was cancelled or diverges. tested: laws of resistance beside friction and rolling. widened: bounds
@@ -262,11 +262,11 @@ def _run_search(problem: FitProblem, request: FitRequest, progress: Progress) ->
 
     if request.method == "prefixes":
 
-        def tell(start: int, of: int, loss: float) -> None:
+        def report_start(start: int, of: int, loss: float) -> None:
             progress.note(start - 1, of, f"loss {loss:.4g}, start {start} of at most {of}")
 
         starts = fit_by_prefixes(
-            problem, PrefixSettings(request.restarts, request.seed), progress=tell, cancelled=progress.cancelled
+            problem, PrefixSettings(request.restarts, request.seed), progress=report_start, cancelled=progress.cancelled
         )
         return FitRun(starts[0].best, starts, request.seed)
 

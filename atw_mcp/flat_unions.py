@@ -17,7 +17,7 @@ NESTED = "written as in a world: DescribeTool(tool='BuildWorld', argument='world
 
 
 def flat_schema(union: Any, tag: str) -> dict[str, Any]:
-    """The schema of a union of models told apart by the constant field `tag`, as a single object."""
+    """Return the schema of a union of models, discriminated by the constant field `tag`, as a single object."""
     forms = inlined(TypeAdapter(union).json_schema())["oneOf"]
     fields: dict[str, dict[str, list[str]]] = {}
     kinds: dict[str, list[dict[str, Any]]] = {}

@@ -36,7 +36,7 @@ def add_parser(commands: Any) -> None:
     gap.add_argument("--data", type=Path, required=True, metavar="DATA.csv")
     gap.add_argument("--sealed", type=Path, metavar="FILE.csv", help="runs to judge the result by, seen by no step")
     gap.add_argument(
-        "--seal", metavar="RUN,RUN", help="seal these runs of --data (default: the last quarter); 'none' for no sealing"
+        "--seal", metavar="RUN,RUN", help="hold out these runs of --data (default: the last quarter); 'none' for none"
     )
     gap.add_argument(
         "--fit", action="append", default=[], metavar="PATH", help="a parameter of the world that is not known exactly"
@@ -102,21 +102,21 @@ def _run(options: argparse.Namespace) -> int:
         ),
         progress=_Steps(),
     )
-    told = report.to_dict()
-    told["sealed_data"] = parts.summary
-    if options.out is not None and told["world"] is not None:
-        options.out.write_text(json.dumps(told["world"], indent=2) + "\n")
+    summary = report.to_dict()
+    summary["sealed_data"] = parts.summary
+    if options.out is not None and summary["world"] is not None:
+        options.out.write_text(json.dumps(summary["world"], indent=2) + "\n")
     if options.pictures is not None:
         options.pictures.mkdir(parents=True, exist_ok=True)
         for name, content in gap_work.pictures_of(report).items():
             (options.pictures / name).write_bytes(content)
     if options.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(summary, indent=2))
         return OK
-    print(verdict_text(told))
-    print(_sealed(told))
-    if told["null_control"] is not None:
-        print(_null_control(told))
+    print(verdict_text(summary))
+    print(_sealed(summary))
+    if summary["null_control"] is not None:
+        print(_null_control(summary))
     return OK
 
 
@@ -132,19 +132,19 @@ class _Steps:
         self._last = step
 
 
-def _sealed(told: dict[str, Any]) -> str:
-    if told["sealed"] is None:
-        return told["sealed_data"] if told["verdict"] != "nothing_missing" else "no effect added"
-    gap = told["sealed"]
+def _sealed(summary: dict[str, Any]) -> str:
+    if summary["sealed"] is None:
+        return summary["sealed_data"] if summary["verdict"] != "nothing_missing" else "no effect added"
+    gap = summary["sealed"]
     closed = "" if gap["closed"] is None else f", {100 * gap['closed']:.0f}% closed"
     return (
-        f"{told['sealed_data']}: gap {gap['gap_before']:.4g} {gap['unit']} before, {gap['gap_after']:.4g} after"
+        f"{summary['sealed_data']}: gap {gap['gap_before']:.4g} {gap['unit']} before, {gap['gap_after']:.4g} after"
         f"{closed}; noise {gap['noise_floor']:.4g} {gap['unit']}"
     )
 
 
-def _null_control(told: dict[str, Any]) -> str:
-    null = told["null_control"]
+def _null_control(summary: dict[str, Any]) -> str:
+    null = summary["null_control"]
     text = f"null control: {null['verdict']} in data made from the base world, with its noise"
     if null["chi2_after"] is None:
         return text

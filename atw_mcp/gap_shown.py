@@ -1,11 +1,11 @@
-"""What an agent is shown of a gap: the few numbers that decide what to do next. The evidence keeps all of them."""
+"""Short form of a gap for an agent: the few numbers that decide what to do next. The evidence keeps all of them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 MOST = 3  # levels of a factor, onsets, worst series
-POWERLESS = 12  # most effects told of that could have been missed
+POWERLESS = 12  # most effects listed that could have been missed
 
 
 def shown_discrepancy(data: dict[str, Any]) -> dict[str, Any]:
@@ -91,19 +91,19 @@ def _effect(effect: dict[str, Any]) -> dict[str, Any]:
 
 
 def next_step(case: str, data: dict[str, Any]) -> str:
-    """What to do after a verdict."""
+    """Advise what to do after a verdict."""
     add = f"AddEffect(case={case!r}, proposal=this result's evidence id)"
     if data["verdict"] == "nothing_missing":
-        return f"nothing to add; FindDiscrepancy(case={case!r}, power=true) tells what these data could not have shown"
+        return f"nothing to add; FindDiscrepancy(case={case!r}, power=true) lists what these data could not have shown"
     if data["verdict"] == "identified":
         return add
     if data["verdict"] == "identified_with_remainder":
         return f"{add}, reporting the remainder with it; runs set aside deserve a look: InspectObservedMotion"
     if data["verdict"] == "ambiguous":
         best = (
-            "the experiment told, its data imported with the rest, then ProposeEffects again"
+            "the experiment described, its data imported with the rest, then ProposeEffects again"
             if (data["experiment"])
-            else "other data: none of the starts tried would tell them apart"
+            else "other data: none of the starts tried would distinguish them"
         )
         return f"{best}; or {add[:-1]}, hypothesis=NUMBER), saying that others would do as well"
     force = data["residual_force"]

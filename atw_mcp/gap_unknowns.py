@@ -1,4 +1,4 @@
-"""Numbers of a world that are fitted anew together with every effect."""
+"""Numbers of a world that are refitted together with every effect."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHARE = 0.05  # of its range, where no standard error is known
 
 
 def base_unknowns(app: App, world: World, paths: Sequence[str] | None) -> tuple[Unknown, ...]:
-    """The numbers fitted anew in every hypothesis: those given by path, else those that FitWorld fitted in this world.
+    """Return the numbers refitted in every hypothesis: those given by path, else those FitWorld fitted in this world.
 
     Initial states are always free and not among them. Raises KeyError or ValueError for a path that cannot be fitted.
     """
@@ -41,7 +41,7 @@ def base_unknowns(app: App, world: World, paths: Sequence[str] | None) -> tuple[
 
 
 def unknowns_at(world: World, paths: Sequence[str]) -> tuple[Unknown, ...]:
-    """One unknown for each parameter path, in the range that a fit searches."""
+    """Return one unknown for each parameter path, in the range that a fit searches."""
     return tuple(unknown_of(world, (path,), path) for path in dict.fromkeys(paths))
 
 
@@ -54,7 +54,7 @@ class LastFit:
 
 
 def last_fit(app: App, world: World) -> LastFit | None:
-    """The fit that a world, or the nearest of its ancestors, came from; None where nothing was fitted."""
+    """Return the fit that a world, or the nearest of its ancestors, came from; None where nothing was fitted."""
     identifier, seen = world.id, set[str]()
     while identifier not in seen:
         seen.add(identifier)
@@ -82,7 +82,7 @@ def unknown_of(
     upper: float | None = None,
     error: float | None = None,
 ) -> Unknown:
-    """An unknown that several paths share; bounds default to those a fit searches.
+    """Return an unknown that several paths share; bounds default to those a fit searches.
 
     error: a standard error that is known. Raises ValueError for initial states and for what the world leaves open.
     """

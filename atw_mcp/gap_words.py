@@ -7,27 +7,27 @@ from typing import Any
 PLAIN = 3  # plain laws in a sentence
 OF_RUNS = 6  # numbers of single runs from which on their spread is given instead
 SHOWN = 4  # most names of a credible set, or pairs of it, in a sentence
-SAME_MOTION = 1.0  # standard deviations between forecasts below which nothing would be told
+SAME_MOTION = 1.0  # standard deviations between forecasts below which they are indistinguishable
 
 
-def verdict_text(told: dict[str, Any]) -> str:
-    """A verdict (`GapReport.to_dict`) in a few sentences, with what the recording cannot tell."""
-    parts = [_verdict(told)]
-    if told["time_limit"] is not None:
-        parts.append(f"The search ended after {_number(told['time_limit'])} s with the best answer so far")
-    if told["checks"]:
-        parts.append(f"Lowered by: {'; '.join(c['found'] for c in told['checks'])}")
-    if told["set_aside"]:
-        parts.append(f"Set aside, fitted by nothing: {'; '.join(o['summary'] for o in told['set_aside'])}")
-    if told["plain_laws"] and told["verdict"] != "nothing_missing":
-        parts.append(f"Plain laws by themselves: {_plain_laws(told['plain_laws'])}")
-    if told["remainder"] is not None:
-        parts.append(told["remainder"]["summary"].rstrip("."))
-    return ". CAUTION: ".join((". ".join(parts), *(c.rstrip(".") for c in told["cautions"])))
+def verdict_text(report: dict[str, Any]) -> str:
+    """Return a verdict (`GapReport.to_dict`) in a few sentences, with what the recording cannot show."""
+    parts = [_verdict(report)]
+    if report["time_limit"] is not None:
+        parts.append(f"The search ended after {_number(report['time_limit'])} s with the best answer so far")
+    if report["checks"]:
+        parts.append(f"Lowered by: {'; '.join(c['found'] for c in report['checks'])}")
+    if report["set_aside"]:
+        parts.append(f"Set aside, fitted by nothing: {'; '.join(o['summary'] for o in report['set_aside'])}")
+    if report["plain_laws"] and report["verdict"] != "nothing_missing":
+        parts.append(f"Plain laws by themselves: {_plain_laws(report['plain_laws'])}")
+    if report["remainder"] is not None:
+        parts.append(report["remainder"]["summary"].rstrip("."))
+    return ". CAUTION: ".join((". ".join(parts), *(c.rstrip(".") for c in report["cautions"])))
 
 
 def _plain_laws(laws: list[dict[str, Any]]) -> str:
-    """The plain laws that come nearest, each fitted alone."""
+    """List the plain laws that come nearest, each fitted alone."""
     listed = []
     for law in laws[:PLAIN]:
         name = f"{law['name']} ({law['label']})" if law["label"] else law["name"]
@@ -40,29 +40,29 @@ def _plain_laws(laws: list[dict[str, Any]]) -> str:
     return "; ".join(listed)
 
 
-def _verdict(told: dict[str, Any]) -> str:
-    kind = told["verdict"]
+def _verdict(report: dict[str, Any]) -> str:
+    kind = report["verdict"]
     if kind == "nothing_missing":
         text = "nothing missing: the world explains the data to the noise"
-        if told["near_misses"]:
-            near = ", ".join(" + ".join(item["effects"]) for item in told["near_misses"][:SHOWN])
+        if report["near_misses"]:
+            near = ", ".join(" + ".join(item["effects"]) for item in report["near_misses"][:SHOWN])
             text += f" (effects that would lower the misfit a little, not beyond chance: {near})"
         return text
-    named = " + ".join(effect_text(effect) for effect in told["effects"])
+    named = " + ".join(effect_text(effect) for effect in report["effects"])
     if kind == "identified":
         text = f"identified: {named}"
-        if told["other_forms"]:
-            text += f"; the data allow as well: {'; '.join(told['other_forms'][:SHOWN])}"
-        if told["runner_up"] is not None:
-            other = told["runner_up"]
+        if report["other_forms"]:
+            text += f"; the data allow as well: {'; '.join(report['other_forms'][:SHOWN])}"
+        if report["runner_up"] is not None:
+            other = report["runner_up"]
             text += f"; next best {' + '.join(other['effects'])}, EBIC {_number(other['ebic_behind'])} behind"
             text += "" if other["passes"] else ", does not explain the data"
         return text
     if kind == "identified_with_remainder":
-        stability = told["stability"]
+        stability = report["stability"]
         text = f"identified_with_remainder: {named}"
         if stability is not None:
-            own = {e["name"] for e in told["effects"]}
+            own = {e["name"] for e in report["effects"]}
             least = min((v for k, v in stability["chosen_in"].items() if k in own), default=0.0)
             text += (
                 f"; chosen in {100 * least:.0f}% of the subsets of runs, "
@@ -70,27 +70,27 @@ def _verdict(told: dict[str, Any]) -> str:
                 "of no effect with model error admitted; intervals are widened for what remains"
             )
         return text
-    if kind == "ambiguous" and len(told["credible_set"]) < 2:
+    if kind == "ambiguous" and len(report["credible_set"]) < 2:
         return f"ambiguous: {named}, but the program's own checks contradict it"
     if kind == "ambiguous":
-        names = [" + ".join(item) for item in told["credible_set"]]
+        names = [" + ".join(item) for item in report["credible_set"]]
         listed = "; ".join(names[:SHOWN]) + ("" if len(names) <= SHOWN else f"; and {len(names) - SHOWN} more")
-        return f"ambiguous: any of {listed}; best {named}. {experiment_text(told['experiment'])}"
-    if not named and any(c["check"] == "held_out_remainder" for c in told["checks"]):
+        return f"ambiguous: any of {listed}; best {named}. {experiment_text(report['experiment'])}"
+    if not named and any(c["check"] == "held_out_remainder" for c in report["checks"]):
         return "unexplained: the world as it is explains the data fitted to the noise, but not the sealed data"
-    if not named and told["time_limit"] is not None:
+    if not named and report["time_limit"] is not None:
         return "unexplained: the time ran out before any effect was fitted"
     text = "unexplained: no effect of the catalogue leaves only noise"
     if named:
         text += f" (nearest: {named})"
-    if told["stability"] is not None and told["stability"]["reasons"]:
-        text += f"; none is named although model error was admitted: {'; '.join(told['stability']['reasons'])}"
-    force = told["residual_force"]
+    if report["stability"] is not None and report["stability"]["reasons"]:
+        text += f"; none is named although model error was admitted: {'; '.join(report['stability']['reasons'])}"
+    force = report["residual_force"]
     return text + (f". {force['summary']}" if force else "")
 
 
 def effect_text(effect: dict[str, Any]) -> str:
-    """An effect with its fitted numbers: "quadratic_drag (drag 0.0301 kg/m, 95% 0.0297 to 0.0305)"."""
+    """Return an effect with its fitted numbers: "quadratic_drag (drag 0.0301 kg/m, 95% 0.0297 to 0.0305)"."""
     numbers = []
     unknowns = effect["unknowns"]
     of_runs = {name: value for name, value in unknowns.items() if " in " in name}
@@ -105,12 +105,12 @@ def effect_text(effect: dict[str, Any]) -> str:
             text += f", 95% {_number(low)} to {_number(high)}"
         numbers.append(text)
     head = f"{effect['name']} {effect['label']}".strip()
-    same = f"; cannot be told from {', '.join(effect['same_as'])}" if effect["same_as"] else ""
+    same = f"; indistinguishable from {', '.join(effect['same_as'])}" if effect["same_as"] else ""
     return f"{head} ({'; '.join(numbers)}{same})"
 
 
 def _spread(of_runs: dict[str, dict[str, Any]]) -> str:
-    """Numbers that every run has of its own: their count, unit and spread in one line."""
+    """Summarize numbers that every run has of its own: their count, unit and spread in one line."""
     groups: dict[str, list[float]] = {}
     for name, value in of_runs.items():
         groups.setdefault(name.split(" in ")[0], []).append(float(value["value"]))
@@ -120,9 +120,9 @@ def _spread(of_runs: dict[str, dict[str, Any]]) -> str:
 
 
 def experiment_text(experiment: dict[str, Any] | None) -> str:
-    """The experiment that would decide, in a sentence."""
+    """Describe the experiment that would decide, in a sentence."""
     if experiment is None:
-        return "No experiment with these objects was found that would tell them apart"
+        return "No experiment with these objects was found to distinguish them"
     place = ", ".join(_number(v) for v in experiment["position"])
     speed = ", ".join(_number(v) for v in experiment["velocity"])
     spin = ", ".join(_number(v) for v in experiment["angular_velocity"])
@@ -130,7 +130,7 @@ def experiment_text(experiment: dict[str, Any] | None) -> str:
     if least < SAME_MOTION:
         alike = [x for x in experiment["separations"] if x["sigmas"] < SAME_MOTION]
         pairs = "; ".join(f"{' + '.join(x['first'])} from {' + '.join(x['second'])}" for x in alike[:SHOWN])
-        return f"No start of one object was found that would tell {pairs}: they move these objects in the same way"
+        return f"No start of one object was found to distinguish {pairs}: they move these objects in the same way"
     head = "To decide" if experiment["decides"] else "The best experiment found, which may not decide"
     expected = "; ".join(f"{_number(value)} if {name}" for name, value in experiment["forecasts"].items())
     return (
@@ -141,10 +141,10 @@ def experiment_text(experiment: dict[str, Any] | None) -> str:
 
 
 def worth_text(data: dict[str, Any]) -> str:
-    """What an added effect is worth, on fitted and sealed data, in a sentence."""
+    """Return what an added effect is worth, on fitted and sealed data, in a sentence."""
     text = f"gap on the data fitted {_gap_text(data['fitted_data'])}"
     if data["sealed"] is None:
-        return text + "; nothing was sealed to check it on"
+        return text + "; no data were sealed to check it on"
     return text + f"; on sealed data {_gap_text(data['sealed'])}"
 
 

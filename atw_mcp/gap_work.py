@@ -1,4 +1,4 @@
-"""What the gap tools compute: the base's own fit, proposals, and what an added effect is worth."""
+"""Computations of the gap tools: the base's own fit, proposals, and what an added effect is worth."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from atw_mcp.jobs import Cancelled, Progress
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, Part
 from polyworld.estimation.intervals import intervals95
-from polyworld.estimation.run_parts import in_parts, of_whole_runs
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.run_segments import in_segments, of_whole_runs
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.cautions import cautions
@@ -35,7 +35,7 @@ from polyworld.world import Effect, World
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a piece of work found: a summary for the agent, all of it as plain data, pictures as PNG files by name, and
+    """Outcome of a piece of work: a summary for the agent, all of it as plain data, pictures as PNG files by name, and
     the world that it made, if it made one."""
 
     summary: str
@@ -48,10 +48,10 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
     """Fit what a world leaves open and look at what is left; power: also what each effect had to be to be seen."""
     progress.report(0.0, 1.0, "fitting initial states and base parameters")
     with _interruptible():
-        trial = fitted_base(design(world, in_parts(recording, world)), base, cancelled=progress.cancelled)
+        trial = fitted_base(design(world, in_segments(recording, world)), base, cancelled=progress.cancelled)
         progress.report(0.5, 1.0, "looking at what is left")
         where = localise(trial.context.design, trial.context.noise, trial.fit, unknowns=trial.hypothesis.unknowns)
-        told = {
+        found = {
             "explained": trial.passes,
             "goodness": trial.goodness.to_json(),
             "noise": trial.context.noise.to_json(),
@@ -64,9 +64,9 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
         }
         if power:
             progress.report(0.7, 1.0, "which effects could have been seen")
-            told["power"] = [row.to_json() for row in power_check(trial)]
+            found["power"] = [row.to_json() for row in power_check(trial)]
         pictures = _pictures(_compared(trial))
-    return Outcome(f"{trial.goodness.summary()} {where.summary()}", finite(told), pictures)
+    return Outcome(f"{trial.goodness.summary()} {where.summary()}", finite(found), pictures)
 
 
 def propose(
@@ -91,12 +91,12 @@ def propose(
             progress=lambda share, step: progress.report(share, 1.0, step),
             cancelled=progress.cancelled,
         )
-    told = report.to_dict()
+    summary = report.to_dict()
     best = report.verdict.best
     cut = report.context.design.recording
     chosen = report.verdict.credible or ((best,) if best is not None else ())
-    told["base_world"] = _fitted_world(report.base, world).model_dump(mode="json")
-    told["proposals"] = [
+    summary["base_world"] = _fitted_world(report.base, world).model_dump(mode="json")
+    summary["proposals"] = [
         {
             "title": trial.hypothesis.title,
             "effects": effects_of(trial, report.intervals if trial is best else np.zeros((0, 2))),
@@ -107,17 +107,17 @@ def propose(
         }
         for trial in chosen
     ]
-    return Outcome(verdict_text(told), finite(told))
+    return Outcome(verdict_text(summary), finite(summary))
 
 
 def _fitted_world(trial: FittedHypothesis, world: World) -> World:
-    """The fitted world, stepped as the one given: a search may have stepped it more coarsely."""
+    """Return the fitted world, stepped as the one given: a search may have stepped it more coarsely."""
     steps = min(world.time.substep, trial.hypothesis.world.time.substep)
     return trial.hypothesis.fitted_world(trial.values).with_substep(steps)
 
 
 def pictures_of(report: GapReport) -> dict[str, bytes]:
-    """The base's residuals, and those of the best hypothesis, on the data fitted."""
+    """Draw the base's residuals, and those of the best hypothesis, on the data fitted."""
     best = report.verdict.best
     return _pictures(_compared(report.base), None if best is None else _compared(best))
 
@@ -135,7 +135,7 @@ class Proposal:
 
     @classmethod
     def of(cls, proposal: dict[str, Any], result: dict[str, Any]) -> Self:
-        """One proposal of a stored result of `propose`."""
+        """Read one proposal of a stored result of `propose`."""
         return cls(
             proposal["title"],
             World.model_validate(result["base_world"]),
@@ -147,7 +147,7 @@ class Proposal:
 
 
 def with_effect(world: World, effect: Effect) -> World:
-    """The world with one more effect; raises ValueError where it does not fit in."""
+    """Return the world with one more effect; raises ValueError where it does not fit in."""
     document = world.model_dump()
     return World.model_validate({**document, "effects": [*document["effects"], effect.model_dump()]})
 
@@ -167,7 +167,7 @@ def fitted_effect(
     own = Candidate(effect.name, "force", law, "", "", lambda *_: (variant,))
     with _interruptible():
         progress.report(0.0, 1.0, "fitting the world without the effect")
-        ground = fitted_base(design(world, in_parts(recording, world)), base, cancelled=progress.cancelled)
+        ground = fitted_base(design(world, in_segments(recording, world)), base, cancelled=progress.cancelled)
         progress.report(0.4, 1.0, "fitting it with the effect")
         hypothesis = Hypothesis(child, base, (Part(own, variant),))
         start = np.concatenate([ground.values, [u.start for u in unknowns]])
@@ -184,7 +184,7 @@ def fitted_effect(
 
 
 def _evidence(ground: FittedHypothesis, trial: FittedHypothesis) -> dict[str, float]:
-    """What effects buy on the data fitted, both judged under the same noise: chi2, and BIC, which counts unknowns."""
+    """Compute what effects gain on the data fitted, under the same noise: chi2, and BIC, which counts unknowns."""
     gain = extended_bic(ground.chi2, 0, trial.context.observations, 0, 1) - extended_bic(
         trial.chi2, trial.hypothesis.extra, trial.context.observations, 0, 1
     )
@@ -198,7 +198,7 @@ def _evidence(ground: FittedHypothesis, trial: FittedHypothesis) -> dict[str, fl
 
 
 def worth(proposal: Proposal, parts: Split, progress: Progress) -> Outcome:
-    """Hold a world with effects against the one without, initial states fitted anew: on fitted, then on sealed data.
+    """Compare a world with effects to the one without, initial states refitted: on fitted, then on sealed data.
 
     Where the data are a single run, the world made starts as that run did.
     """
@@ -230,13 +230,13 @@ def worth(proposal: Proposal, parts: Split, progress: Progress) -> Outcome:
 
 
 def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) -> list[FittedHypothesis]:
-    """Each world with its initial states fitted and nothing else."""
-    recording = in_parts(recording, *worlds)  # alike for all, to be compared run by run
+    """Fit the initial states of each world and nothing else."""
+    recording = in_segments(recording, *worlds)  # alike for all, to be compared run by run
     return [fitted_base(design(world, recording), (), cancelled=progress.cancelled) for world in worlds]
 
 
 def _starting_as(trial: FittedHypothesis) -> World:
-    """The world with the initial state of the only run, or of its first part."""
+    """Return the world with the initial state of the only run, or of its first part."""
     run, states = trial.context.design.runs[0], trial.fit.states[0]
     numbers: dict[str, float] = {}
     at = 0
@@ -249,7 +249,7 @@ def _starting_as(trial: FittedHypothesis) -> World:
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """The library's word for being stopped, as the jobs' own."""
+    """Raise the jobs' `Cancelled` where the library raises InterruptedError."""
     try:
         yield
     except InterruptedError as error:

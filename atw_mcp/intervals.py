@@ -22,7 +22,7 @@ ROUNDING = 1e-6  # of a frame: an interval's end may have been computed another 
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time, both ends included. start, end [s]; seconds_per_frame tells frames from seconds."""
+    """A stretch of time, both ends included. start, end [s]; seconds_per_frame converts frames to seconds."""
 
     start: float
     end: float

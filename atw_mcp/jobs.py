@@ -51,7 +51,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class LongWork:
-    """What a tool returns instead of an Answer when computing it may take long.
+    """Work that a tool returns instead of an Answer when computing it may take long.
 
     key: names what is computed, so that equal work under way is joined instead of repeated. work: computes
     the answer, reporting progress often. draft: the provenance known beforehand, its summary what is being

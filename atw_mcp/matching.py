@@ -122,7 +122,7 @@ class Matching:
 
     @property
     def doubts(self) -> list[str]:
-        """What is doubtful about the assignment, in sentences."""
+        """Return what is doubtful about the assignment, in sentences."""
         found = [
             f"{match.known} may be another track than {match.track} (confidence {match.confidence:.2f}): give more of "
             "its color, material, shape, or a pixel on it"

@@ -1,4 +1,4 @@
-"""What a deformable object is in a few numbers: size, mass, resolution, where it starts."""
+"""Facts about a deformable object in a few numbers: size, mass, resolution, where it starts."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ SIZE = {"rope": ("length", "m"), "cloth": ("area", "m^2"), "soft": ("volume", "m
 
 
 def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
-    """Name, kind, size, mass [kg], numbers of nodes and elements, and the box [m] it starts in."""
+    """Return name, kind, size, mass [kg], numbers of nodes and elements, and the box [m] it starts in."""
     mesh = mesh_for(world, item)
     size, _ = SIZE[item.representation.removesuffix("_planar")]
-    told: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "name": item.name,
         "representation": item.representation,
         "color": item.appearance.color,
@@ -31,33 +31,33 @@ def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
         "mass": mass(world, item),
     }
     if item.representation == "fluid_planar":
-        told["area"] = told.pop("volume")
+        facts["area"] = facts.pop("volume")
     if isinstance(item, Fluid):
-        told["particles"] = len(mesh.nodes)
+        facts["particles"] = len(mesh.nodes)
         emitters = [e.name for e in world.emitters if e.fluid == item.name]
         if emitters:
-            told["fed_by"] = emitters
+            facts["fed_by"] = emitters
     else:
-        told["nodes"] = len(mesh.nodes)
+        facts["nodes"] = len(mesh.nodes)
         elements = {"segments": mesh.segments, "tetrahedra": mesh.tetrahedra, "triangles": mesh.triangles}
-        told |= {kind: len(rows) for kind, rows in elements.items() if len(rows)}
+        facts |= {kind: len(rows) for kind, rows in elements.items() if len(rows)}
         held = [a.name for a in world.attachments if item.name in (a.object, a.to)]
         if held:
-            told["held_by"] = held
+            facts["held_by"] = held
     if isinstance(item, Rope):
         thread = threading(world, item)
-        told["ends"] = [mesh.nodes[0].tolist(), mesh.nodes[-1].tolist()]
+        facts["ends"] = [mesh.nodes[0].tolist(), mesh.nodes[-1].tolist()]
         turns = {p.name: round(float(np.degrees(a)), 1) for p, a in zip(thread.pulleys, thread.wrap, strict=True)}
         if turns:
-            told["wraps_deg"] = turns  # a pulley passed on the wrong side shows here
+            facts["wraps_deg"] = turns  # a pulley passed on the wrong side shows here
     if isinstance(item, Cloth):
-        told["thickness"] = item.thickness
+        facts["thickness"] = item.thickness
     if len(mesh.nodes):
         reach = np.concatenate([mesh.nodes, _on_wheels(world, item)])
-        told["starts_in"] = [reach.min(axis=0).tolist(), reach.max(axis=0).tolist()]
+        facts["starts_in"] = [reach.min(axis=0).tolist(), reach.max(axis=0).tolist()]
     if getattr(item, "start_time", 0.0):
-        told["start_frame"] = round(getattr(item, "start_time", 0.0) / world.time.seconds_per_frame)
-    return told
+        facts["start_frame"] = round(getattr(item, "start_time", 0.0) / world.time.seconds_per_frame)
+    return facts
 
 
 def _on_wheels(world: World, item: Deformable) -> NDArray[np.float64]:

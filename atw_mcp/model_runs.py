@@ -67,7 +67,7 @@ class KnownObject:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What a model is to do on a case. prompts: rows are frame numbers here. use: what becomes of the result."""
+    """Request that a model be run on a case. prompts: rows are frame numbers here. use: what becomes of the result."""
 
     model: ModelFolder
     limits: Limits
@@ -161,7 +161,7 @@ def _segment(
     if kept is None:
         info, frames = load(video_file(case), stride=stride)
         rows = tuple(Prompt(p.object, p.row // stride, p.box, p.positive, p.negative) for p in prompts)
-        found = follow(request.model, frames, rows, request.limits, **_told(progress))
+        found = follow(request.model, frames, rows, request.limits, **_callbacks(progress))
         seen = found.observation(info, frames, tuple(range(0, stride * len(frames), stride)))
         rated = None if latest is None else agreement(seen, latest[1], frames)
         if request.use == "agreement" and latest is not None:
@@ -211,7 +211,7 @@ def _depth(app: App, case: Case, request: RunRequest) -> Prepared:
 def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, Any], progress: Progress) -> RunOutcome:
     info, frames = load(video_file(case), stride=request.stride)
     numbers = range(0, request.stride * len(frames), request.stride)
-    found = predict_depth(request.model, frames, numbers, request.limits, **_told(progress))
+    found = predict_depth(request.model, frames, numbers, request.limits, **_callbacks(progress))
     camera = latest_camera(app, case)
     focal = None if found.focal is None else float(np.median(found.focal))
     latest = latest_image_observation(app, case)
@@ -299,7 +299,7 @@ def _turn(
     frames = _frames(case, seen)
     names = [name for name in inputs["objects"] if name in record.tracks.names]
     queries = queries_on(seen, frames, names)
-    found = follow_points(request.model, frames, queries, request.limits, **_told(progress))
+    found = follow_points(request.model, frames, queries, request.limits, **_callbacks(progress))
     common = [f for f in record.tracks.frames if int(f) in set(seen.frames)]
     if len(common) != len(record.tracks.frames) or len(seen.frames) != len(common):
         raise ObservationError("the tracks and the observation are of different frames: observe with the same stride")
@@ -346,7 +346,7 @@ def _place(
         raise ModelError("a pose needs the object's shape: give objects=[{name, mesh}], or build the world first")
     step = record.tracks.seconds_per_frame
     frames = _frames(case, seen)
-    tracks = poses(request.model, seen, frames, camera, asked, step, request.limits, **_told(progress))
+    tracks = poses(request.model, seen, frames, camera, asked, step, request.limits, **_callbacks(progress))
     looks = {o.name: o for o in record.objects}
     objects = [
         ObservedObject(
@@ -426,7 +426,7 @@ def _shape(
     step = 1.0 / rate if rate > 0 else 0.04
     names, sizes = inputs["objects"], inputs["sizes"]
     frames = _frames(case, seen)
-    found = meshes(request.model, seen, frames, names, sizes, step, request.limits, **_told(progress))
+    found = meshes(request.model, seen, frames, names, sizes, step, request.limits, **_callbacks(progress))
     provenance = Provenance(request.model, request.limits.device, request.limits.batch)
     rows = []
     for name, made in found.items():
@@ -505,7 +505,7 @@ def _stride(seen: ImageObservation) -> int:
     return seen.frames[1] - seen.frames[0] if len(seen.frames) > 1 else 1
 
 
-def _told(progress: Progress) -> dict[str, Any]:
+def _callbacks(progress: Progress) -> dict[str, Any]:
     return {
         "progress": lambda share, what: progress.report(share, 1.0, what),
         "cancelled": progress.cancelled,

@@ -1,4 +1,4 @@
-"""What follows from measured places of one object: velocity to energy with 90% intervals, and a period."""
+"""Quantities derived from measured positions of one object: velocity to energy with 90% intervals, and a period."""
 
 from __future__ import annotations
 

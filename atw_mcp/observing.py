@@ -134,7 +134,7 @@ class Derivation:
     about: Surroundings | None = None
 
     def inputs(self) -> dict[str, Any]:
-        """What determines the tracks."""
+        """Return what determines the tracks."""
         return {
             "objects": self.observation,
             "camera": self.camera,
@@ -181,8 +181,8 @@ def derivation(
     cameras = app.store.cases.observations(case.id, "camera")
     if not cameras:
         raise ValueError(
-            f"case {case.id!r} has objects in pixels but no camera: CalibrateCamera(case={case.id!r}) tells where "
-            "they are in the world"
+            f"case {case.id!r} has objects in pixels but no camera: CalibrateCamera(case={case.id!r}) places "
+            "them in the world"
         )
     camera = app.store.observations.get(cameras[0][1])
     free = plane is None and not camera.document["side_view"]
@@ -223,10 +223,10 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
     if how.depth is not None:
         return _derive_from_depth(app, how, seen, camera, progress)
 
-    def tell(begin: float) -> Callable[[float, str], None]:
+    def reporter(begin: float) -> Callable[[float, str], None]:
         return lambda share, what: progress.report(begin + 0.5 * share, 1.0, what)
 
-    estimates = estimate_sizes(seen, camera, how.plane, progress=tell(0.0), cancelled=progress.cancelled)
+    estimates = estimate_sizes(seen, camera, how.plane, progress=reporter(0.0), cancelled=progress.cancelled)
     solids = {**{name: found.solid for name, found in estimates.items()}, **how.solids}
     tracks = world_tracks(
         seen,
@@ -234,7 +234,7 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
         solids,
         how.plane,
         seconds_per_frame=how.seconds_per_frame,
-        progress=tell(0.5),
+        progress=reporter(0.5),
         cancelled=progress.cancelled,
     )
     sizes = {name: found.to_dict() for name, found in estimates.items()}

@@ -1,7 +1,7 @@
-"""Parts of a world beside its rigid bodies, as an agent writes them: one list of objects told apart by `part`.
+"""Parts of a world beside its rigid bodies, as an agent writes them: one list of objects discriminated by `part`.
 
 Ropes, cloth, soft bodies, fluids and what goes with them have some hundred fields. The list of tools shows their
-names and types; `DescribeTool(tool='BuildWorld', argument='parts.rope')` tells units, defaults and meaning.
+names and types; `DescribeTool(tool='BuildWorld', argument='parts.rope')` gives units, defaults and meaning.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ EXAMPLE = {"part": "rope", "name": "cord", "points": [[0, 0, 2], [1, 0, 2]], "li
 
 @dataclass(frozen=True)
 class Parts:
-    """What an agent described, in the engine's words. Deformables are still as written: what is missing in them
+    """Parts that an agent described, in the engine's terms. Deformables are still as written: what is missing in them
     may have been observed."""
 
     deformables: tuple[dict[str, Any], ...] = ()
@@ -203,7 +203,7 @@ def _fields(kind: str) -> list[str]:
 
 
 def _more(kind: str) -> str:
-    return f"DescribeTool(tool='BuildWorld', argument='parts.{kind}') tells units, defaults and meaning"
+    return f"DescribeTool(tool='BuildWorld', argument='parts.{kind}') gives units, defaults and meaning"
 
 
 def _bare(schema: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the text beside pictures says of each object: one row over all frames; the evidence keeps every frame."""
+"""Text beside pictures of each object: one row over all frames; the evidence keeps every frame."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ class PlanView:
             cv2.polylines(canvas.image, [polygon], True, STATIC, 2, cv2.LINE_AA, FINE_BITS)
 
     def _draw_scale(self, canvas: Canvas) -> None:
-        """What the strip is, a bar of a round length, and the world axes that lie in the plane."""
+        """Draw the strip's caption, a bar of a round length, and the world axes that lie in the plane."""
         canvas.write("plan, to scale", (8, 16))
         length = round_length(self.width / 4 / self.pixels_per_metre)
         y, left = self.height - 12, 10

@@ -70,7 +70,7 @@ def lineage(app: App, case: Case, world: World) -> list[dict[str, Any]]:
 
 
 def _fitted(app: App, detail: dict[str, Any], path: str) -> dict[str, Any] | None:
-    """What a fit says about a path; None where it was not among the fitted ones."""
+    """Return what a fit says about a path; None where it was not among the fitted ones."""
     try:
         document = app.store.fits.get(str(detail.get("fit"))).document
     except UnknownRecord:  # a fit that was cancelled keeps its world, but not its account

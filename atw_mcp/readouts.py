@@ -1,4 +1,4 @@
-"""What an agent reads off a rollout: motion in a few numbers, events in order, trajectories thinned out."""
+"""Readouts of a rollout for an agent: motion in a few numbers, events in order, trajectories thinned out."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MECHANICAL = ("ax", "ay", "az", "px", "py", "pz", "kinetic_energy", "potential_e
 
 
 def floors(world: World) -> set[str]:
-    """Statics that things stand on: planes facing up."""
+    """Return the statics that things stand on: planes facing up."""
     return {
         s.name
         for s in world.statics
@@ -42,7 +42,7 @@ def floors(world: World) -> set[str]:
 
 
 def event_row(event: Event, span: Span) -> dict[str, Any]:
-    """An event as an agent reads it: without what it does not have."""
+    """Return an event as an agent reads it: without what it does not have."""
     row = {"kind": event.kind, "time": event.time, "frame": span.frame(event.time), "objects": list(event.participants)}
     optional = {
         "impulse_Ns": event.impulse,
@@ -52,11 +52,11 @@ def event_row(event: Event, span: Span) -> dict[str, Any]:
     return {**row, **{key: value for key, value in optional.items() if value is not None}}
 
 
-def told_events(world: World, rollout: Rollout) -> tuple[Event, ...]:
-    """Events worth telling: all but the contacts that come of standing on something.
+def reported_events(world: World, rollout: Rollout) -> tuple[Event, ...]:
+    """Return the events worth reporting: all but contacts of objects that stand on something.
 
     Left out are contacts with a static that an object touches from its start on, and touches of a floor slower than
-    IMPACT that are not the first after flight (nor go on with one that is told), with their ends.
+    IMPACT that are not the first after flight (nor continue a reported one), with their ends.
     """
     frame = world.time.seconds_per_frame
     statics, ground = {s.name for s in world.statics}, floors(world)
@@ -88,17 +88,17 @@ def told_events(world: World, rollout: Rollout) -> tuple[Event, ...]:
 
 
 def floor_contacts_included(world: World, *rollouts: Rollout) -> bool:
-    """Whether `told_events` leaves no contact out."""
-    return all(len(told_events(world, rollout)) == len(rollout.events) for rollout in rollouts)
+    """Check whether `reported_events` leaves no contact out."""
+    return all(len(reported_events(world, rollout)) == len(rollout.events) for rollout in rollouts)
 
 
 def timeline(world: World, rollout: Rollout, span: Span) -> list[dict[str, Any]]:
-    """Collisions, entries, exits, rests and releases in order of time, of `told_events`."""
-    return in_order(told_events(world, rollout), rollout, span)
+    """Return collisions, entries, exits, rests and releases of `reported_events` in order of time."""
+    return in_order(reported_events(world, rollout), rollout, span)
 
 
 def in_order(events: Iterable[Event], rollout: Rollout, span: Span) -> list[dict[str, Any]]:
-    """Events as rows in order of time; the touches of one blow are one collision.
+    """Return events as rows in order of time; the touches of one blow are one collision.
 
     Its impulse is the sum over its touches, None where the last of them still lasts at the end of the rollout.
     """
@@ -143,8 +143,8 @@ def in_order(events: Iterable[Event], rollout: Rollout, span: Span) -> list[dict
     return [row for row in rows if row["time"] <= span.end and row.get("until", row["time"]) >= span.start]
 
 
-def told(rows: Iterable[dict[str, Any]], most: int = 6) -> str:
-    """A timeline in words, for a summary."""
+def in_words(rows: Iterable[dict[str, Any]], most: int = 6) -> str:
+    """Return a timeline in words, for a summary."""
     rows = list(rows)
     texts = [
         f"{_who(row['objects'])} at {row['time']:.3g} s"

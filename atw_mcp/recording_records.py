@@ -28,7 +28,7 @@ READER = 2  # counts changes of what the reader makes of a file
 
 @dataclass(frozen=True)
 class CaseRecording:
-    """What the gap of a case is measured on. id: of the observation; parts: what may be fitted and what is sealed."""
+    """Data that the gap of a case is measured on. id: of the observation; parts: those to fit and those sealed."""
 
     id: str
     parts: Split
@@ -102,7 +102,7 @@ def case_recording(app: App, case: Case, world: World) -> CaseRecording:
     unseen = None if fit is None or fit.unseen_from is None else fit.unseen_from * step
     parts = hold_out(_known_objects(Recording((run,)), world), begin=unseen)
     if fit is not None and unseen is None and parts.held_out is not None:
-        seen = "FitWorld has seen it, but all that it fitted is fitted anew without it (holdout_from keeps it unseen)"
+        seen = "FitWorld has seen it, but all that it fitted is refitted without it (holdout_from keeps it unseen)"
         parts = replace(parts, summary=f"{parts.summary}; {seen}")
     return CaseRecording(record.id, parts)
 

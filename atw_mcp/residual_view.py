@@ -1,4 +1,4 @@
-"""What an observation explains of a video: silhouettes, what differs from the background beside them, confidence."""
+"""Explained part of a video: silhouettes, what differs from the background beside them, confidence."""
 
 from __future__ import annotations
 

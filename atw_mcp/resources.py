@@ -1,4 +1,4 @@
-"""What can be read by address: whole results, and the schema of a world."""
+"""Resources that can be read by address: whole results, and the schema of a world."""
 
 from __future__ import annotations
 

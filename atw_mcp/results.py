@@ -1,4 +1,4 @@
-"""What a tool returns, and the shape in which an agent receives it."""
+"""Results that tools return, and the form in which an agent receives them."""
 
 from __future__ import annotations
 

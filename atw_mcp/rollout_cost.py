@@ -27,7 +27,7 @@ class Cost:
 
 
 def cost(world: World, horizon: float) -> Cost:
-    """What rolling a world out to `horizon` [s] takes."""
+    """Estimate what rolling a world out to `horizon` [s] takes."""
     points = {}
     for item in world.deformables:
         count = len(mesh_for(world, item).nodes)
@@ -47,7 +47,7 @@ def size_in_words(world: World, horizon: float) -> str:
 
 
 def emitted(emitter: Emitter, horizon: float) -> float:
-    """What flows from an emitter up to a time: volume [m^3], in a plane area [m^2]."""
+    """Compute what flows from an emitter up to a time: volume [m^3], in a plane area [m^2]."""
     end = min(horizon, emitter.end if emitter.end is not None else horizon)
     if end <= emitter.start:
         return 0.0

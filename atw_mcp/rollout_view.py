@@ -168,18 +168,19 @@ class RolloutView:
         return about
 
     def legend(self) -> str:
-        """What the colours and lines of the pictures mean."""
-        told = "magenta: simulated outline (over the video) and path up to the frame; "
-        told += "right: the plan, seen straight down on the plane of motion and to scale, up is away from the camera; "
+        """Explain the colours and lines of the pictures."""
+        legend = "magenta: simulated outline (over the video) and path up to the frame; "
+        legend += "right: the plan, seen straight down on the plane of motion and to scale, "
+        legend += "up is away from the camera; "
         if self.observation is not None or self.record is not None:
-            told += "white dashes: observed outline; white crosses in the plan: observed positions, "
-            told += "with a line to where the object is simulated; "
-        told += f"dots on paths every {self.mark_every:g} s"
+            legend += "white dashes: observed outline; white crosses in the plan: observed positions, "
+            legend += "with a line to where the object is simulated; "
+        legend += f"dots on paths every {self.mark_every:g} s"
         if self.marks_of_world.any:
-            told += f"; {LEGEND}"
+            legend += f"; {LEGEND}"
         if self.dashed_from is None:
-            return told
-        return told + f"; paths dashed after frame {self.world.time.frame_count - 1}, the last observed"
+            return legend
+        return legend + f"; paths dashed after frame {self.world.time.frame_count - 1}, the last observed"
 
     def accuracy(self) -> dict[str, Any] | None:
         """Root mean square errors over every observed frame that the rollout covers; None without tracks."""
@@ -211,7 +212,7 @@ class RolloutView:
         return worst
 
     def _compared_tracks(self) -> ObservedTracks | None:
-        """What the rollout can be compared with; None where nothing observed is in it."""
+        """Return the tracks that the rollout can be compared with; None where nothing observed is in it."""
         if self.record is None:
             return None
         tracks = at_rate(self.record.tracks, self.frame_time).window(0, self.last_frame)
@@ -231,7 +232,7 @@ def draw_observed(
     canvas: Canvas, observation: ImageObservation, names: list[str], frame: int, *, label: bool
 ) -> list[dict[str, Any]]:
     """Outline observed objects on a frame: solid with names (label), or dashed; returns what was measured of each."""
-    row, told = observation.row(frame), []
+    row, measured = observation.row(frame), []
     for name in names:
         seen = observation.object(name)
         about: dict[str, Any] = {"name": name, "status": seen.status[row]}
@@ -244,12 +245,12 @@ def draw_observed(
             about["centroid"] = np.round(seen.centroid[row], 1).tolist()
             about["area"] = int(seen.area[row])
             about["confidence"] = round(float(seen.confidence[row]), 3)
-        told.append(about)
+        measured.append(about)
     if label:
         masks = {name: observation.mask(name, frame) for name in observation.names}
         others = np.any(list(masks.values()), axis=0)
         canvas.names({name: masks[name] for name in names}, OBSERVED, others)
-    return told
+    return measured
 
 
 def case_tracks(app: App, case: Case, world: World | None) -> TrackRecord | None:

@@ -63,7 +63,7 @@ def _crowd(world: World) -> str:
 
 
 def find_rollout(app: App, world: World, horizon: float, sample: float | None = None) -> tuple[str, Rollout] | None:
-    """The stored rollout of a world and its id, if it was computed before."""
+    """Return the stored rollout of a world and its id, if it was computed before."""
     found = app.store.rollouts.find(KIND, _inputs(world, horizon, sample))
     return None if found is None else (found.id, _from_content(found))
 
@@ -77,7 +77,7 @@ def compute_rollout(
 ) -> tuple[str, Rollout]:
     """Roll a world out, or find it rolled out before; returns its id too. Raises ValueError where it cannot be run.
 
-    progress: told the share done; what it raises ends the run. sample: seconds between samples, default a frame.
+    progress: called with the share done; what it raises ends the run. sample: seconds between samples, default a frame.
     """
     try:
         content, _ = app.store.rollouts.get_or_compute(

@@ -81,7 +81,7 @@ async def run_script(
 ) -> AsyncIterator[tuple[Step, Reply]]:
     """Call step after step; yields each step with its reply.
 
-    begin: told of a step and what it says before it is called. Raises ScriptError for a reference to nothing
+    begin: called before each step, with the step and what it says. Raises ScriptError for a reference to nothing
     and ToolFailed, and stops there.
     """
     known: dict[str, Any] = dict(variables)

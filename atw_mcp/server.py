@@ -94,7 +94,7 @@ def default_store() -> Path:
 
 
 class WorldServer(PromptServer):
-    """The server; a call of a tool that does not exist is told which there are."""
+    """The server; a call of a tool that does not exist raises an error that lists those that do."""
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[App, Any] | None = None

@@ -1,4 +1,4 @@
-"""What an agent reads of a deformable object beyond its centre: its nodes, and readouts such as a centreline."""
+"""Readouts of a deformable object beyond its centre, for an agent: its nodes, and readouts such as a centreline."""
 
 from __future__ import annotations
 

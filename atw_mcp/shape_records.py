@@ -48,7 +48,7 @@ class ShapeRecord:
 
 
 def shape_inputs(objects: str, kinds: Mapping[str, Material], declared: tuple[str, ...]) -> dict[str, Any]:
-    """What determines a shape record."""
+    """Return what determines a shape record."""
     return {"objects": objects, "kinds": dict(sorted(kinds.items())), "declared": sorted(declared)}
 
 
@@ -104,7 +104,7 @@ def _in_world(series: ShapeSeries, camera: Camera, plane: MotionPlane) -> ShapeS
 
 
 def series_rows(series: tuple[ShapeSeries, ...], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """What an agent is told of each series: of what, how many entries, in which frames."""
+    """Summarize each series for an agent: of what, how many entries, in which frames."""
     rows = []
     for item in series:
         seen = np.flatnonzero((item.confidence > 0.0).any(axis=1))

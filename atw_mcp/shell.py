@@ -119,7 +119,7 @@ def run_shell(
             try:
                 return future.result()
             except KeyboardInterrupt:
-                future.cancel()  # the client tells the server, which stops the work
+                future.cancel()  # the client notifies the server, which stops the work
                 ended.wait(CANCEL_WAIT)
                 raise
 

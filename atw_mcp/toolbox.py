@@ -96,7 +96,7 @@ class WorldTool(Tool):
         return await anyio.to_thread.run_sync(app.evidence_result, job.evidence)
 
     async def _follow(self, app: App, job: RunningJob, context: Context[App, Any]) -> None:
-        told = -1.0
+        reported = -1.0
         while not job.ended.is_set():
             await anyio.sleep(0.05)
             if job.progress is None:  # another process does it: look at the store
@@ -104,9 +104,9 @@ class WorldTool(Tool):
                 record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
                 if record.status != "running":
                     return
-            elif job.progress.done > told:
-                told = job.progress.done
-                await context.report_progress(told, job.progress.total, job.progress.message)
+            elif job.progress.done > reported:
+                reported = job.progress.done
+                await context.report_progress(reported, job.progress.total, job.progress.message)
 
 
 class ToolGroup:

@@ -55,7 +55,7 @@ def to_document(
     source: dict[str, Any],
     plane: MotionPlane | None = None,
 ) -> dict[str, Any]:
-    """What is stored of a track record; `TrackRecord.of` reads it back."""
+    """Return what is stored of a track record; `TrackRecord.of` reads it back."""
     return {
         "names": list(tracks.names),
         "tracks": tracks.to_dict(),

@@ -32,7 +32,7 @@ MOVED = 0.5  # of its own size in the image, by which a track has moved
 
 @dataclass(frozen=True)
 class VideoRequest:
-    """What is known of a video, as arguments of the tools that use it.
+    """Known facts of a video, as arguments of the tools that use it.
 
     known: names, shapes and hints for the matching; bodies: what BuildWorld is given of each, by name. unlisted: what
     becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used. looked_for:

@@ -1,4 +1,4 @@
-"""What is reported of a world that was modelled from a video: verdict, doubts, steps, and how to correct them."""
+"""Report on a world that was modelled from a video: verdict, doubts, steps, and how to correct them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ VERDICTS = {
 
 @dataclass
 class VideoModel:
-    """What has been reached: matches, tracks that no known object explains, errors, or why there are none.
+    """State reached so far: matches, tracks that no known object explains, errors, or why there are none.
 
     notes: doubts about how known objects were looked for. looked_for: those found by colour and size, not by matching.
     """

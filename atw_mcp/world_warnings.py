@@ -1,5 +1,5 @@
-"""What a world does not do as its description suggests: walls that cover a plane, fluid that is not there, bodies
-that nothing holds."""
+"""Warnings where a world does not behave as its description suggests: walls that cover a plane, fluid that is not
+there, bodies that nothing holds."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _beside(item: StaticObject, plane: MotionPlane) -> bool:
 
 
 def fluid_warnings(world: World) -> tuple[str, ...]:
-    """What is missing of described fluids, and which bodies may leave a closed grid.
+    """Return warnings of what is missing of described fluids and of bodies that may leave a closed grid.
 
     Raises ValueError for a volume of fluid of which nothing is left, naming what covers it.
     """

@@ -1,4 +1,4 @@
-"""What can go wrong with a store; every message says what to do next."""
+"""Errors of a store; every message says what to do next."""
 
 
 class StoreError(Exception):

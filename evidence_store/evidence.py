@@ -17,7 +17,7 @@ Status = Literal["running", "completed", "failed", "cancelled", "diverged"]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a tool returned, and from what.
+    """Record of what a tool returned, and from what.
 
     `interval` is [start, end] in seconds where the result covers an interval. `payload` is the whole result;
     `pictures` are encoded image files by name, e.g. {"overlay.png": b"..."}.

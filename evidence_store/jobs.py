@@ -1,4 +1,4 @@
-"""Who is working on what: progress, cancellation, and telling a slow worker from a dead one."""
+"""Who is working on what: progress, cancellation, and how a slow worker is distinguished from a dead one."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The tables of a store and the stamp that tells a store from any other SQLite file.
+"""The tables of a store and the stamp that marks an SQLite file as a store.
 
 Records addressed by content (worlds, observations, rollouts, fits) carry no time. Order of creation is
-the `seq` of the relations that tie them to a case; wall-clock times appear only in `jobs`, where they tell
-the living from the dead.
+the `seq` of the relations that tie them to a case; wall-clock times appear only in `jobs`, where they show
+which worker is still alive.
 """
 
 APPLICATION_ID = 0x41545731  # "ATW1"

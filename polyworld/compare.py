@@ -1,4 +1,4 @@
-"""What differs between two rollouts: how far objects end up apart, and which events are new, gone or shifted."""
+"""Compare two rollouts: how far objects end up apart, and which events are new, gone or shifted."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Comparison:
     events_in_both: tuple[EventMatch, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The comparison as JSON-ready values."""
+        """Return the comparison as JSON-ready values."""
         return {
             "horizon": self.horizon,
             "tolerance": self.tolerance,
@@ -117,7 +117,7 @@ def compare(
 
 
 def match_events(a: Sequence[Event], b: Sequence[Event], tolerance: float) -> list[tuple[int, int]]:
-    """Index pairs of events of equal kind and participants, nearest in time first, each used once."""
+    """Return index pairs of events of equal kind and participants, nearest in time first, each used once."""
     candidates = sorted(
         (abs(y.time - x.time), i, j)
         for i, x in enumerate(a)
@@ -136,7 +136,7 @@ def match_events(a: Sequence[Event], b: Sequence[Event], tolerance: float) -> li
 
 
 def positions_at(trajectory: Trajectory, column: int, times: Array) -> Array:
-    """Centres (T, 3) of one object at times within the trajectory.
+    """Return the centres (T, 3) of one object at times within the trajectory.
 
     The cubic through positions and velocities: exact for constant acceleration; between two samples with an
     impact between them, off by a part of the way travelled there.

@@ -1,4 +1,4 @@
-"""What a world must satisfy as a whole: unique names, references that resolve, representations that go together."""
+"""Check a world as a whole: unique names, references that resolve, representations that go together."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _check_representations(world: World) -> None:
 
 
 def _resistance(joint: Joint) -> list[str]:
-    """What a joint has along its axis, by name."""
+    """Return the names of what resists or drives a joint along its axis."""
     neutral = {"friction": 0.0, "damping": 0.0, "lower": None, "upper": None, "motor": None}
     return [name for name, none in neutral.items() if getattr(joint, name, none) != none]
 

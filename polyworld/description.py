@@ -1,4 +1,4 @@
-"""What every part of a world description is made of: a closed frozen model, vectors, names, signs, looks."""
+"""Building blocks of every part of a world description: a closed frozen model, vectors, names, signs, looks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
 
 
 def fixed_length(count: int, item: str = "number") -> WithJsonSchema:
-    """Schema of a list of `count` items of one JSON type; integers are numbers of things or of places in a list."""
+    """Return the schema of a list of `count` items of one JSON type; integers count things or places in a list."""
     # JSON-schema tuples (prefixItems) are refused by some MCP clients; a fixed-length list is not.
     items = {"type": item, "minimum": 0} if item == "integer" else {"type": item}
     return WithJsonSchema({"type": "array", "items": items, "minItems": count, "maxItems": count})
@@ -40,7 +40,7 @@ class Appearance(Description):
 
 
 def unit_quaternion(value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    """The quaternion over its norm; raises ValueError for the zero quaternion."""
+    """Normalize a quaternion; raises ValueError for the zero quaternion."""
     norm = math.sqrt(sum(v * v for v in value))
     if norm < 1e-9:
         raise ValueError("orientation must not be the zero quaternion")

@@ -32,7 +32,7 @@ MISFIT = 4.0  # standard deviations by which a mean squared residual exceeds the
 
 @dataclass(frozen=True)
 class InitialState:
-    """State at an object's first observation, and how well the track tells it.
+    """State at an object's first observation, and how accurately the track determines it.
 
     frame: number of the first observation. position (3,) [m], velocity (3,) [m/s], orientation (4,) w, x, y, z
     or None where none was observed, angular_velocity (3,) [rad/s].

@@ -222,7 +222,7 @@ def _normals(places: Array, inside: NDArray[np.bool_]) -> Array:
 
 
 def _bent(color: Array, normal: Array, raster: Raster, thick: Array, spacing: float, radius: float) -> Array:
-    """What is behind, shifted as a surface that is not square to the view refracts it."""
+    """Shift the colours behind a liquid as its surface, where oblique to the view, refracts them."""
     rotation = np.asarray(raster.camera.rotation)
     lateral = normal @ rotation[:2].T
     strength = np.minimum(thick / spacing, 8.0) * radius * 0.35

@@ -72,8 +72,8 @@ class Margin:
         return {"m2": "m^2", "m3": "m^3"}.get(last, last if last in ("m", "px", "N") else "1")
 
 
-def why_untold(world: World, trajectory: Trajectory, predicate: Predicate) -> str | None:
-    """Why a statement cannot be judged in this world at all, or None: a material it does not apply to, no view."""
+def why_unknown(world: World, trajectory: Trajectory, predicate: Predicate) -> str | None:
+    """Return why a statement is undecidable in this world, else None: a material it does not apply to, no view."""
     soft = {d.name: d.representation for d in world.deformables}
     allowed = _ABOUT.get(type(predicate))
     if allowed is not None:
@@ -81,10 +81,10 @@ def why_untold(world: World, trajectory: Trajectory, predicate: Predicate) -> st
             kind = soft.get(name, "rigid")
             if kind.removesuffix("_planar") not in allowed:
                 choices = sorted(n for n, k in soft.items() if k.removesuffix("_planar") in allowed)
-                told = f"{predicate.predicate} is told of {' or '.join(allowed)}"
-                other = "; of a rigid object's centre inside_region tells it"
+                scope = f"{predicate.predicate} applies to {' or '.join(allowed)}"
+                other = "; for a rigid object's centre use inside_region"
                 hint = other if isinstance(predicate, Occupies) and kind == "rigid" else ""
-                return f"{told}, and {name!r} is {kind}; choices: {choices}{hint}"
+                return f"{scope}, but {name!r} is {kind}; choices: {choices}{hint}"
     if isinstance(predicate, Holds | Occupies) and predicate.container is not None:
         known = [c.name for c in world.containers]
         if predicate.container not in known:
@@ -265,7 +265,7 @@ def _in_view(trajectory: Trajectory, world: World, name: str) -> Margin:
         return Margin(share, share - 0.5 + 1e-12, "share_in_view")
     p = trajectory.positions[:, trajectory.index(name)]
     if world.camera is None:
-        assert world.region is not None  # checked by `why_untold`
+        assert world.region is not None  # checked by `why_unknown`
         depth = _depth(p, np.asarray(world.region.lower), np.asarray(world.region.upper))
         return Margin(depth, depth, "depth_inside_m")
     size = np.array([world.camera.width, world.camera.height], dtype=float)
@@ -305,7 +305,7 @@ def _target_gap(trajectory: Trajectory, world: World, predicate: WithinDistance)
         active = active & trajectory.active[:, trajectory.index(predicate.b)]
     rows = np.flatnonzero(active)
     gaps = surface_gaps(world, trajectory, predicate.a, predicate.b, rows)
-    assert gaps is not None  # checked by `why_untold`
+    assert gaps is not None  # checked by `why_unknown`
     found = np.full(len(trajectory.times), 1e6)  # before both are there
     found[rows] = np.where(np.isfinite(gaps), gaps, 1e6)
     return found
@@ -315,7 +315,7 @@ def _taut_tension(world: World, predicate: Taut | Slack) -> float:
     if predicate.tension is not None:
         return predicate.tension
     item = world.deformable(predicate.object)
-    assert isinstance(item, Rope)  # checked by `why_untold`
+    assert isinstance(item, Rope)  # checked by `why_unknown`
     weight = item.linear_density * object_mesh(world, item.name).measure.sum()
     return float(OWN_WEIGHT * weight * np.linalg.norm(world.environment.gravity))
 

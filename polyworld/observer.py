@@ -76,8 +76,8 @@ MARGIN = 10  # intervals between frames by which what is simulated goes beyond t
 
 
 def clock_ratio(observer: Observer | None, parameters: Mapping[str, Array]) -> Array:
-    """What `time.seconds_per_frame` is to be multiplied by, (W,) or (1,), so that the simulator's samples lie at the
-    physical times of the observer's stamps: 1 / clock."""
+    """Return the factor (W,) or (1,) on `time.seconds_per_frame` that puts the simulator's samples at the physical
+    times of the observer's stamps: 1 / clock."""
     ratio: Array = 1.0 / _Values(parameters, observer)["clock"]
     return ratio
 
@@ -147,7 +147,7 @@ def observe(
     observer: Observer | None = None,
     run: str | None = None,
 ) -> tuple[Array, Array]:
-    """What the observer reports of W motions at its stamps: positions (W, T', n, 3), orientations (W, T', n, 4).
+    """Apply the observer's faults to W motions: positions (W, T', n, 3) and orientations (W, T', n, 4) at its stamps.
 
     positions, velocities, angular_velocities (W, T, n, 3) and orientations (W, T, n, 4) w, x, y, z: the motion in
     world axes at the physical times (W, T) [s]. wanted_times (T',): the stamps, from the run's start. parameters:

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """What a parameter is: unit, admissible range, and the range a fit searches unless told otherwise."""
+    """Definition of a parameter: unit, admissible range, and the range a fit searches by default."""
 
     unit: str
     lower: float
@@ -100,7 +100,7 @@ ANCHOR_PARAMETERS = {f"{name}.{axis}": spec for name, spec in _ANCHOR.items() fo
 MOTOR_PARAMETERS = {
     "target_speed": ParameterSpec("rad/s or m/s", -1e6, 1e6, (-20.0, 20.0), "speed a motor aims at, about the axis"),
     "limit": ParameterSpec("N m or N", 0.0, 1e9, (0.0, 10.0), "greatest torque or force of a motor"),
-    "delay": ParameterSpec("s", 0.0, 1e4, (0.0, 1.0), "how much later than told a motor switches on and off"),
+    "delay": ParameterSpec("s", 0.0, 1e4, (0.0, 1.0), "lag with which a motor switches on and off"),
 }
 _STATE = {
     "position": ParameterSpec("m", -1e6, 1e6, (-10.0, 10.0), "position at start_time"),

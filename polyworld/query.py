@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from polyworld.closest_approach import ClosestApproach, closest_approach
 from polyworld.events import rest_events
-from polyworld.margins import passing_offset, state_margin, why_untold
+from polyworld.margins import passing_offset, state_margin, why_unknown
 from polyworld.point_approach import point_gaps
 from polyworld.predicates import (
     Collides,
@@ -126,7 +126,7 @@ def query(
         result = replace(result, sampled_every=sampled_every(rollout.trajectory))
     if result.decided or joined <= asked[0]:
         return result
-    # An object that joins late leaves the start uncovered: tell the question that can be answered, and its answer.
+    # An object that joins late leaves the start uncovered: state the question that can be answered, and its answer.
     reason = f"{result.reason}: " + " and ".join(f"{name!r} joins at {time:.6g} s" for name, time in late.items())
     end = rollout.horizon if result.covered is None else result.covered[1]
     whole = (np.ceil(joined * 1e6) / 1e6, np.floor(end * 1e6) / 1e6)  # as it can be written, inside what is covered
@@ -166,9 +166,9 @@ def _decided(
             return _unknown(f"{name!r} is {kind}; objects: {objects}" + (f"; statics: {statics}" * may_be_static))
         if name in statics and position == 0:
             return _unknown(f"{name!r} is static: give the object that moves first; objects: {objects}")
-    untold = why_untold(world, rollout.trajectory, predicate)
-    if untold is not None:
-        return _unknown(untold)
+    reason = why_unknown(world, rollout.trajectory, predicate)
+    if reason is not None:
+        return _unknown(reason)
     covered = _coverage(rollout, world, predicate, *asked)
     if isinstance(covered, str):
         return _unknown(covered)
@@ -280,7 +280,7 @@ def _contacts(
 def _wet(
     trajectory: Trajectory, world: World, predicate: InContact | Collides, covered: Interval
 ) -> tuple[tuple[Interval, ...], dict[str, Any]] | str | None:
-    """When a fluid touches the other, by the places of its particles; why that is untold; None where there is no fluid.
+    """Return when a fluid touches the other, by its particles' positions; why that is unknown; None without a fluid.
 
     The solver has events of contacts between solids alone.
     """
@@ -289,7 +289,7 @@ def _wet(
     if not named or world.fluid_grid is None:
         return None
     if predicate.b is None:
-        return f"contacts of a fluid are told pair by pair: name what {predicate.a!r} may touch in b"
+        return f"contacts of a fluid are judged pair by pair: name what {predicate.a!r} may touch in b"
     fluid = named[0]
     other = predicate.b if fluid == predicate.a else predicate.a
     gaps = point_gaps(world, trajectory, fluid, other, np.arange(len(trajectory.times)))
@@ -348,18 +348,18 @@ def _approach(
 def _states(
     trajectory: Trajectory, world: World, predicate: Predicate, covered: Interval, nearest: dict[str, Any] | None
 ) -> tuple[tuple[Interval, ...], dict[str, Any], tuple[float, float], tuple[float, float], str]:
-    """Intervals in which the predicate's margin is positive, the range of the quantity behind it, and the least and the
-    greatest margin with their times and unit.
+    """Return the intervals in which the predicate's margin is positive, the range of the quantity behind it, and the
+    least and the greatest margin with their times and unit.
 
     nearest: the closest approach of two surfaces, which may lie between samples.
     """
-    told = state_margin(trajectory, world, predicate)
-    quantity, margin, label = told.quantity, told.margin, told.label
+    state = state_margin(trajectory, world, predicate)
+    quantity, margin, label = state.quantity, state.margin, state.label
     times = trajectory.times
     if nearest is not None and nearest["time"] not in times:
         row, gap = int(np.searchsorted(times, nearest["time"])), nearest["gap_m"]
         times, quantity = np.insert(times, row, nearest["time"]), np.insert(quantity, row, gap)
-        margin = told.margin[0] + told.quantity[0] - quantity  # the distance asked for, less the gap
+        margin = state.margin[0] + state.quantity[0] - quantity  # the distance asked for, less the gap
     inner = (times > covered[0]) & (times < covered[1])
     grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
     q = np.interp(grid, times, quantity)
@@ -375,7 +375,7 @@ def _states(
     m = np.interp(grid, times, margin)
     least, greatest = int(np.argmin(m)), int(np.argmax(m))
     extremes, moments = (float(m[least]), float(m[greatest])), (float(grid[least]), float(grid[greatest]))
-    return _where_positive(times, margin, covered), evidence, extremes, moments, told.unit
+    return _where_positive(times, margin, covered), evidence, extremes, moments, state.unit
 
 
 def _where_positive(times: Array, margin: Array, covered: Interval) -> tuple[Interval, ...]:

@@ -25,7 +25,7 @@ class Run:
 
     names (n,): objects of the world, or markers of a deformable one as `NAME#k`: marker k is the material point that
     the deformable object NAME has, at the run's start, nearest to where the marker is first seen. times (T,) [s]:
-    increasing, as the observer's clock tells them; the world starts at
+    increasing, by the observer's clock; the world starts at
     `times[0]` less `lead`, the `origin`, and laws that depend on time (a forcing) go by this clock. positions (T, n, 3)
     [m], NaN for each component that was not measured. orientations (T, n, 4) w, x, y, z, NaN where unknown. sigma:
     standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in

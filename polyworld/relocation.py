@@ -94,7 +94,7 @@ def _follow(world: World, data: dict[str, Any], attachment: Attachment, carried:
     if not isinstance(item, Rope) or attachment.end is None:
         raise ValueError(
             f"attachment {attachment.name!r} holds {item.name!r} to it and would be torn: remove the attachment "
-            f"first, or move {item.name!r} first and fasten it anew"
+            f"first, or move {item.name!r} first and fasten it again"
         )
     rope = next(d for d in data["deformables"] if d["name"] == item.name)
     points = [_vector(p) for p in item.points]

@@ -33,7 +33,7 @@ MARGIN = 0.06  # of the picture that a camera leaves free at each side
 
 @dataclass(frozen=True)
 class Picture:
-    """What a camera sees.
+    """Image of a world through a camera.
 
     labels (H, W), of n objects, rigid ones and then deformable ones: index of the object, n + index of the static,
     n + number of statics for the plane on which a planar world slides, one more + index for a pulley, or -1 where

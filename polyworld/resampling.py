@@ -2,8 +2,8 @@
 
 Positions follow the cubic that has the samples' positions and velocities at both ends (Hermite); for smooth motion
 its error is at most h^4/384 times the fourth derivative, h being the interval between samples, so ballistic flight
-comes out exact. An interval in which the velocity jumps is told by its mean acceleration, which lies far from those
-around it. There the motion is taken to be smooth but for one impulse; the displacement tells when it came, and that
+comes out exact. An interval in which the velocity jumps shows in its mean acceleration, which lies far from those
+around it. There the motion is taken to be smooth but for one impulse; the displacement gives its time, and that
 instant is exact where the acceleration is the same on both sides. What is left is an error of the order of
 (change of acceleration) h^2 / 8, and, with two impacts in one interval, up to (jump of velocity) h / 4.
 """
@@ -27,8 +27,8 @@ _ROUNDING = 1e-6
 def resample(
     positions: Array, orientations: Array, velocities: Array, angular_velocities: Array, times: Array, wanted: Array
 ) -> tuple[Array, Array]:
-    """Positions (W, T', n, 3) and orientations (W, T', n, 4) at the instants wanted (W, T') of motions sampled at
-    times (W, T) [s].
+    """Interpolate motions sampled at times (W, T) [s]: positions (W, T', n, 3) and orientations (W, T', n, 4) at the
+    instants wanted (W, T').
 
     positions [m], velocities [m/s], angular_velocities [rad/s], world axes (W, T, n, 3); orientations (W, T, n, 4)
     w, x, y, z. Instants that are samples (to 1e-9 s) get the sample itself. Before the first and after the last
@@ -42,7 +42,7 @@ def resample(
     if np.all(np.abs(times[rows, nearest] - wanted) <= 1e-9):
         return positions[rows, nearest], orientations[rows, nearest]
     if count < 2:
-        raise ValueError(f"one sample at {times[0, 0]:.6g} s does not tell the motion at other instants")
+        raise ValueError(f"one sample at {times[0, 0]:.6g} s does not determine the motion at other instants")
     left = np.clip(_before(times, wanted), 0, count - 2)
     start, h = times[rows, left], np.diff(times, axis=1)[rows, left]
     at = np.clip(wanted - start, 0.0, h)[..., None, None]
@@ -124,14 +124,14 @@ def _impulses(positions: Array, velocities: Array, times: Array) -> tuple[Array,
 
 
 def _turning(q0: Array, q1: Array, w0: Array, w1: Array, spin: Array, at: Array, h: Array, when: Array) -> Array:
-    """Rotation vectors, world axes, from q0 to the orientation at a time in 0..h."""
+    """Interpolate rotation vectors, world axes, from q0 to the orientation at a time in 0..h."""
     change = Rotation.from_quat(_flat(q1), scalar_first=True) * Rotation.from_quat(_flat(q0), scalar_first=True).inv()
     total = change.as_rotvec().reshape(w0.shape)
-    # A turn by more than half a circle in one interval: the one nearest to what the angular velocities tell.
+    # A turn by more than half a circle in one interval: the one nearest to what the angular velocities imply.
     angle = np.linalg.norm(total, axis=-1, keepdims=True)
     axis = total / np.where(angle > 0.0, angle, 1.0)
-    told = 0.5 * h * (w0 + w1) + spin * (h - when)
-    total = total + axis * 2.0 * np.pi * np.round(((told - total) * axis).sum(axis=-1, keepdims=True) / (2.0 * np.pi))
+    known = 0.5 * h * (w0 + w1) + spin * (h - when)
+    total = total + axis * 2.0 * np.pi * np.round(((known - total) * axis).sum(axis=-1, keepdims=True) / (2.0 * np.pi))
     across = np.cross(total, w1)
     end = w1 - 0.5 * across + np.cross(total, across) / 12.0  # rate of the rotation vector: Bortz 1971, to second order
     value: Array = _hermite(at, h, total - spin * (h - when), w0, end) + spin * np.maximum(at - when, 0.0)

@@ -58,11 +58,11 @@ def simulator(
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Simulator:
-    """The simulator fitting the world's representations.
+    """Return the simulator fitting the world's representations.
 
     sample_times (T,): increasing, >= 0 [s], at the world's own seconds_per_frame; a variant with another
     seconds_per_frame is sampled at proportionally other times. threads: default all cores; the result does
-    not depend on it, to the bit. progress: told the share done, 0 to 1, while worlds with deformable objects run
+    not depend on it, to the bit. progress: called with the share done, 0 to 1, while worlds with deformable objects run
     (others are done before anyone asks); what it raises ends the run.
     """
     times = np.array(sample_times, dtype=float)

@@ -21,7 +21,7 @@ class ObservedTracks:
     f * seconds_per_frame. positions (T, n, 3) [m], NaN where unknown. position_sigma (T, n): standard
     deviation of a position [m]. orientations (T, n, 4) w, x, y, z, NaN where unknown. confidence (T, n) and
     orientation_confidence (T, n) in 0..1, 0 where nothing was observed. symmetry (n,): order of rotational
-    symmetry of the object about its vertical axis as far as the observation can tell (1 none, 4 a cube
+    symmetry of the object about its vertical axis as far as the observation can show (1 none, 4 a cube
     without markings, 0 any angle looks the same: its rotation about that axis is not compared). shapes: what was
     measured of deformable objects at the same frames; an object may have shapes, a track, or both. position_spread
     (T, n, 3) [m]: one more standard deviation, along the direction of a vector, as of distances from a camera; the

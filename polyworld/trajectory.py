@@ -1,4 +1,4 @@
-"""What a rollout returns: sampled motion, events and status. Plain arrays in, plain arrays out."""
+"""Results of a rollout: sampled motion, events and status. Plain arrays in, plain arrays out."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Event:
     speed: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The event as JSON-ready values."""
+        """Return the event as JSON-ready values."""
         return {
             "kind": self.kind,
             "time": self.time,
@@ -58,7 +58,7 @@ class PointMotion:
     quantities: Mapping[str, Array] = field(default_factory=dict)
 
     def select(self, index: Any) -> PointMotion:
-        """The same with its leading axes indexed: one world of a batch, or some of the times."""
+        """Index the leading axes: one world of a batch, or some of the times."""
         return PointMotion(
             self.points[index], self.velocities[index], {k: v[index] for k, v in self.quantities.items()}
         )
@@ -84,7 +84,7 @@ class Trajectory:
     deformables: Mapping[str, PointMotion] = field(default_factory=dict)
 
     def index(self, name: str) -> int:
-        """Column of an object; raises KeyError naming the valid choices."""
+        """Return the column of an object; raises KeyError naming the valid choices."""
         if name not in self.names:
             raise KeyError(f"unknown object {name!r}; objects: {list(self.names)}")
         return self.names.index(name)
@@ -128,10 +128,10 @@ class BatchTrajectory:
     diverged_element: NDArray[np.int64] | None = None  # (W,) node of a deformable object, 0 of a rigid one, -1
 
     def world(self, index: int) -> Trajectory:
-        """The trajectory of one world, cut before its divergence."""
+        """Return the trajectory of one world, cut before its divergence."""
         count = self.times.shape[1]
         if self.diverged[index]:
-            # Not by what is NaN: so is the centre of a fluid that has not begun to flow.
+            # Not by what is NaN: so is the centre of a fluid that has not started to flow.
             count = int(np.searchsorted(self.times[index], self.diverged_time[index] * (1.0 - 1e-12)))
         keep = slice(0, count)
         return Trajectory(

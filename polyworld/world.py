@@ -108,7 +108,7 @@ class MotionPlane(Description):
 
 
 class Environment(Description):
-    """What acts on every object. Air acts on cloth alone; on rigid objects, effects such as drag do."""
+    """Gravity, motion plane and air. Air acts on cloth alone; on rigid objects, effects such as drag do."""
 
     gravity: Vec3 = Field(default=(0.0, 0.0, -9.81), description="gravitational acceleration [m/s^2]")
     motion_plane: MotionPlane = MotionPlane()

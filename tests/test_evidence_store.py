@@ -1,4 +1,4 @@
-"""The store keeps what it is given, finds it by content, and tells what is not its own."""
+"""The store keeps what it is given, finds it by content, and rejects what is not its own."""
 
 from __future__ import annotations
 

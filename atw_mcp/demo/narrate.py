@@ -116,8 +116,8 @@ async def _check_collision(session: Session, results: dict[str, Reply], narrator
             if row["what"] == "collision"
         ]
         narrator.say(f"   {label}")
-        narrator.say(f"      found:    {_told(found)}", indent=" " * 16)
-        narrator.say(f"      in truth: {_told(truth.collisions)}", indent=" " * 16)
+        narrator.say(f"      found:    {_in_words(found)}", indent=" " * 16)
+        narrator.say(f"      in truth: {_in_words(truth.collisions)}", indent=" " * 16)
     narrator.say("   Answers")
     touch = frozenset({"red_cylinder", "yellow_cylinder"})
     for name, truth in (("answer_filmed", filmed), ("answer_what_if", what_if)):
@@ -176,7 +176,7 @@ async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narr
         f"{1000 * sealed['gap_after']:.2f} mm with it; noise {1000 * sealed['noise_floor']:.2f} mm",
         indent=" " * 6,
     )
-    narrator.say("   A run that was never filmed, foretold:")
+    narrator.say("   A run that was never filmed, predicted:")
     print(f"   {'distance to the truth [mm rms]':32}{'without it':>15}{'with it':>15}", file=narrator.out)
     pairs = [await _rollout_errors(session, results[name], unfilmed) for name in ("without", "elsewhere")]
     for name in unfilmed.positions:
@@ -184,8 +184,8 @@ async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narr
         print(f"   {name:32}{cells}", file=narrator.out)
 
 
-def _told(collisions: list[Collision] | tuple[Collision, ...]) -> str:
-    return "; ".join(c.told() for c in collisions) or "none"
+def _in_words(collisions: list[Collision] | tuple[Collision, ...]) -> str:
+    return "; ".join(c.in_words() for c in collisions) or "none"
 
 
 def _write_pictures(reply: Reply, folder: Path, name: str) -> str:

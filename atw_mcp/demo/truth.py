@@ -23,14 +23,14 @@ class Collision:
     pair: frozenset[str]
     time: float
 
-    def told(self) -> str:
-        """The collision in words."""
+    def in_words(self) -> str:
+        """Return the collision in words."""
         return f"{' and '.join(sorted(self.pair))} at {self.time:.3f} s"
 
 
 @dataclass(frozen=True)
 class TrueRun:
-    """What really happened: positions (T, 3) [m] of each body, one a frame, and the collisions in order."""
+    """True run: positions (T, 3) [m] of each body, one a frame, and the collisions in order."""
 
     positions: dict[str, Array]
     collisions: tuple[Collision, ...]
@@ -53,14 +53,14 @@ def true_runs() -> tuple[TrueRun, TrueRun]:
 
 @dataclass(frozen=True)
 class HiddenPull:
-    """What the clip of the gap hides: the name of the effect, and its acceleration along x and y [m/s^2]."""
+    """Effect hidden in the clip of the gap: its name and acceleration along x and y [m/s^2]."""
 
     effect: str
     acceleration: tuple[float, float]
 
 
 def hidden_pull() -> tuple[HiddenPull, TrueRun]:
-    """What is hidden in the clip of the gap, and a run of the same scene from other places that is not in the clip."""
+    """Return the effect hidden in the clip of the gap, and a run of the scene from other places, not in the clip."""
     document = json.loads((FOLDER / "gap.json").read_text(encoding="utf-8"))
     x, y = document["hidden"]["acceleration"]
     return HiddenPull(document["hidden"]["effect"], (x, y)), TrueRun.of(document["unfilmed"])

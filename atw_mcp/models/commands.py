@@ -50,7 +50,7 @@ QUOTED = 600  # characters of a failed command's last words in the message
 
 @dataclass(frozen=True)
 class Request:
-    """What a command is asked: frames (T, H, W, 3) of `observation`, its objects by name, meshes by name."""
+    """Request to a command: frames (T, H, W, 3) of `observation`, its objects by name, meshes by name."""
 
     observation: ImageObservation
     frames: Frames
@@ -85,7 +85,7 @@ def outcome_of(
 
 
 def read_outcome(folder: Path, name: str, model: ModelFolder) -> dict[str, Any]:
-    """The entries by object of a JSON file a command wrote; raises ModelError where it does not hold them."""
+    """Return the entries by object of a JSON file a command wrote; raises ModelError where it does not hold them."""
     file = folder / name
     if not file.is_file():
         raise ModelError(f"{model.name} wrote no {name}; it wrote {sorted(p.name for p in folder.iterdir())}")

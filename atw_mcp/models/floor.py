@@ -23,7 +23,7 @@ def intrinsics_of(focal: float, size: tuple[int, int]) -> Floats:
 
 
 def camera_over_floor(depth: DepthMaps, focal: float, objects: Mask | None = None) -> Calibration:
-    """The camera over the largest plane that is seen, which becomes z = 0.
+    """Return the camera over the largest plane that is seen, which becomes z = 0.
 
     The origin is where the image's centre sees that plane, y points away from the camera, z to its side of the plane.
     The depth of a pixel is its median over the frames, since the camera stands still. objects (H, W): pixels to leave

@@ -62,7 +62,7 @@ class ModelFolder:
         return _hashed(self.path, tuple((str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in files))
 
     def manifest(self) -> dict[str, Any]:
-        """What `model.json` says; empty for a transformers folder."""
+        """Read `model.json`; empty for a transformers folder."""
         file = self.path / MANIFEST
         return read_json(file) if file.is_file() else {}
 
@@ -85,7 +85,7 @@ def _hashed(path: Path, files: tuple[tuple[str, int, int], ...]) -> str:
 
 
 def models_folder() -> Path:
-    """Where models are looked for: the variable ATW_MODELS, else `models` in the user's data folder."""
+    """Return where models are looked for: the variable ATW_MODELS, else `models` in the user's data folder."""
     said = os.environ.get(FOLDER)
     if said:
         return Path(said).expanduser().absolute()
@@ -93,7 +93,7 @@ def models_folder() -> Path:
 
 
 def how_to_add() -> str:
-    """Where to put which models, for messages."""
+    """Say where to put which models, for messages."""
     return (
         f"put one folder a model under {models_folder()} (or set {FOLDER}): a transformers model with config.json and "
         f"its weights ({', '.join(FAMILIES)}), or a folder with {MANIFEST} for {', '.join(PROGRAM_TASKS)}. Nothing is "
@@ -102,7 +102,7 @@ def how_to_add() -> str:
 
 
 def available() -> tuple[tuple[ModelFolder, ...], tuple[str, ...]]:
-    """The models there are, by name, and why other folders beside them are none."""
+    """Return the models there are, by name, and why other folders beside them are none."""
     root = models_folder()
     found, refused = [], []
     for folder in sorted(p for p in root.iterdir() if p.is_dir()) if root.is_dir() else []:
@@ -114,7 +114,7 @@ def available() -> tuple[tuple[ModelFolder, ...], tuple[str, ...]]:
 
 
 def find_model(name: str) -> ModelFolder:
-    """The model of a name; raises ModelError naming those there are."""
+    """Return the model of a name; raises ModelError naming those there are."""
     found, refused = available()
     for model in found:
         if model.name == name:
@@ -125,7 +125,7 @@ def find_model(name: str) -> ModelFolder:
 
 
 def open_folder(path: Path) -> ModelFolder:
-    """What lies in a folder; raises ModelError where it is no model that can be used here."""
+    """Open a folder's model; raises ModelError where it is no model that can be used here."""
     if not path.is_dir():
         raise ModelError(f"no folder {path}: {how_to_add()}")
     task, family = _kind(path)
@@ -157,7 +157,7 @@ def _kind(path: Path) -> tuple[Task, str]:
 
 
 def licence_of(path: Path) -> str:
-    """The licence that a model's folder states: its manifest, card, config or licence file; else "unknown"."""
+    """Return the licence that a model's folder states: its manifest, card, config or licence file; else "unknown"."""
     for name in (MANIFEST, "config.json"):
         if (path / name).is_file():
             record = read_json(path / name)
@@ -178,7 +178,7 @@ def licence_of(path: Path) -> str:
 
 
 def read_json(file: Path) -> dict[str, Any]:
-    """The object in a JSON file; raises ModelError with what is wrong with it."""
+    """Return the object in a JSON file; raises ModelError with what is wrong with it."""
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:

@@ -19,7 +19,7 @@ _FILES = ("video_preprocessor_config.json", "preprocessor_config.json", "process
 
 @dataclass(frozen=True)
 class Preparation:
-    """How frames become a model's input.
+    """Preparation of frames for a model's input.
 
     height, width [px] of the input, a multiple of `multiple` and, with keep_aspect, only one of them met. mean, std of
     red, green, blue in 0..1. normalise_first: before resizing, as Depth Pro does.
@@ -64,7 +64,7 @@ class Preparation:
 
 
 def stated(path: Path) -> dict[str, Any]:
-    """What a model's folder states of its preprocessing; empty where it states nothing."""
+    """Read a model folder's preprocessing; empty where it states nothing."""
     for name in _FILES:
         if (path / name).is_file():
             record = read_json(path / name)

@@ -60,7 +60,7 @@ def poses(
 
 
 def _surface(shape: BodyShape) -> trimesh.Trimesh:
-    """The surface of a body; raises ModelError for a compound, which has no single one here."""
+    """Return the surface of a body; raises ModelError for a compound, which has no single one here."""
     if isinstance(shape, Compound):
         raise ModelError(f"a shape of kind {shape.kind} has no single surface: give a mesh of the whole object")
     return surface_mesh(shape)

@@ -30,7 +30,7 @@ def rotations(
     shapes: Mapping[str, BodyShape | None],
     plane: MotionPlane,
 ) -> ObservedTracks:
-    """The tracks with the orientations that points on the bodies show.
+    """Return the tracks with the orientations that points on the bodies show.
 
     On a ball of known place and size the ray of a pixel meets the surface at a known point, and the rotation is the
     least-squares one between such directions and those of the body (Kabsch 1976; Wahba's problem). Any other body is
@@ -141,7 +141,7 @@ def _least_squares(seen: Floats, body: Floats, axis: Floats | None) -> Rotation:
 
 
 def _continuous(quaternions: Floats) -> Floats:
-    """The quaternions (T, 4) with signs chosen so that neighbours are close."""
+    """Return the quaternions (T, 4) with signs chosen so that neighbours are close."""
     flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))
     signs = np.concatenate([[1.0], np.cumprod(np.where(flips < 0, -1.0, 1.0))])
     signed: Floats = quaternions * signs[:, None]

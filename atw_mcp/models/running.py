@@ -1,4 +1,4 @@
-"""What running a model needs: the extra that brings PyTorch, a device, batches, a limit of memory, provenance."""
+"""Requirements to run a model: the extra that brings PyTorch, a device, batches, a limit of memory, provenance."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _number(name: str) -> float | None:
 
 
 def extra(name: str) -> Any:
-    """The module torch or transformers; raises ModelError saying what to install."""
+    """Return the module torch or transformers; raises ModelError saying what to install."""
     try:
         return importlib.import_module(name)
     except ImportError as error:
@@ -58,7 +58,7 @@ def extra(name: str) -> Any:
 
 
 def pretrained(model: ModelFolder, class_name: str, device: str) -> Any:
-    """A transformers model with the weights of a local folder; raises ModelError where they do not belong to it."""
+    """Load a transformers model with the weights of a local folder; raises ModelError where they do not fit it."""
     transformers = extra("transformers")
     if not hasattr(transformers, class_name):
         raise ModelError(f"transformers {transformers.__version__} has no {class_name}: {EXTRA}")
@@ -76,7 +76,7 @@ def pretrained(model: ModelFolder, class_name: str, device: str) -> Any:
 
 
 def chosen_device(limits: Limits) -> str:
-    """The device to run on; raises ModelError where the one asked for is not there."""
+    """Return the device to run on; raises ModelError where the one asked for is not there."""
     torch = extra("torch")
     there = ["cpu"]
     if torch.backends.mps.is_available():
@@ -118,7 +118,7 @@ def bounded(limits: Limits, device: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a result of a model was computed with."""
+    """Provenance of a model's result."""
 
     model: ModelFolder
     device: str

@@ -28,7 +28,7 @@ LEAST_PIXELS = 8  # of a mask that becomes a prompt
 
 @dataclass(frozen=True)
 class Prompt:
-    """Where an object is in one frame (its row): box (left, top, width, height) [px], points on it and beside it."""
+    """Location of an object in one frame (its row): box (left, top, width, height) [px], points on it and beside it."""
 
     object: str
     row: int
@@ -46,7 +46,7 @@ class PredictedMasks:
     provenance: Provenance
 
     def observation(self, info: VideoInfo, frames: Frames, numbers: tuple[int, ...]) -> ImageObservation:
-        """What imported masks would give, with confidences times the model's own scores."""
+        """Return what imported masks would give, with confidences times the model's own scores."""
         lists: dict[str, list[Mask]] = {name: list(masks) for name, masks in self.masks.items()}
         seen = observation_of_masks(lists, frames, ImageObservation(info, numbers, ()))
         kept = [name for name, masks in self.masks.items() if (masks.sum(axis=(1, 2)) >= LEAST_PIXELS).any()]
@@ -105,7 +105,7 @@ def follow(
 
 
 def prompts_from(observation: ImageObservation, only: Sequence[str] | None = None) -> tuple[Prompt, ...]:
-    """A box and its innermost point for each object, in as few frames as show all of them well.
+    """Return a box and its innermost point for each object, in as few frames as show all of them well.
 
     Masks themselves are no prompts: a model that is given a wrong outline would keep it.
     """

@@ -1,4 +1,4 @@
-"""How far two observations of one video agree, object by object and frame by frame, and which to believe."""
+"""Agreement of two observations of one video, by object and by frame, and which of them to prefer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colour distributions of objects, by which a pixel or a region is told to belong to one of them."""
+"""Colour distributions of objects, by which pixels and regions are assigned to one of them."""
 
 from __future__ import annotations
 

@@ -51,14 +51,14 @@ def artefacts(
 
 
 def _is_dark(mask: Mask, foreground: Foreground, ratio: float) -> bool:
-    """Whether most of a mask (H, W) is hueless, darker than the background, and flat."""
+    """Check whether most of a mask (H, W) is hueless, darker than the background, and flat."""
     shade = foreground.shade[mask].astype(np.float32)
     near = foreground.dim[mask] & (np.abs(shade - ratio) < FLAT)
     return bool(near.mean() > SHADOWED)
 
 
 def _is_fixed(masks: Sequence[Mask]) -> bool:
-    """Whether a track never moves."""
+    """Check whether a track never moves."""
     centroids = np.array([[float(v.mean()) for v in np.nonzero(m)] for m in masks])
     low, high = np.quantile(centroids, [0.1, 0.9], axis=0)
     return bool(np.linalg.norm(high - low) < FIXED)

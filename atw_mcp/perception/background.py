@@ -1,4 +1,4 @@
-"""What the scene looks like without its objects: a model of the fixed background and of its lighting.
+"""Model of the fixed background of a scene and of its lighting.
 
 A temporal median alone keeps objects that never move. The background here is the median where it agrees with
 a smooth surface fitted robustly over the whole image (an empty floor), the surface itself where a compact
@@ -48,7 +48,7 @@ class Background:
         return float(np.percentile(self.image @ LUMINANCE, 80))
 
     def relit(self, frame: Frames) -> Array32:
-        """The background under the lighting of `frame`: a gain per channel, linear over the image."""
+        """Return the background under the lighting of `frame`: a gain per channel, linear over the image."""
         gain = _lighting(frame.astype(np.float32), self.image)
         lit: Array32 = self.image * gain
         return lit
@@ -127,7 +127,7 @@ def _temporal_noise(sample: Array32) -> Array32:
 
 
 def _smooth_surface(image: Array32) -> Array32:
-    """A polynomial of degree 4 per channel, fitted with Tukey weights, then a smooth local correction."""
+    """Fit a polynomial of degree 4 per channel with Tukey weights, then a smooth local correction."""
     height, width = image.shape[:2]
     step = max(1, int(np.sqrt(height * width / 6000)))
     y, x = np.mgrid[0:height:step, 0:width:step]
@@ -193,7 +193,7 @@ def _still_objects(difference: Array32, residual: Array32, texture: float) -> Ma
 
 
 def _best_sample(sample: Array32, median: Array32, surface: Array32, away: Mask) -> Array32:
-    """Where the median is far from the surface, the mean of the frames nearest to it, if any are near."""
+    """Return where the median is far from the surface, the mean of the frames nearest to it, if any are near."""
     image = median.copy()
     rows, columns = np.nonzero(away)
     if len(rows) == 0 or len(sample) < 5:

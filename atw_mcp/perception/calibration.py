@@ -136,7 +136,7 @@ def calibrate_from_known_length(
     *,
     view: Literal["side", "top"] = "side",
 ) -> Calibration:
-    """A camera for motion in one plane parallel to the image, from one known length [m] in that plane.
+    """Return a camera for motion in one plane parallel to the image, from one known length [m] in that plane.
 
     view "side": the plane is x (right), z (up) at y = 0, seen along +y. view "top": the plane is x (right),
     y (up in the image) at z = 0, seen from above. The world's origin is at the image's lower left corner. The
@@ -177,7 +177,7 @@ def calibrate_given(
     translation: Sequence[float] | Floats,
     image_size: tuple[int, int],
 ) -> Calibration:
-    """A camera given by K (3, 3) [px], R (3, 3) world to camera, and t (3,) [m]."""
+    """Return a camera given by K (3, 3) [px], R (3, 3) world to camera, and t (3,) [m]."""
     width, height = _size(image_size)
     matrix = _intrinsics(intrinsics)
     turn = _array(rotation, (3, 3), "rotation")

@@ -47,7 +47,7 @@ class Constrained:
 
 @dataclass(frozen=True)
 class _Claims:
-    """What one object is followed with."""
+    """Inputs to follow one object with."""
 
     anchors: dict[int, Mask]
     resting: dict[int, tuple[Mask, int]]  # by row: the outline, and a row that shows it
@@ -64,10 +64,10 @@ class Constrainer:
         constraints: Sequence[Constraint],
         frames: Sequence[int],
         stop: Callable[[], None],
-        tell: Callable[[float, str], None],
+        report: Callable[[float, str], None],
     ) -> None:
         self.models, self.found, self.frames = models, found, frames
-        self.stop, self.tell = stop, tell
+        self.stop, self.report = stop, report
         self.rows = {frame: row for row, frame in enumerate(frames)}
         self.seeds = [c for c in constraints if isinstance(c, Seed)]
         self.exclusions = [c for c in constraints if isinstance(c, Exclusion)]
@@ -75,7 +75,7 @@ class Constrainer:
         self.rests = [c for c in constraints if isinstance(c, Rest)]
 
     def run(self) -> Constrained:
-        """The masks that satisfy all constraints."""
+        """Return the masks that satisfy all constraints."""
         result = Constrained({name: list(masks) for name, masks in self.found.items()})
         anchors = self._anchors()
         self.models.uncover([(row, mask) for own in anchors.values() for row, mask in own.anchors.items()])
@@ -129,7 +129,7 @@ class Constrainer:
 
     @staticmethod
     def _resting(rows: Sequence[int], own: Mapping[int, Mask], known: Mapping[int, Mask]) -> tuple[Mask, int] | None:
-        """The outline of an object at rest, and a row that shows it: a seed's, else that of most rows."""
+        """Return the outline of an object at rest, and a row that shows it: a seed's, else that of most rows."""
         seeded = [row for row in rows if row in own]
         if seeded:
             middle = seeded[len(seeded) // 2]
@@ -166,7 +166,7 @@ class Constrainer:
         return {row for e in whole for frame, row in self.rows.items() if e.first <= frame <= e.last}
 
     def _barred(self, name: str) -> Callable[[int], Mask | None]:
-        """Where an object cannot be, by row, in working pixels."""
+        """Return where an object cannot be, by row, in working pixels."""
         regions = [e for e in self.exclusions if e.mask is not None and e.object in (None, name)]
         drawn = [(e.first, e.last, e.mask.decode()) for e in regions if e.mask is not None]
 
@@ -198,7 +198,7 @@ class Constrainer:
         again = list(anchors)
         for round_ in range(ROUNDS + 1):
             for k, name in enumerate(again):
-                self.tell((round_ + k / max(len(again), 1)) / (ROUNDS + 1), f"following {name}")
+                self.report((round_ + k / max(len(again), 1)) / (ROUNDS + 1), f"following {name}")
                 followed[name] = self._follow(evidence, name, anchors[name], blocked[name])
             again = self._losers(followed, anchors, blocked) if round_ < ROUNDS else []
             if not again:
@@ -210,7 +210,7 @@ class Constrainer:
         return Follower(evidence, given, self.stop).run()
 
     def _others(self, name: str, own: _Claims) -> dict[int, Mask]:
-        """What belongs to others for sure: their seeds, and bodies found before that were seen beside this one."""
+        """Return what belongs to others: their seeds, and bodies found before that were seen beside this one."""
         blocked: dict[int, Mask] = {}
 
         def add(row: int, mask: Mask) -> None:
@@ -263,7 +263,7 @@ class Constrainer:
 
     @staticmethod
     def _claim(way: Followed, own: _Claims, row: int) -> float:
-        """How well founded a mask is: its confidence, the less the farther from a seed."""
+        """Compute how well founded a mask is: its confidence, the less the farther from a seed."""
         if row in own.anchors or row in own.resting:
             return 2.0
         nearest = min(abs(row - anchor) for anchor in own.anchors)
@@ -311,7 +311,7 @@ class Constrainer:
                 result.notes.append(f"{name} could not be followed to frame {self.frames[row]} and beyond: {why}")
 
     def _passing(self, row: int, shown: int) -> Mask:
-        """Where a row differs from one that shows an object at rest: something is in front of it."""
+        """Return where a row differs from one that shows an object at rest: something is in front of it."""
         images = self.models.ycc[[row, shown]].astype(np.int16)
         differing = (np.abs(images[0] - images[1]).max(axis=2) > PASSING).astype(np.uint8)
         return cv2.morphologyEx(differing, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
@@ -336,7 +336,7 @@ class Constrainer:
                 masks[row] = rest
 
     def _without_shadow(self, evidence: PixelEvidence, mask: Mask, row: int) -> Mask:
-        """The part of a filmed mask that is neither background nor shadow."""
+        """Return the part of a filmed mask that is neither background nor shadow."""
         small = self.models.working(mask, row)
         if not small.any():
             return np.zeros_like(mask)
@@ -380,7 +380,7 @@ class Constrainer:
 
 
 def _most_alike(masks: list[tuple[int, Mask]]) -> tuple[Mask, int]:
-    """Where most of the masks (row, mask) of an object at rest lie, and the row whose mask is most like that."""
+    """Return where most of the masks (row, mask) of an object at rest lie, and the row whose mask is most like that."""
     most = np.mean([mask for _, mask in masks], axis=0) > 0.5
     row, mask = max(masks, key=lambda item: overlap(item[1], most))
     return (most if most.any() else mask), row

@@ -1,4 +1,4 @@
-"""What somebody who looked at a video said of it: kept with the observation, and never altered by what follows.
+"""Statements of somebody who looked at a video: kept with the observation, and never altered by what follows.
 
 A seed is an object's whole mask in one frame; an exclusion says where in which frames an object, or any, is not; a
 shade says that a region is shadow; a rest says that an object does not move from one frame to another.
@@ -72,7 +72,7 @@ def to_dict(constraint: Constraint) -> dict[str, Any]:
 
 
 def from_dict(data: dict[str, Any]) -> Constraint:
-    """The inverse of `to_dict`."""
+    """Return the inverse of `to_dict`."""
     values = {k: v for k, v in data.items() if k != "kind"}
     if "mask" in values:
         values["mask"] = RunLengthMask.from_dict(values["mask"])
@@ -82,7 +82,7 @@ def from_dict(data: dict[str, Any]) -> Constraint:
 
 
 def renamed(constraint: Constraint, old: str, new: str) -> Constraint:
-    """The constraint, said of `new` where it was said of `old`."""
+    """Return the constraint, said of `new` where it was said of `old`."""
     return replace(constraint, object=new) if constraint.object == old else constraint
 
 

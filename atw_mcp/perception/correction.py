@@ -43,7 +43,7 @@ def correct(
     """
     if not corrections:
         return observation
-    tell = progress or (lambda _share, _what: None)
+    report = progress or (lambda _share, _what: None)
 
     def stop() -> None:
         if cancelled is not None and cancelled():
@@ -60,7 +60,7 @@ def correct(
     edits.check()
     if not edits.statements and not edits.constraints:
         return _described(edits, frames, Constrained(edits.found))
-    tell(0.05, "modelling the background")
+    report(0.05, "modelling the background")
     models = model_scene(frames, stop)
     reader = SeedReader(models, edits, camera)
     constraints = ordered(reader.constraints())
@@ -70,16 +70,16 @@ def correct(
         constraints,
         observation.frames,
         stop,
-        lambda share, what: tell(0.4 + 0.5 * share, what),
+        lambda share, what: report(0.4 + 0.5 * share, what),
     ).run()
-    tell(0.9, "reading colours and shapes")
+    report(0.9, "reading colours and shapes")
     corrected = _described(edits, frames, derived)
-    tell(1.0, f"{len(corrections)} corrections applied")
+    report(1.0, f"{len(corrections)} corrections applied")
     return replace(corrected, constraints=constraints, notes=tuple(dict.fromkeys([*reader.notes, *derived.notes])))
 
 
 def _described(edits: TrackEdits, frames: Frames, derived: Constrained) -> ImageObservation:
-    """The observation with these masks: objects whose masks are as they were stay as they were described."""
+    """Return the observation with these masks: objects whose masks are as they were stay as they were described."""
     white = float(np.percentile(frames[0].astype(np.float32) @ np.array([0.114, 0.587, 0.299], np.float32), 80))
     apart = dict(zip(derived.masks, standing_apart(list(derived.masks.values())), strict=True))
     objects: list[ObservedObject] = []
@@ -108,7 +108,7 @@ def _described(edits: TrackEdits, frames: Frames, derived: Constrained) -> Image
 
 
 def _status(described: ObservedObject, sure: np.ndarray) -> tuple[Status, ...]:
-    """The status of an object in each row: what is followed unsurely is not in full view."""
+    """Return the status of an object in each row: what is followed unsurely is not in full view."""
     return tuple(
         "occluded" if status == "visible" and not np.isnan(share) and share < IN_PART else status
         for status, share in zip(described.status, sure, strict=True)

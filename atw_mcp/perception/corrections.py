@@ -1,4 +1,4 @@
-"""What can be said to correct an observation, and how it is read from JSON."""
+"""Corrections of an observation, and how to read them from JSON."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Rename:
 
 @dataclass(frozen=True)
 class Drop:
-    """What was taken for an object is none."""
+    """Removal of a track that is no object."""
 
     object: str
 
@@ -120,7 +120,7 @@ _KINDS: dict[str, type[Correction]] = {
 
 
 def correction_of(data: dict[str, Any]) -> Correction:
-    """A correction from JSON: {"kind": "outline" | "add" | "place" | ..., ...fields}.
+    """Return a correction from JSON: {"kind": "outline" | "add" | "place" | ..., ...fields}.
 
     A mask is a COCO run-length record. Raises ObservationError naming kinds and fields.
     """
@@ -151,7 +151,7 @@ def correction_of(data: dict[str, Any]) -> Correction:
 
 
 def checked_name(name: str, taken: list[str]) -> str:
-    """A name for an object; raises ObservationError where it is taken or not allowed."""
+    """Return a name for an object; raises ObservationError where it is taken or not allowed."""
     if not _NAME.match(name):
         raise ObservationError(
             f"{name!r} is not a name: 1 to 64 letters, digits, _ or -, beginning with one of the first two"

@@ -1,4 +1,4 @@
-"""What an object looks like: a colour's name, metal or rubber, and the solid its silhouette fits."""
+"""Appearance of an object: a colour's name, metal or rubber, and the solid its silhouette fits."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ WORST = 1.0  # residual of a solid that fits not at all, as a box does a sliver
 
 
 def shape_cue(masks: list[Mask]) -> Cue:
-    """The solid whose outline, seen from afar, fits the silhouettes: sphere, cylinder, cube or box; else other.
+    """Return the solid whose outline, seen from afar, fits the silhouettes: sphere, cylinder, cube or box; else other.
 
     Each silhouette's widths in 36 directions are compared with those of a ball, of an upright cylinder and of
     an upright box in any view; measured holds each one's residual as a

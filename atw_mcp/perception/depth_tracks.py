@@ -120,7 +120,7 @@ def surface_area(shape: BodyShape) -> float:
 
 
 def shape_of_area(kind: str, area: float) -> BodyShape:
-    """The solid of a kind (cube, cylinder as high as wide, else a ball) with a mean projected area [m^2]."""
+    """Return the solid of a kind (cube, cylinder as high as wide, else a ball) with a mean projected area [m^2]."""
     if kind in ("cube", "box"):
         half = float(np.sqrt(area / 6.0))  # S / 4 = 6 a^2 for half edge a
         return Box(half_extents=(half, half, half))

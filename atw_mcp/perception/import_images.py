@@ -26,7 +26,7 @@ LARGEST_DEPTH_BYTES = 1_500_000_000
 
 
 def import_masks(path: str | Path, video_path: str | Path) -> ImageObservation:
-    """An observation of a video from masks that another program made.
+    """Return an observation of a video from masks that another program made.
 
     A folder of PNGs: one label image a frame (0 is background, each other value an object), or one folder an
     object with a mask a frame; files are numbered by the last number in their names. A JSON file: a list of
@@ -231,7 +231,7 @@ def import_depth(path: str | Path, *, metres_per_unit: float | None = None) -> D
 
 
 def import_camera(path: str | Path, image_size: tuple[int, int] | None = None) -> Camera:
-    """A camera from JSON: the fields of `Camera`, or a homography {"H": 3 x 3, "plane": "z=..." or "plane_z"}.
+    """Return a camera from JSON: the fields of `Camera`, or a homography {"H": 3 x 3, "plane": "z=..." or "plane_z"}.
 
     A homography needs the image size (width, height) unless the file gives "width" and "height".
     """
@@ -267,7 +267,7 @@ def import_camera(path: str | Path, image_size: tuple[int, int] | None = None) -
 
 
 def _plane_height(text: Any) -> float | None:
-    """The number after "z=" in a description of a plane."""
+    """Return the number after "z=" in a description of a plane."""
     if not isinstance(text, str) or "z=" not in text.replace(" ", ""):
         return None
     digits = text.replace(" ", "").split("z=", 1)[1]

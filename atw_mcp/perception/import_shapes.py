@@ -57,7 +57,7 @@ def import_points(
     """Points of deformable objects from CSV: columns frame or t, object, point (a number or name), x, y and optionally
     z, confidence, sigma [m].
 
-    markers: each point is a mark on the material, which it is told by from its place in the first frame of the file; a
+    markers: each point is a mark on the material, identified by its position in the first frame of the file; a
     mark not seen then is left out. centreline: an object's points are numbered along it, from end to end; in frames
     where one is missing the others are taken for a part of the curve. Raises ImportDataError.
     """
@@ -92,12 +92,12 @@ def import_points(
                 if np.isfinite(record.get("sigma", np.nan)):
                     sigma[t, k] = record["sigma"]
         if points_are == "markers":
-            begun = confidence[0] > 0.0
-            left_out += [f"{name}: mark {order[k]!r} is not seen in the first frame" for k in np.flatnonzero(~begun)]
-            if begun.any():
-                at = tuple((float(x), float(y), float(z)) for x, y, z in values[0, begun])
+            seen = confidence[0] > 0.0
+            left_out += [f"{name}: mark {order[k]!r} is not seen in the first frame" for k in np.flatnonzero(~seen)]
+            if seen.any():
+                at = tuple((float(x), float(y), float(z)) for x, y, z in values[0, seen])
                 series.append(
-                    ShapeSeries(Markers(object=name, at=at), values[:, begun], sigma[:, begun], confidence[:, begun])
+                    ShapeSeries(Markers(object=name, at=at), values[:, seen], sigma[:, seen], confidence[:, seen])
                 )
         elif len(order) < 2:
             raise ImportDataError(f"{file.name}: object {name!r}: a centreline needs at least two points")
@@ -225,5 +225,5 @@ def _quantity(file: Path, line: int, row: dict[str, str]) -> Readout:
         return Front(object=name, direction=_FRONTS[quantity], share=1.0 if most is None else most)
     if quantity == "tension":
         return Tension(object=name, at=share("at"))
-    told = "; ".join(f"{k}: {v}" for k, v in QUANTITIES.items())
-    raise ImportDataError(f"{file.name}: line {line}: unknown quantity {quantity!r}; quantities: {told}")
+    choices = "; ".join(f"{k}: {v}" for k, v in QUANTITIES.items())
+    raise ImportDataError(f"{file.name}: line {line}: unknown quantity {quantity!r}; quantities: {choices}")

@@ -216,7 +216,7 @@ def time_base(
     step = seconds_per_frame or float(np.median(gaps))
     number = (moments - 0.0) / step
     if np.abs(number - np.round(number)).max() > 0.25 or np.any(np.diff(np.round(number)) < 1):
-        # Uneven sampling: count in steps fine enough to tell every two moments apart.
+        # Uneven sampling: count in steps fine enough to separate every two moments.
         step = float(gaps.min()) / 4
         number = moments / step
         if np.abs(number).max() > 1e9:
@@ -328,7 +328,7 @@ def _build(
 
 
 def confidence_in(value: float, file: Path, name: str) -> float:
-    """A confidence in 0..1, 1 where a cell is empty; raises ImportDataError."""
+    """Return a confidence in 0..1, 1 where a cell is empty; raises ImportDataError."""
     if not np.isfinite(value):
         return 1.0
     if not 0 <= value <= 1:
@@ -337,7 +337,7 @@ def confidence_in(value: float, file: Path, name: str) -> float:
 
 
 def number_in(text: str | None, file: Path, line: int, column: str) -> float:
-    """The number in a cell, NaN where it is empty; raises ImportDataError naming the line."""
+    """Return the number in a cell, NaN where it is empty; raises ImportDataError naming the line."""
     if text is None or not text.strip():
         return float("nan")
     try:
@@ -347,7 +347,7 @@ def number_in(text: str | None, file: Path, line: int, column: str) -> float:
 
 
 def existing_table(path: str | Path) -> Path:
-    """The path of a file that is there; raises ImportDataError naming what is near."""
+    """Return the path of a file that is there; raises ImportDataError naming what is near."""
     file = Path(path).expanduser()
     if not file.is_file():
         near = sorted(p.name for p in file.parent.iterdir())[:8] if file.parent.is_dir() else []
@@ -356,7 +356,7 @@ def existing_table(path: str | Path) -> Path:
 
 
 def read_json(file: Path) -> Any:
-    """The content of a JSON file; raises ImportDataError with the place of a syntax error."""
+    """Return the content of a JSON file; raises ImportDataError with the place of a syntax error."""
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, json.JSONDecodeError) as error:

@@ -38,7 +38,7 @@ class RunLengthMask:
         return cls(int(mask.shape[0]), int(mask.shape[1]), tuple(int(c) for c in counts))
 
     def decode(self) -> Mask:
-        """The mask (height, width)."""
+        """Return the mask (height, width)."""
         runs = np.asarray(self.counts, dtype=np.int64)
         flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
         return flat.reshape(self.width, self.height).T
@@ -54,7 +54,7 @@ class RunLengthMask:
 
     @classmethod
     def from_dict(cls, data: Any) -> Self:
-        """A COCO record, with counts as a list of integers or as compressed text.
+        """Return a COCO record, with counts as a list of integers or as compressed text.
 
         Raises MaskError for a missing key, a size that is not two positive integers, and counts that do not
         add up to the size.
@@ -93,7 +93,7 @@ def compress_counts(counts: tuple[int, ...]) -> str:
 
 
 def expand_counts(text: str) -> tuple[int, ...]:
-    """The inverse of `compress_counts`; raises MaskError where the text breaks off or holds a foreign character."""
+    """Invert `compress_counts`; raises MaskError where the text breaks off or holds a foreign character."""
     counts: list[int] = []
     position = 0
     while position < len(text):

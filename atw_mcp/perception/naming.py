@@ -31,7 +31,7 @@ SYNONYMS = {
 
 
 def names_for(cues: list[tuple[Cue, Cue, Cue]]) -> list[str]:
-    """A unique name for each (colour, material, shape), such as blue_sphere.
+    """Return a unique name for each (colour, material, shape), such as blue_sphere.
 
     The material, the least certain of the three, comes in only where colour and shape are shared by several
     objects and their materials differ: blue_rubber_sphere, blue_metal_sphere. What is still alike is numbered.
@@ -51,7 +51,7 @@ def names_for(cues: list[tuple[Cue, Cue, Cue]]) -> list[str]:
 
 
 def unique(names: list[str]) -> list[str]:
-    """The names, with _2, _3, ... behind repeated ones."""
+    """Return the names, with _2, _3, ... behind repeated ones."""
     taken: set[str] = set()
     counts: Counter[str] = Counter()
     result = []
@@ -67,14 +67,14 @@ def unique(names: list[str]) -> list[str]:
 
 
 def slug(text: str) -> str:
-    """A description as a name: letters, digits and underscores."""
+    """Turn a description into a name: letters, digits and underscores."""
     return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:64] or "object"
 
 
 def matched_to_expected(
     observation: ImageObservation, expected: tuple[str, ...]
 ) -> tuple[ImageObservation, tuple[str, ...]]:
-    """The observation with objects renamed to the descriptions they fit best, and the descriptions left over."""
+    """Return the observation with objects renamed to the descriptions they fit best, and the descriptions left over."""
     if not observation.objects:
         return observation, expected
     cost = [[_mismatch(o, e) for e in expected] for o in observation.objects]

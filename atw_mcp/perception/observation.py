@@ -1,4 +1,4 @@
-"""What was seen in a video: every object's mask, place, status and confidence in every frame."""
+"""Observation of a video: every object's mask, place, status and confidence in every frame."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class ObservedObject:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], height: int, width: int) -> Self:
-        """The inverse of `to_dict` for an image of the given size."""
+        """Return the inverse of `to_dict` for an image of the given size."""
         masks = tuple(
             None if m is None else RunLengthMask.from_dict({"size": [height, width], "counts": m})
             for m in data["masks"]
@@ -101,7 +101,7 @@ class ObservedObject:
         )
 
     def summary(self) -> dict[str, Any]:
-        """The object in a few JSON-ready values, without masks and series."""
+        """Return the object in a few JSON-ready values, without masks and series."""
         counts = {s: self.status.count(s) for s in ("visible", "occluded", "truncated", "hidden", "absent")}
         seen = self.confidence > 0
         return {
@@ -149,7 +149,7 @@ class ImageObservation:
         return tuple(o.name for o in self.objects)
 
     def object(self, name: str) -> ObservedObject:
-        """The object called `name`; raises ObservationError naming the valid choices."""
+        """Return the object called `name`; raises ObservationError naming the valid choices."""
         for candidate in self.objects:
             if candidate.name == name:
                 return candidate
@@ -224,7 +224,7 @@ class ImageObservation:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
-        """The inverse of `to_dict`."""
+        """Return the inverse of `to_dict`."""
         video = VideoInfo.from_dict(data["video"])
         size = [video.height, video.width]
         return cls(

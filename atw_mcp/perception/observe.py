@@ -54,8 +54,8 @@ def observe(
     """
     if not 1 <= max_objects <= 200:
         raise ObservationError(f"max_objects must lie in 1..200, got {max_objects}")
-    tell = progress or (lambda _share, _what: None)
-    tell(0.0, "reading the video")
+    report = progress or (lambda _share, _what: None)
+    report(0.0, "reading the video")
     info, frames = load(path, stride=stride)
     smallest = default_min_area(info) if min_area is None else min_area
     if smallest < 4:
@@ -70,30 +70,30 @@ def observe(
             raise PerceptionCancelled("observation cancelled")
 
     stop()
-    tell(0.03, "looking whether the camera moves")
+    report(0.03, "looking whether the camera moves")
     motion = camera_motion(frames, stop)
     if motion is not None:
         frames = stabilised(frames, motion)
-    tell(0.05, "modelling the background")
+    report(0.05, "modelling the background")
     background = model_background(frames)
     shadow = shadows_of(frames, background)
     foregrounds = []
     for t in range(count):
         stop()
         if t % 8 == 0:
-            tell(0.15 + 0.4 * t / count, f"segmenting frame {t} of {count}")
+            report(0.15 + 0.4 * t / count, f"segmenting frame {t} of {count}")
         foregrounds.append(segment(frames[t], background, min_area=smallest, shadow=shadow))
 
     def tick(t: int) -> None:
         stop()
         if t % 8 == 0:
-            tell(0.55 + 0.2 * t / count, f"tracking frame {t} of {count}")
+            report(0.55 + 0.2 * t / count, f"tracking frame {t} of {count}")
 
     sweeper = Sweeper(frames, foregrounds, smallest, max_objects)
     sweep = sweeper.run(tick)
-    tell(0.75, "tracking backwards")
+    report(0.75, "tracking backwards")
     sweep = resweep(frames, foregrounds, sweep, stop)
-    tell(0.9, "reading colours and shapes")
+    report(0.9, "reading colours and shapes")
     warnings = list(info.warnings)
     if sweeper.dropped:
         warnings.append(f"more than {max_objects} objects: {sweeper.dropped} regions were left out; raise max_objects")
@@ -129,12 +129,12 @@ def observe(
         warnings += [f"expected {m!r} was not found" for m in missing]
     if not observation.objects:
         warnings.append("no object was found: check that the camera is fixed, or lower min_area")
-    tell(1.0, f"{len(observation.objects)} objects")
+    report(1.0, f"{len(observation.objects)} objects")
     return replace(observation, warnings=(*observation.warnings, *warnings))
 
 
 def reduced(frames: Frames) -> Frames:
-    """The frames, made smaller where they have many more pixels than finding objects needs."""
+    """Return the frames, made smaller where they have many more pixels than finding objects needs."""
     height, width = frames.shape[1:3]
     share = np.sqrt(ANALYSED_PIXELS / (height * width))
     if share > 0.85:
@@ -144,7 +144,7 @@ def reduced(frames: Frames) -> Frames:
 
 
 def enlarged(mask: Mask, height: int, width: int) -> Mask:
-    """A mask of a reduced frame in the size of the full one."""
+    """Return a mask of a reduced frame in the size of the full one."""
     if mask.shape == (height, width) or not mask.any():
         return mask if mask.shape == (height, width) else np.zeros((height, width), dtype=bool)
     large: Mask = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR) > 0.5
@@ -165,7 +165,7 @@ def assemble(
     stride: int,
     motion: NDArray[np.float64] | None = None,
 ) -> ImageObservation:
-    """The observation that a finished sweep, perhaps over reduced frames, amounts to; frames are the full ones.
+    """Return the observation that a finished sweep, perhaps over reduced frames, amounts to; frames are the full ones.
 
     motion (T, 2, 3): of the camera, where the frames of the sweep were freed of it.
     """
@@ -211,9 +211,9 @@ def _object(
 def describe(
     masks: list[Mask], frames: Frames, clarity: list[float], alone: list[bool], white: float
 ) -> ObservedObject | None:
-    """An object, still without a name, from its masks; None if it is seen in no frame.
+    """Return an object, still without a name, from its masks; None if it is seen in no frame.
 
-    clarity (T,) says how surely its pixels are told from other objects' (0..1); alone (T,) whether its region
+    clarity (T,) says how surely its pixels are distinguished from other objects' (0..1); alone (T,) whether its region
     touches no other object's.
     """
     count = len(masks)

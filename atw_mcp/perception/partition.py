@@ -36,11 +36,11 @@ class Template:
         return np.array([x.mean() + self.left, y.mean() + self.top])
 
     def moved(self, dx: float, dy: float) -> Template:
-        """The same outline elsewhere."""
+        """Return the same outline elsewhere."""
         return Template(self.mask, self.left + dx, self.top + dy)
 
     def drawn(self, left: int, top: int, width: int, height: int) -> Mask:
-        """The outline in a window of the image, shape (height, width)."""
+        """Return the outline in a window of the image, shape (height, width)."""
         window = np.zeros((height, width), dtype=bool)
         x, y = round(self.left) - left, round(self.top) - top
         h, w = self.mask.shape
@@ -51,7 +51,7 @@ class Template:
 
 
 def template_of(mask: Mask) -> Template:
-    """The outline of a mask of the whole image."""
+    """Return the outline of a mask of the whole image."""
     y, x = np.nonzero(mask)
     if len(x) == 0:
         return Template(np.zeros((1, 1), dtype=bool), 0.0, 0.0)
@@ -74,7 +74,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Share:
-    """What a member got: mask of the window, its placed templates, and how clear the decision was (0..1)."""
+    """Share of a member: mask of the window, its placed templates, and how clear the decision was (0..1)."""
 
     mask: Mask
     placed: tuple[Template, ...]
@@ -82,7 +82,7 @@ class Share:
 
 
 def renewed(expected: Template, mask: Mask, clarity: float) -> Template:
-    """The outline to go on with: the mask's own if the whole object seems to be seen, else the expected one.
+    """Return the outline to go on with: the mask's own if the whole object seems to be seen, else the expected one.
 
     A mask that is less convex than expected has taken in a reflection or lost a part to one.
     """
@@ -143,7 +143,7 @@ def partition(
 def _place(
     template: Template, evidence: Floats, left: int, top: int, search: int, image_size: tuple[int, int]
 ) -> Template:
-    """The template shifted, by whole pixels, to where the evidence under it is greatest."""
+    """Return the template shifted, by whole pixels, to where the evidence under it is greatest."""
     if search <= 0 or not template.mask.any():
         return template
     h, w = template.mask.shape
@@ -178,7 +178,7 @@ def _signed_distance(mask: Mask) -> Floats:
 
 
 def _without_specks(choice: NDArray[np.int64], region: Mask, count: int) -> NDArray[np.int64]:
-    """The choice with isolated fragments given to the member that surrounds them."""
+    """Return the choice with isolated fragments given to the member that surrounds them."""
     cleaned = cv2.medianBlur(np.where(region, choice + 1, 0).astype(np.uint8), 3).astype(np.int64)
     cleaned = np.where(region & (cleaned > 0), cleaned - 1, choice)
     for k in range(count):

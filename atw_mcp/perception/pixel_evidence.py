@@ -1,4 +1,4 @@
-"""How much more likely a pixel is an object's than the background's or a shadow's: log-likelihood ratios.
+"""Log-likelihood ratios of a pixel: an object's against the background's or a shadow's.
 
 The background is known up to noise; a cast shadow is the background made darker by a factor, with its hue; the object
 is known by the colours of its seeds. What is neither is taken for the object with some reserve, so that highlights and
@@ -46,7 +46,7 @@ class Look:
 
     @classmethod
     def of(cls, ycc: Frames, rows: Sequence[int], masks: Sequence[Mask]) -> Look:
-        """The colours under masks (h, w), and around them, in rows of a clip (T, h, w, 3)."""
+        """Return the colours under masks (h, w), and around them, in rows of a clip (T, h, w, 3)."""
         own, around = np.zeros(LIGHT_BINS * TONE_BINS**2), np.zeros(LIGHT_BINS * TONE_BINS**2)
         for row, mask in zip(rows, masks, strict=True):
             byte = mask.astype(np.uint8)

@@ -1,10 +1,11 @@
 """Following one object from the frames in which it is given through all others, forwards and backwards in time.
 
 In every frame the object's last outline is placed where the evidence of colours (against background, shadows and other
-bodies) and the likeness to its last appearance are greatest; the search reaches as far as its speed, and what is not
-known of it, ask. The outline is then drawn again from the evidence of the pixels, the more freely the better they tell
-the object from its surroundings; of an object that hardly stands out it keeps its shape. The confidence falls with the
-likeness and with the area that is seen; where it stays low the object is lost, and what was known before is kept.
+bodies) and the likeness to its last appearance are greatest; the search reaches as far as its speed, and its
+uncertainty, ask. The outline is then drawn again from the evidence of the pixels, the more freely the better they
+separate the object from its surroundings; of an object that hardly stands out it keeps its shape. The confidence falls
+with the likeness and with the area that is seen; where it stays low the object is lost, and what was known before is
+kept.
 Between two given frames it is followed from both, and each frame takes the side that is surer and nearer.
 """
 
@@ -48,7 +49,7 @@ OVERLAP_BONUS = 3.0  # frames of confidence that a smooth change from one side t
 
 @dataclass(frozen=True)
 class Given:
-    """What holds while one object is followed, in working pixels.
+    """Constants while one object is followed, in working pixels.
 
     anchors: its masks by row; known (T,): masks found before, None where there is none; covered(row): what belongs to
     other bodies, so that it says nothing of this one; barred(row): where it cannot be; span: first and last row in
@@ -114,7 +115,7 @@ class Follower:
         result.ended |= part.ended
 
     def _between(self, a: int, b: int) -> Followed:
-        """The rows between two anchors: forwards from one up to some row, backwards from the other beyond it."""
+        """Return the rows between two anchors: forwards from one up to some row, backwards from the other beyond it."""
         ahead, back = self._way(a, b), self._way(b, a)
         rows = range(a + 1, b)
         empty = np.zeros(self.models.size, dtype=bool)
@@ -172,18 +173,18 @@ class Follower:
     # --- one frame ---
 
     def _find(self, state: _State, row: int) -> tuple[Mask | None, float]:
-        """The object's mask in a row, and how sure it is; None where it is not seen."""
+        """Return the object's mask in a row, and how sure it is; None where it is not seen."""
         steps = abs(row - state.row)
         reach = self._reach(state, steps)
         found, sure = self._search(state, row, reach)
-        if sure < SURE and reach < REACH:  # it may have been struck: a start from rest is not foreseen
+        if sure < SURE and reach < REACH:  # it may have been struck: a start from rest is not predicted
             other, surer = self._search(state, row, int(min(4 * reach, REACH)))
             if surer > sure + SURER:
                 found, sure = other, surer
         return (None, sure) if sure < (UNLIKE if steps == 1 else AGAIN) else (found, sure)
 
     def _search(self, state: _State, row: int, reach: int) -> tuple[Mask | None, float]:
-        """The mask drawn where the object fits best within reach of the place expected, and how sure it is."""
+        """Return the mask drawn where the object fits best within reach of the place expected, and how sure it is."""
         expected = _expected(state, abs(row - state.row))
         view = self._view(expected, reach)
         if view is None:
@@ -200,7 +201,7 @@ class Follower:
         return whole, sure
 
     def _reach(self, state: _State, steps: int) -> int:
-        """How far [px] from the place expected the object may be: bounces turn its velocity round."""
+        """Compute how far [px] from the place expected the object may be: bounces turn its velocity round."""
         size = float(max(state.template.mask.shape))
         if state.steps == 0:
             reach = min(6.0 + (0.5 + 1.5 * self.trust) * size, REACH)
@@ -226,7 +227,7 @@ class Follower:
     def _place(
         self, state: _State, row: int, view: View, ratio: Array32, expected: Template, reach: int
     ) -> tuple[Template, float]:
-        """The outline where evidence and likeness are greatest near the place expected, and the likeness there."""
+        """Return the outline of greatest evidence and likeness near the place expected, and the likeness there."""
         shape = state.template.mask
         before = self._patch(state)
         now = self.models.ycc[row][view][..., 0].astype(np.float32)
@@ -252,7 +253,7 @@ class Follower:
         return patch
 
     def _drawn_again(self, row: int, view: View, ratio: Array32, drawn: Mask, area: float, *, touching: bool) -> Mask:
-        """The mask (h, w) of a window that pixels and the placed outline together ask for."""
+        """Return the mask (h, w) of a window that pixels and the placed outline together ask for."""
         size = float(np.sqrt(max(int(drawn.sum()), 1)))
         soft = max(1.2, 0.07 * size) * (2.0 if touching else 1.0)
         depth = signed_distance(drawn)
@@ -275,7 +276,7 @@ class Follower:
         return mask
 
     def _sureness(self, state: _State, ratio: Array32, mask: Mask, drawn: Mask, likeness: float, view: View) -> float:
-        """How sure a mask is: 1 where colours, appearance and area are as they were."""
+        """Compute how sure a mask is: 1 where colours, appearance and area are as they were."""
         gap = self.inside - self.beside
         inside = float(ratio[mask].mean())
         colours = float(np.clip((inside - self.beside) / gap, 0.0, 1.0)) if gap > 0.7 else 0.6
@@ -322,7 +323,7 @@ class Follower:
         return (float(np.mean(within)), float(np.mean(around))) if within else (1.0, 0.0)
 
     def _view(self, template: Template, reach: int) -> View | None:
-        """The window in which an outline may be placed; None outside the image."""
+        """Return the window in which an outline may be placed; None outside the image."""
         height, width = self.models.size
         h, w = template.mask.shape
         margin = reach + 6
@@ -336,7 +337,7 @@ class Follower:
         return bool(there.sum() < max(LEFT * state.template.area, 2))
 
     def _hidden(self, state: _State, row: int) -> bool:
-        """Whether something else may cover the place where the object is expected."""
+        """Check whether something else may cover the place where the object is expected."""
         covered = self.given.covered(row)
         if covered is None:
             return False
@@ -346,7 +347,7 @@ class Follower:
 
 
 def _expected(state: _State, steps: int) -> Template:
-    """The outline some rows on: what is not seen is expected to slow down, so that it is not lost far away."""
+    """Return the outline some rows on: what is not seen is expected to slow down, so that it is not lost far away."""
     way = state.velocity * (1.0 - SLOWING**steps) / (1.0 - SLOWING)
     return state.template.moved(float(way[0]), float(way[1]))
 
@@ -404,14 +405,14 @@ def _best_shift(
 
 
 def _excess(score: Array32, most: float) -> float:
-    """How far a score (h, w) must fall so that at most so many pixels stay above zero."""
+    """Compute how far a score (h, w) must fall so that at most so many pixels stay above zero."""
     positive = score[score > 0]
     over = len(positive) - int(most)
     return float(np.partition(positive, over - 1)[over - 1]) if over > 0 else 0.0
 
 
 def _cut(image: Array32, left: int, top: int, width: int, height: int, fill: float) -> Array32:
-    """A window of an image, filled where it reaches beyond it."""
+    """Return a window of an image, filled where it reaches beyond it."""
     cut = np.full((height, width), fill, dtype=np.float32)
     x0, y0 = max(left, 0), max(top, 0)
     x1, y1 = min(left + width, image.shape[1]), min(top + height, image.shape[0])
@@ -426,7 +427,7 @@ def _smaller(image: Array32, scale: int) -> Array32:
 
 
 def _main_parts(mask: Mask, drawn: Mask) -> Mask:
-    """The connected parts that lie in the placed outline, without specks."""
+    """Return the connected parts that lie in the placed outline, without specks."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     if count <= 2:
         return mask
@@ -453,7 +454,7 @@ def overlap(a: Mask, b: Mask) -> float:
 
 
 def _touches(view: View, mask: Mask, size: tuple[int, int]) -> bool:
-    """Whether a mask of a window touches the border of the image."""
+    """Check whether a mask of a window touches the border of the image."""
     rows, columns = view
     return bool(
         (rows.start == 0 and mask[0].any())

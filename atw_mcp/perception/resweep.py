@@ -1,7 +1,7 @@
 """The sweep back in time, with what the sweep forward learned.
 
 Going backwards, an object that was first seen apart is followed into the frames in which it was still one
-region with another, or behind it; and every shared region is divided anew between what is expected from
+region with another, or behind it; and every shared region is divided again between what is expected from
 before and from after it, each weighted by how near in time the object was last seen by itself.
 """
 
@@ -28,7 +28,7 @@ COLOUR_FRAMES = 16
 
 @dataclass
 class _Ahead:
-    """What is known of an object from later frames."""
+    """Knowledge of an object from later frames."""
 
     template: Template
     frame: int
@@ -36,7 +36,7 @@ class _Ahead:
 
 
 def resweep(frames: Frames, foregrounds: list[Foreground], sweep: Sweep, stop: Callable[[], None]) -> Sweep:
-    """The sweep improved by one pass from the last frame to the first; `stop()` is called before each frame."""
+    """Improve the sweep by one pass from the last frame to the first; `stop()` is called before each frame."""
     numbers = _lasting(sweep, len(frames))
     likelihoods = _likelihoods(frames, sweep, numbers)
     since_alone, until_alone = _nearest_alone(sweep, numbers, len(frames))
@@ -172,7 +172,7 @@ def _expectations(
     until_alone: dict[int, Floats],
     members: list[int],
 ) -> tuple[tuple[Template, float], ...]:
-    """Where the object is expected from before and from after, weighted by nearness to a frame of its own."""
+    """Return where the object is expected from before and from after, weighted by nearness to a frame of its own."""
     templates = []
     later = ahead.get(number)
     mine = sweep.labels[t] == number

@@ -1,4 +1,4 @@
-"""What corrections know of a clip, worked out once for all of them: frames freed of camera motion and of changes of
+"""Models of a clip, worked out once for all corrections: frames freed of camera motion and of changes of
 light, the background, its noise, and how dark shadows are."""
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class SceneModels:
         return self.ycc.shape[1], self.ycc.shape[2]
 
     def working(self, mask: Mask, row: int) -> Mask:
-        """A mask of the filmed frame in working pixels."""
+        """Return a mask of the filmed frame in working pixels."""
         height, width = self.size
         if mask.shape != (height, width):
             small = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
@@ -64,13 +64,13 @@ class SceneModels:
         return mask if self.motion is None or not mask.any() else as_stabilised(mask, self.motion[row])
 
     def filmed(self, mask: Mask, row: int) -> Mask:
-        """A mask of the working frame in pixels of the filmed one."""
+        """Return a mask of the working frame in pixels of the filmed one."""
         if self.motion is not None and mask.any():
             mask = as_filmed(mask, self.motion[row])
         return enlarged(mask, self.full.shape[1], self.full.shape[2])
 
     def working_point(self, x: float, y: float, row: int) -> tuple[float, float]:
-        """A pixel of the filmed frame in working pixels."""
+        """Return a pixel of the filmed frame in working pixels."""
         height, width = self.size
         u, v = x * width / self.full.shape[2], y * height / self.full.shape[1]
         if self.motion is not None:

@@ -35,8 +35,8 @@ LARGEST = 0.15  # of the image: a region around a point that is larger is backgr
 
 @dataclass(frozen=True)
 class Hint:
-    """Where an object is in a frame, in working pixels: box (left, top, width, height), points inside and outside it, a
-    first mask (h, w); any of them may be missing."""
+    """Hint of an object's outline in a frame, in working pixels: box (left, top, width, height), points inside and
+    outside it, a first mask (h, w); any of them may be missing."""
 
     box: Box | None = None
     inside: tuple[Point, ...] = ()
@@ -103,7 +103,7 @@ def _candidates(
         again = cv2.GaussianBlur(evidence.ratio(look, row, view), (0, 0), 0.8) > 0
         yield _clean(again & allowed), 0.25 if not hint.outside else -1.0
         # Bodies that touch are one region: of a point's own colour there is only its own body.
-        # Where some point is outside, what it belongs to stands out as well: only learned colours tell the two apart.
+        # Where some point is outside, what it belongs to stands out as well: only learned colours distinguish the two.
         if hint.inside or hint.mask is not None:
             yield grab_cut(image, _guess(shape, hint, chosen, ~allowed)), 0.1
     yield grab_cut(image, _guess(shape, hint, np.zeros(shape, dtype=bool), ~allowed)), 0.0
@@ -155,7 +155,7 @@ def _guess(shape: tuple[int, ...], hint: Hint, likely: Mask, forbidden: Mask) ->
 
 
 def _agreeing(image: Frames, mask: Mask, allowed: Mask, hint: Hint) -> Mask | None:
-    """The parts of a mask that a hint speaks of; None where it contradicts the hint."""
+    """Return the parts of a mask that a hint speaks of; None where it contradicts the hint."""
     kept = _parts(mask & ~_spots(hint.outside, mask.shape), hint)
     if kept.any():
         kept = _parts(half_covered(image, kept) & allowed, hint)
@@ -175,7 +175,7 @@ def _agreeing(image: Frames, mask: Mask, allowed: Mask, hint: Hint) -> Mask | No
 
 
 def _worth(mask: Mask, slope: NDArray[np.float32], hint: Hint) -> float:
-    """How well an outline lies on edges, how compact it is, and how well it fills a box."""
+    """Compute how well an outline lies on edges, how compact it is, and how well it fills a box."""
     byte = mask.astype(np.uint8)
     rim = cv2.morphologyEx(byte, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
     rim[[0, -1]], rim[:, [0, -1]] = False, False
@@ -212,7 +212,7 @@ def _slope(image: Frames) -> NDArray[np.float32]:
 
 
 def _alike(image: Frames, hint: Hint) -> Mask:
-    """Where an image has the hue of the points inside, in any light; everywhere where a hint has more than points."""
+    """Return where an image has the hue of the points inside, in any light; everywhere if a hint has more."""
     if not hint.inside or hint.box is not None or hint.mask is not None:
         return np.ones(image.shape[:2], dtype=bool)
     tone = cv2.blur(image[..., 1:].astype(np.float32) - 128.0, (3, 3))
@@ -228,7 +228,7 @@ def _alike(image: Frames, hint: Hint) -> Mask:
 
 
 def _even(image: Frames, point: Point, tolerance: int) -> Mask:
-    """The connected region around a point whose colour differs from the point's by at most a tolerance."""
+    """Return the connected region around a point whose colour differs from the point's by at most a tolerance."""
     y, x = _at(point, image.shape[:2])
     filled = np.zeros((image.shape[0] + 2, image.shape[1] + 2), np.uint8)
     smooth = cv2.medianBlur(np.ascontiguousarray(image), 3)
@@ -248,7 +248,7 @@ def _clean(mask: Mask) -> Mask:
 
 
 def _parts(mask: Mask, hint: Hint) -> Mask:
-    """The connected parts that hold a point inside, or overlap a first mask, or else the largest with its like."""
+    """Return the connected parts that hold a point inside, or overlap a first mask, else the largest with its like."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     if count <= 2 and not hint.inside:
         return mask
@@ -265,7 +265,7 @@ def _parts(mask: Mask, hint: Hint) -> Mask:
 
 
 def _window(hint: Hint, size: tuple[int, int]) -> View:
-    """The surroundings of a hint: enough to learn the background's colours from."""
+    """Return the surroundings of a hint: enough to learn the background's colours from."""
     height, width = size
     if hint.box is not None:
         left, top, right, bottom = hint.box[0], hint.box[1], hint.box[0] + hint.box[2], hint.box[1] + hint.box[3]

@@ -87,7 +87,7 @@ class SeedReader:
         return decoded
 
     def _drawn(self, statement: Outline | Place) -> Mask:
-        """The mask, as filmed, of what a statement says."""
+        """Return the mask, as filmed, of what a statement says."""
         row = self.observation.row(statement.frame)
         current = self.edits.current[statement.object][row]
         if isinstance(statement, Place):
@@ -127,7 +127,7 @@ class SeedReader:
         return left, top, box[2] * scale, box[3] * scale
 
     def _placed(self, said: Place, row: int) -> Mask:
-        """The object's nearest mask, moved to where a place in the world is seen; else what is outlined around it."""
+        """Return the object's nearest mask, moved to where a place in the world is seen; else an outline around it."""
         if self.camera is None:
             raise ObservationError("a place in the world needs a camera: CalibrateCamera first")
         width, height = self.observation.video.width, self.observation.video.height
@@ -191,13 +191,13 @@ class SeedReader:
 
 
 def _exact(said: Outline | Place) -> RunLengthMask | None:
-    """The mask that a statement gives as it is."""
+    """Return the mask that a statement gives as it is."""
     plain = isinstance(said, Outline) and said.box is None and not said.positive and not said.negative
     return said.mask if plain and isinstance(said, Outline) else None
 
 
 def inside(box: Box, width: int, height: int) -> Box:
-    """The part of a box inside the image; raises ObservationError where there is hardly any."""
+    """Return the part of a box inside the image; raises ObservationError where there is hardly any."""
     left, top, wide, tall = box
     if wide < 3 or tall < 3:
         raise ObservationError(f"a box is (left, top, width, height) of at least 3 px, got {box}")

@@ -131,7 +131,7 @@ def _clean(strong: Mask, min_area: int) -> Mask:
 
 
 def without_shadow(mask: Mask, foreground: Foreground, *, has_hue: bool) -> Mask:
-    """An object's mask without the dark shadow beside it.
+    """Return an object's mask without the dark shadow beside it.
 
     Of an object that has a hue the hueless dim parts at its rim go; of a hueless one the protrusions that are
     lighter than it is.
@@ -202,7 +202,7 @@ def _faint_objects(weak: Mask, strong: Mask, difference: Array32, min_area: int)
 
 
 def _half_covered(image: Array32, seeds: Mask, weak: Mask) -> Mask:
-    """The seeds with their rim moved to where pixels are half object, half the background beside it."""
+    """Return the seeds with their rim moved to where pixels are half object, half the background beside it."""
     mask = seeds.copy()
     count, _, stats, _ = cv2.connectedComponentsWithStats(
         cv2.dilate(seeds.astype(np.uint8), np.ones((17, 17), np.uint8)), connectivity=4

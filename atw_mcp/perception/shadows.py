@@ -1,4 +1,4 @@
-"""How dark shadows are: one light and one surrounding make all shadows of a scene darken the floor by one factor.
+"""Darkness of shadows: one light and one surrounding make all shadows of a scene darken the floor by one factor.
 
 An object's shading varies over it and from object to object; the factor of a cast shadow does not. So the factor is
 read from all moving regions together: the brightness ratio at which uniform, hueless pixels gather, in regions that

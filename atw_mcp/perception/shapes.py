@@ -92,7 +92,7 @@ def image_shapes(
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> tuple[ShapeSeries, ...]:
-    """What is measured of each named object in every frame, in pixels; rows are those of the observation.
+    """Measure each named object in every frame, in pixels; rows are those of the observation.
 
     rope: its centreline where it is seen from end to end, else the curve of the part that is seen. soft: how far its
     outline reaches in eight directions. cloth: the same, and the share of cells of the image it covers. fluid: that
@@ -244,6 +244,6 @@ def _filled_share(mask: Mask) -> float:
 
 
 def line_of(observation: ImageObservation, name: str, frame: int) -> CentrelineInImage | None:
-    """The centreline of an object at one frame; None where it is not seen."""
+    """Return the centreline of an object at one frame; None where it is not seen."""
     mask = observation.mask(name, frame)
     return centreline(mask) if mask.any() else None

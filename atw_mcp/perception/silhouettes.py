@@ -42,7 +42,7 @@ class Outline:
 
 
 def trusted_outline(labels: NDArray[np.uint8], number: int, behind: frozenset[int]) -> Outline:
-    """The object's outline against the background and against the objects known to be behind it.
+    """Return the object's outline against the background and against the objects known to be behind it.
 
     labels (H, W) holds object numbers, 0 for none. Left out: the image border, edges shared with objects not
     in `behind`, and points within 2.5 px of either.
@@ -95,7 +95,7 @@ def _cracks(mask: Bools) -> Floats:
 
 @dataclass(frozen=True)
 class Stage:
-    """Where solids stand or move: the camera and the plane, with the plane's axes (rows x, y, normal)."""
+    """Stage on which solids stand or move: the camera and the plane, with the plane's axes (rows x, y, normal)."""
 
     camera: Camera
     plane: MotionPlane
@@ -103,7 +103,7 @@ class Stage:
 
     @classmethod
     def of(cls, camera: Camera, plane: MotionPlane) -> Stage:
-        """The stage of a camera and a plane."""
+        """Return the stage of a camera and a plane."""
         return cls(camera, plane, plane_axes(plane))
 
     def centres(self, poses: Floats, lift: float) -> Floats:

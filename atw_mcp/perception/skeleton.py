@@ -59,7 +59,7 @@ class CentrelineInImage:
 
 
 def centreline(mask: Mask) -> CentrelineInImage | None:
-    """The centreline of the largest part of a mask (height, width); None where there is too little of it.
+    """Return the centreline of the largest part of a mask (height, width); None where there is too little of it.
 
     Small holes and gaps are closed first. Each end reaches to half a width from the shape's tip, where the centre of a
     round end is.
@@ -100,7 +100,7 @@ def centreline(mask: Mask) -> CentrelineInImage | None:
 
 
 def thinned(mask: Bools) -> Bools:
-    """The mask thinned to lines one pixel wide (Zhang & Suen 1984); its border must be empty."""
+    """Return the mask thinned to lines one pixel wide (Zhang & Suen 1984); its border must be empty."""
     line = mask.copy()
     while True:
         removed = 0
@@ -171,7 +171,7 @@ def _smoothed(points: Floats) -> Floats:
 
 
 def _to_tips(points: Floats, mask: Bools, radius: float) -> Floats:
-    """The line with its ends moved along it to `radius` from where the shape ends."""
+    """Return the line with its ends moved along it to `radius` from where the shape ends."""
     for end in (0, 1):
         line = points if end == 0 else points[::-1]
         back = min(len(line) - 1, max(3, int(2 * radius)))

@@ -58,7 +58,7 @@ def cluster_colours(features: Array32, count: int) -> NDArray[np.int32]:
 
 
 def _compact_regions(own: Mask, min_area: int) -> Mask:
-    """The compact regions of one colour, none where its pixels are scattered or the regions are many."""
+    """Return the compact regions of one colour, none where its pixels are scattered or the regions are many."""
     least = max(min_area // 4, 8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(own.astype(np.uint8), connectivity=8)
     large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= least]

@@ -173,12 +173,12 @@ class TrackEdits:
 
 
 def _whole(constraint: Constraint, names: tuple[str, ...]) -> bool:
-    """Whether a constraint says that one of the objects is nowhere in the image."""
+    """Check whether a constraint says that one of the objects is nowhere in the image."""
     return isinstance(constraint, Exclusion) and constraint.mask is None and constraint.object in names
 
 
 def _united(constraints: list[Constraint], name: str) -> list[Constraint]:
-    """The constraints with several seeds of an object in one frame made one."""
+    """Return the constraints with several seeds of an object in one frame made one."""
     seeds: dict[int, Seed] = {}
     rest: list[Constraint] = []
     for c in constraints:

@@ -3,7 +3,7 @@
 One sweep goes through the frames in order. Regions and objects are matched by place, colour and size; a region
 that several objects claim is divided among them; what no object claims is a new object, or a lost one found
 again. The sweep back (see `resweep`) repeats this in reverse with what the first sweep learned, so that an
-object that first appears touching another, or behind it, is told apart from the start.
+object that first appears touching another, or behind it, is separated from the start.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MEMORY = 0.97  # of the colour model, per frame
 
 @dataclass
 class Track:
-    """What is known of one object while sweeping."""
+    """State of one object while sweeping."""
 
     number: int
     template: Template
@@ -44,7 +44,7 @@ class Track:
     whole_frames: int = 0  # frames in which it was alone and clear of the border
 
     def expected(self, frame: int) -> Template:
-        """The outline where it should be at a frame; a hidden object is expected to slow down."""
+        """Return the outline where it should be at a frame; a hidden object is expected to slow down."""
         steps = frame - self.last_seen
         reach = steps if abs(steps) <= 1 else np.sign(steps) * (1 - 0.93 ** abs(steps)) / 0.07
         return self.template.moved(float(self.velocity[0] * reach), float(self.velocity[1] * reach))
@@ -170,14 +170,14 @@ class Sweeper:
         return claims
 
     def _foreign_part(self, number: int, region: Mask, bins: Bins, expected: dict[int, Template]) -> bool:
-        """Whether a region that one object claims holds a part that is not the object's."""
+        """Check whether a region that one object claims holds a part that is not the object's."""
         track = self.result.tracks[number]
         if track.whole_frames < 4 or (track.at_border and touches_border(region)):
             return False  # not seen well enough to say what is not part of it
         return self._foreign(region, bins, [track], [expected[number]]) is not None
 
     def _foreign(self, region: Mask, bins: Bins, tracks: list[Track], outlines: list[Template]) -> Mask | None:
-        """The largest compact part of a region outside all outlines whose colour none of the objects has."""
+        """Return the largest compact part of a region outside all outlines whose colour none of the objects has."""
         left, top, right, bottom = window_of(region, 2)
         view = (slice(top, bottom), slice(left, right))
         covered = np.zeros((bottom - top, right - left), dtype=np.uint8)
@@ -262,7 +262,7 @@ class Sweeper:
     # --- objects ------------------------------------------------------------------------------------
 
     def _give(self, t: int, number: int, region: Mask, bins: Bins, *, alone: bool) -> None:
-        """The region, or the part of it, is the object's."""
+        """Assign the region, or the part of it, to the object."""
         track = self.result.tracks[number]
         fresh = number not in self.result.alone[t]
         mask = region if fresh else region | (self.result.labels[t] == number)
@@ -293,7 +293,7 @@ class Sweeper:
         return number
 
     def _newcomer(self, t: int, region: Mask, bins: Bins) -> int | None:
-        """The number of the object that an unclaimed region is: a lost one found again, or a new one."""
+        """Return the number of the object that an unclaimed region is: a lost one found again, or a new one."""
         best = self._lost_like(t, region, bins)
         if best is not None:
             self.result.tracks[best].gone = False
@@ -313,7 +313,7 @@ class Sweeper:
         return number
 
     def _lost_like(self, t: int, region: Mask, bins: Bins) -> int | None:
-        """The object not seen now that a region is most likely to be, by colour, size and way gone."""
+        """Return the object not seen now that a region is most likely to be, by colour, size and way gone."""
         colours = histogram(bins[region])
         template = template_of(region)
         border = touches_border(region)
@@ -337,7 +337,7 @@ class Sweeper:
         return best
 
     def _lose(self, t: int, track: Track, expected: Template) -> None:
-        """An object without pixels: hidden behind another, gone over the border, or lost."""
+        """Mark an object without pixels: hidden behind another, gone over the border, or lost."""
         width, height = self.size
         centre = expected.centre
         outline = expected.drawn(0, 0, width, height)
@@ -365,7 +365,7 @@ def _displacement(before: Template, after: Template, truncated: bool) -> Floats:
 
 
 def touches_border(mask: Mask) -> bool:
-    """Whether a mask of the whole image reaches the image's border."""
+    """Check whether a mask of the whole image reaches the image's border."""
     return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
 
 
@@ -382,7 +382,7 @@ def window_of(mask: Mask, margin: int) -> tuple[int, int, int, int]:
 
 
 def whole(part: Mask, left: int, top: int, size: tuple[int, int]) -> Mask:
-    """A window's mask in the whole image."""
+    """Return a window's mask in the whole image."""
     mask = np.zeros((size[1], size[0]), dtype=bool)
     mask[top : top + part.shape[0], left : left + part.shape[1]] = part
     return mask

@@ -102,7 +102,7 @@ def estimate_sizes(
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> dict[str, SolidEstimate]:
-    """The solid each object is: kind (unless given in `kinds`) and dimensions, from its outline in many frames.
+    """Return the solid each object is: kind (unless given in `kinds`) and dimensions, from its outline in many frames.
 
     Objects stand on `plane`, or move with their centres in it when it does not support them. An object with
     too few frames for an estimate is left out of the result. A cube is a box whose edges are equal.
@@ -224,7 +224,7 @@ def _place(
 
 
 def _ways(solid: Solid, *, given: bool) -> list[tuple[SolidKind, Floats]]:
-    """How a solid may rest, with its sizes: as it stands; a cylinder of given size also on its side."""
+    """List how a solid may rest, with its sizes: as it stands; a cylinder of given size also on its side."""
     standing = kind_and_size(solid)
     if not isinstance(solid, Cylinder) or not given:
         return [standing]
@@ -232,7 +232,7 @@ def _ways(solid: Solid, *, given: bool) -> list[tuple[SolidKind, Floats]]:
 
 
 def kind_and_size(solid: Solid) -> tuple[SolidKind, Floats]:
-    """A solid as the kind and sizes of `silhouettes`."""
+    """Return a solid as the kind and sizes of `silhouettes`."""
     if isinstance(solid, Sphere):
         return "sphere", np.array([solid.radius])
     if isinstance(solid, Cylinder):
@@ -242,7 +242,7 @@ def kind_and_size(solid: Solid) -> tuple[SolidKind, Floats]:
 
 
 def solid_of(kind: SolidKind, size: Sequence[float] | Floats) -> Solid:
-    """The inverse of `kind_and_size`."""
+    """Return the inverse of `kind_and_size`."""
     values = [float(s) for s in size]
     if kind == "sphere":
         return Sphere(radius=values[0])
@@ -371,7 +371,7 @@ def _outline_size(
     labels: list[NDArray[np.uint8]],
     number: int,
 ) -> Floats:
-    """The size of which the outline looks, within 10% of the given one.
+    """Return the size of which the outline looks, within 10% of the given one.
 
     Rounded edges and blur make outlines a little smaller or larger than the solid; a wrong outline would turn
     the box rather than shrink it. The height of the centre stays the given solid's.
@@ -506,7 +506,7 @@ def _tracks(
 
 
 def _from_height(stage: Stage, poses: Floats, lift: float) -> Floats:
-    """What an error of HEIGHT_ERROR in the centre's height amounts to along the plane (F,) [m].
+    """Compute the error along the plane (F,) [m] that HEIGHT_ERROR in the centre's height causes.
 
     A ray that comes in flat meets a plane that is a little higher much nearer.
     """

@@ -31,7 +31,7 @@ class PerceptionCancelled(RuntimeError):
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a video file holds.
+    """Contents of a video file.
 
     frame_count is the number of frames that really decode, after `stride`; declared_frame_count is what the
     header claims. frames_per_second is the file's own rate, which says nothing certain about physical time.
@@ -53,7 +53,7 @@ class VideoInfo:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
-        """The inverse of `to_dict`."""
+        """Return the inverse of `to_dict`."""
         return cls(**{**data, "warnings": tuple(data["warnings"])})
 
 
@@ -116,7 +116,7 @@ def read_frames(path: str | Path, indices: Sequence[int] | None = None, *, strid
 
 
 def existing_file(path: str | Path) -> Path:
-    """The file at `path`; raises VideoError saying why it cannot be read."""
+    """Return the file at `path`; raises VideoError saying why it cannot be read."""
     file = Path(path).expanduser()
     if file.is_dir():
         inside = sorted(p.name for p in file.iterdir() if p.is_file())[:8]

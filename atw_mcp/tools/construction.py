@@ -206,7 +206,7 @@ def build_world_tool(
 
 @dataclass(frozen=True)
 class _BuildRequest:
-    """What BuildWorld was asked, in the engine's words."""
+    """Request of BuildWorld, in the engine's terms."""
 
     representation: Literal["auto", "planar", "spatial"]
     given: dict[str, Given]
@@ -225,7 +225,7 @@ class _BuildRequest:
 
 
 def _surroundings(request: _BuildRequest) -> Surroundings | None:
-    """What observed bodies fly and move on; None where there is no floor or nothing falls down on it."""
+    """Return what observed bodies fly over and move on; None where there is no floor or nothing falls down on it."""
     if request.floor == "none" or request.gravity[2] >= 0.0 or request.gravity[:2] != (0.0, 0.0):
         return None
     convex = [item for item in request.statics if not isinstance(item.shape, Plane | Wall | TriangleMesh)]
@@ -246,7 +246,7 @@ def _described_alone(app: App, case: Case, request: _BuildRequest) -> bool:
 
 
 def _no_tracks(case: Case) -> TrackRecord:
-    """What stands for the track record of a world that models none."""
+    """Return an empty track record, for a world that models no tracks."""
     frame = 1.0 / float(case.facts.get("frames_per_second") or 0.0 or 1.0 / UNKNOWN_RATE)
     none = ObservedTracks(
         names=(),
@@ -410,16 +410,16 @@ def _with_shape(item: ObservedObject, shape: Any) -> ObservedObject:
 
 
 def described_parts(world: World) -> dict[str, Any]:
-    """Deformable objects and what connects things, in short, where there are any."""
-    told: dict[str, Any] = {}
+    """Describe deformable objects and what connects things, in short, where there are any."""
+    described: dict[str, Any] = {}
     if world.deformables:
-        told["deformables"] = [about_deformable(world, item) for item in world.deformables]
-        told["substep"] = world.time.substep
+        described["deformables"] = [about_deformable(world, item) for item in world.deformables]
+        described["substep"] = world.time.substep
     for part in ("joints", "attachments", "pulleys", "emitters", "drains", "containers"):
         names = [item.name for item in getattr(world, part)]
         if names:
-            told[part] = names
-    return told
+            described[part] = names
+    return described
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:

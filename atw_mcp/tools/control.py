@@ -37,7 +37,7 @@ def describe_tool(
         ),
     ] = None,
 ) -> Answer:
-    """What a tool does, its arguments with types, bounds and defaults, and in which stage it can be called."""
+    """Describe a tool: purpose, arguments with types, bounds and defaults, and the stage that allows it."""
     if tool is None:
         tools = [{"tool": t.name, "role": t.role, "does": t.description.split(". ")[0]} for t in app.tools]
         return Answer(summary=f"{len(tools)} tools", data={"tools": tools})
@@ -109,11 +109,11 @@ def read_evidence(
     cursor: Annotated[int, Field(ge=0, description="first item of a list to return")] = 0,
     limit: Annotated[int, Field(ge=1, le=1000, description="how many items of a list to return")] = 100,
     wait_seconds: Annotated[
-        float, Field(ge=0, le=600, description="of running work: how long to wait for its result before telling")
+        float, Field(ge=0, le=600, description="of running work: how long to wait for its result")
     ] = 0.0,
     cancel: Annotated[bool, Field(description="stop the work if it is still running")] = False,
 ) -> CallToolResult:
-    """Return an earlier result without running anything again. Of work still running it tells how far it is
+    """Return an earlier result without running anything again. Of work still running it gives the progress
     (cancel=true stops it); of a long result it returns the part at `path`, list items from `cursor` on."""
     if evidence is None:
         if case is None:

@@ -37,7 +37,7 @@ Fitted = Annotated[
     list[Annotated[str, Field(max_length=200)]] | None,
     Field(
         max_length=64,
-        description="parameter paths fitted anew together with every effect, e.g. objects.ball.restitution; default: "
+        description="parameter paths refitted together with every effect, e.g. objects.ball.restitution; default: "
         "those that FitWorld fitted in this world; []: none, the world's numbers are known. Initial states always are",
     ),
 ]
@@ -50,15 +50,15 @@ def find_discrepancy(
     world: WorldId = None,
     base: Fitted = None,
     power: Annotated[
-        bool, Field(description="also tell of every catalogued effect how strong it had to be to be seen in these data")
+        bool, Field(description="also list how strong each catalogued effect had to be to be seen in these data")
     ] = False,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
-    """Ask whether a world explains what was measured, to the noise. Initial states and the base parameters are fitted
-    anew, the noise (level, correlation, outliers) is estimated from the data; then residuals in units of the noise are
-    told by object, run, time, phase of motion, place, speed and axis, with pictures. Where the answer is that the data
-    are explained, nothing is missing. The last quarter of the data (or the runs sealed at import) is not looked at.
-    Next: ProposeEffects where they are not explained."""
+    """Ask whether a world explains what was measured, to the noise. Initial states and the base parameters are
+    refitted, the noise (level, correlation, outliers) is estimated from the data; then residuals in units of the noise
+    are listed by object, run, time, phase of motion, place, speed and axis, with pictures. If the data are explained,
+    nothing is missing. The last quarter of the data (or the runs sealed at import) is not looked at. Next:
+    ProposeEffects where they are not explained."""
     found = app.case(case)
     start = _not_failed(app, found, app.world(found, world))
     with explained():
@@ -67,11 +67,11 @@ def find_discrepancy(
 
     def answer(outcome: Outcome) -> Answer:
         steps = f"ProposeEffects(case={found.id!r}, world={start.id!r})"
-        told = {**_told(recording), "next": "nothing to add" if outcome.data["explained"] else steps}
+        context = {**_recording_used(recording), "next": "nothing to add" if outcome.data["explained"] else steps}
         return Answer(
             summary=f"{start.id}: {outcome.summary}",
-            data={**outcome.data, **told},
-            shown={**shown_discrepancy(outcome.data), **told},
+            data={**outcome.data, **context},
+            shown={**shown_discrepancy(outcome.data), **context},
             case=found.id,
             world=start.id,
             observation=recording.id,
@@ -125,11 +125,11 @@ def propose_effects(
     settings = GapSettings(search=SearchSettings(max_effects=max_effects), time_limit=time_limit, seed=seed)
 
     def answer(outcome: Outcome) -> Answer:
-        told = {**_told(recording), "next": next_step(found.id, outcome.data)}
+        context = {**_recording_used(recording), "next": next_step(found.id, outcome.data)}
         return Answer(
             summary=f"{start.id}: {outcome.summary}",
-            data={**outcome.data, **told},
-            shown={**shown_proposals(outcome.data), **told},
+            data={**outcome.data, **context},
+            shown={**shown_proposals(outcome.data), **context},
             case=found.id,
             world=start.id,
             observation=recording.id,
@@ -243,7 +243,7 @@ def _added(
             "from_world": parent.id,
             "laws": laws,
             **outcome.data,
-            **_told(recording),
+            **_recording_used(recording),
             "next": f"InspectRollout(case={case.id!r}, world={child.id!r}), CommitWorld, Rollout{switch}",
         },
         case=case.id,
@@ -275,7 +275,7 @@ def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, g
     return app.world(case, record.world), gap_work.Proposal.of(proposals[index], record.payload["data"])
 
 
-def _told(recording: CaseRecording) -> dict[str, Any]:
+def _recording_used(recording: CaseRecording) -> dict[str, Any]:
     return {"recording": recording.id, "sealed_data": recording.parts.summary}
 
 
@@ -285,7 +285,7 @@ def _plain(unknowns: tuple[Unknown, ...]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class _Question:
-    """What is asked, of which world and data: equal questions have equal answers."""
+    """Question to a world and data: equal questions have equal answers."""
 
     what: str
     case: Case

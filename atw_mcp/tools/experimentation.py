@@ -64,7 +64,7 @@ class _Plan:
 
     @property
     def size(self) -> str:
-        """What makes it long, in words."""
+        """Describe in words what makes it long."""
         return size_in_words(self.world, self.horizon)
 
 
@@ -223,15 +223,15 @@ def _edits(app: App, case: Case, base: World, given: list[Any], where: str) -> l
     return wanted
 
 
-def _told(rows: list[dict[str, Any]], observed: float, span: Span) -> str:
-    """The timeline in words: what lies beyond the observed frames first, since it is what was asked for."""
+def _timeline_in_words(rows: list[dict[str, Any]], observed: float, span: Span) -> str:
+    """Return the timeline in words: what lies beyond the observed frames first, since it is what was asked for."""
     if not 0.0 < observed < span.end - 1e-6 * span.seconds_per_frame:
-        return readouts.told(rows)
+        return readouts.in_words(rows)
     beyond = [row for row in rows if row["time"] > observed]
     within = [row for row in rows if row["time"] <= observed]
     return (
-        f"after the last observed frame ({observed:.4g} s) {readouts.told(beyond, most=12)}. "
-        f"Before it {readouts.told(within)}"
+        f"after the last observed frame ({observed:.4g} s) {readouts.in_words(beyond, most=12)}. "
+        f"Before it {readouts.in_words(within)}"
     )
 
 
@@ -242,7 +242,7 @@ def _rollout_answer(
     rows = readouts.timeline(world, result, span)
     what = "the committed world" if not edits else f"a branch with {len(edits)} edit{'s' * (len(edits) > 1)}"
     observed = (world.time.frame_count - 1) * world.time.seconds_per_frame
-    summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {_told(rows, observed, span)}"
+    summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {_timeline_in_words(rows, observed, span)}"
     if result.status == "diverged":
         summary = (
             f"{identifier} DIVERGED at {result.diverged_time:.4g} s ({_where(result)}): valid only before. " + summary
@@ -370,7 +370,7 @@ def read_trajectory(
         list[Annotated[int, Field(ge=0)]] | None,
         Field(
             description="of a rope, cloth or soft body: nodes whose places to read; InspectWorld(fields=['nodes']) "
-            "tells where they start",
+            "says where they start",
             min_length=1,
             max_length=64,
         ),
@@ -482,16 +482,16 @@ def read_timeline(
     interval: Seconds = None,
     frames: FrameRange = None,
 ) -> Answer:
-    """What happens in a rollout, in order: collisions (touches of one pair in quick succession count as one),
-    entries into the view, exits, and objects coming to rest. What stands on the floor or on another static from the
-    start, and slow touches of the floor, are left out; impulse_Ns is null while they still touch."""
+    """List what happens in a rollout, in order: collisions (touches of one pair in quick succession count as one),
+    entries into the view, exits, and objects coming to rest. Contacts with a static that last from the start on,
+    and slow touches of the floor, are left out; impulse_Ns is null while they still touch."""
     case, world, result, span = _read(app, rollout, interval, frames)
     chosen = chosen_names(app, case, objects, [*result.trajectory.names, *(s.name for s in world.statics)])
     rows = readouts.timeline(world, result, span)
     if objects is not None:
         rows = [row for row in rows if set(row["objects"]) & set(chosen)]
     return Answer(
-        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.told(rows, most=12)}{diverged_in_words(result)}",
+        summary=f"{span.start:.4g} to {span.end:.4g} s: {readouts.in_words(rows, most=12)}{diverged_in_words(result)}",
         data={
             "timeline": rows,
             "covers": span.shown(),
@@ -526,7 +526,7 @@ def end_of(result: Rollout) -> float:
 
 
 def diverged_in_words(result: Rollout) -> str:
-    """What a summary adds where a rollout diverged."""
+    """Return what a summary adds where a rollout diverged."""
     if result.status != "diverged":
         return ""
     return f" (the rollout diverged at {result.diverged_time:.4g} s: nothing after that is known)"

@@ -44,15 +44,15 @@ def inspect_world(
     fields: Annotated[
         list[Literal["appearance", "shape", "parameters", "initial_state", "visibility", "nodes"]] | None,
         Field(
-            description="what to tell about each object; default: appearance, shape, visibility. nodes: where some "
+            description="what to show of each object; default: appearance, shape, visibility. nodes: where some "
             "nodes of deformable objects start, by index, for attachments",
             max_length=6,
         ),
     ] = None,
 ) -> Answer:
-    """What a world contains: objects of every kind with their looks, shape and visibility, statics, joints, fastenings,
+    """Describe a world: objects of every kind with their looks, shape and visibility, statics, joints, fastenings,
     pulleys, fluid grid, emitters and containers, effects, gravity, time base, what it descends from, and which edits,
-    predicates and parameters it has. ReadProperty tells how well a number is known."""
+    predicates and parameters it has. ReadProperty says how well a number is known."""
     found_case = app.case(case)
     found = app.world(found_case, world)
     names = chosen_names(app, found_case, objects, found.moving_names)
@@ -133,7 +133,7 @@ def read_property(
                 raise ToolError(f"no object has a {property!r}; properties: {', '.join(known)}, or a path")
         rows = [{"object": name, **_property(app, found_case, found, name, property)} for name in names]
     return Answer(
-        summary=f"{property}: " + "; ".join(_told(row) for row in rows),
+        summary=f"{property}: " + "; ".join(_in_words(row) for row in rows),
         data={"property": property, "values": rows},
         case=found_case.id,
         world=found.id,
@@ -173,7 +173,7 @@ def _about(app: App, case: Case, world: World, name: str, wanted: list[Any]) -> 
 
 
 def _properties(world: World, name: str) -> list[str]:
-    """What can be read of an object by a bare word."""
+    """Return what can be read of an object by a bare word."""
     item = world.item(name)
     if isinstance(item, RigidObject):
         return [*SCALARS, *VECTORS, *LOOKS]
@@ -236,7 +236,7 @@ def _parameter(app: App, case: Case, world: World, path: str) -> dict[str, Any]:
     }
 
 
-def _told(row: dict[str, Any]) -> str:
+def _in_words(row: dict[str, Any]) -> str:
     value = row["value"]
     if isinstance(value, float):
         unit = row.get("unit", "")
@@ -267,14 +267,14 @@ def _parameters(world: World, names: list[str]) -> dict[str, list[str]]:
     """
     found: dict[str, list[str]] = {}
     for path in parameter_paths(world):
-        told = path.count(".") == 2 or ".motor." in path
-        head, _, tail = path.rpartition(".") if told else ("", "", "")
+        grouped = path.count(".") == 2 or ".motor." in path
+        head, _, tail = path.rpartition(".") if grouped else ("", "", "")
         if head.startswith("objects.") and head.split(".")[1] not in names:
             continue
         if head and not head.startswith("environment."):
             found.setdefault(head, []).append(tail)
     same: dict[str, list[str]] = {}
-    for head, tails in found.items():  # objects of one kind have the same parameters: told once
+    for head, tails in found.items():  # objects of one kind have the same parameters: listed once
         same.setdefault(", ".join(tails), []).append(head)
     return {", ".join(heads): tails.split(", ") for tails, heads in same.items()}
 

@@ -198,7 +198,7 @@ def inspect_observed_motion(
     ] = None,
     observation: ObservationId = None,
 ) -> Answer:
-    """What was measured of one object in the video, frame by frame: centroid and visible area of its mask in pixels,
+    """Return measurements of one object in the video, frame by frame: centroid and visible area of its mask in pixels,
     whether it touches the image border, its status and confidence, and its position in the world where the camera is
     calibrated. With quantities also velocity, acceleration, momentum, energy and the period of a motion to and fro,
     with 90% intervals. A measurement, not a simulation."""
@@ -236,7 +236,7 @@ def inspect_observed_motion(
     data: dict[str, Any] = {"object": name, "columns": columns, "rows": rows, "covers": span.shown(), "of": len(rows)}
     if missing:
         data["no_position"] = missing
-    told = f"{name}: {len(rows)} frames"
+    summary = f"{name}: {len(rows)} frames"
     shown = {**data, "rows": readouts.thinned(rows, limit)} if len(rows) > limit else None
     if quantities is not None:
         if tracks is None:
@@ -248,14 +248,15 @@ def inspect_observed_motion(
             **(shown or data),
             "derived": {**derived, "rows": readouts.thinned(derived["rows"], limit)},
         }
-        told += f"; derived {', '.join(quantities)}{period_in_words(derived)}"
+        summary += f"; derived {', '.join(quantities)}{period_in_words(derived)}"
     if image is not None:
         area = [row[columns.index("area")] for row in rows]
-        told += f", visible in {sum(a > 0 for a in area)}, touches the border in {sum(bool(row[5]) for row in rows)}"
+        at_border = sum(bool(row[5]) for row in rows)
+        summary += f", visible in {sum(a > 0 for a in area)}, touches the border in {at_border}"
     if tracks is None:
-        told += "; no world positions (CalibrateCamera and BuildWorld give them)"
+        summary += "; no world positions (CalibrateCamera and BuildWorld give them)"
     return Answer(
-        summary=told,
+        summary=summary,
         data=data,
         shown=shown,
         case=found.id,
@@ -363,7 +364,7 @@ def _rollout_pictures(
         "seconds_per_frame": view.frame_time,
     }
     return Answer(
-        summary=_told_rollout(identifier, view, rows, fit),
+        summary=_rollout_summary(identifier, view, rows, fit),
         data={**facts, "frames": rows, "error": fit},
         shown={**facts, **simulated_rows(rows, fit, view.worst_errors()), "every_frame": EVERY_FRAME},
         case=found.id,
@@ -404,16 +405,16 @@ def _further(case: Case, world: World, rollout: str | None) -> str:
     )
 
 
-def _told_rollout(identifier: str, view: RolloutView, rows: list[dict[str, Any]], fit: dict[str, Any] | None) -> str:
-    told = f"{identifier}: {len(rows)} pictures"
+def _rollout_summary(identifier: str, view: RolloutView, rows: list[dict[str, Any]], fit: dict[str, Any] | None) -> str:
+    summary = f"{identifier}: {len(rows)} pictures"
     if not view.follows:
-        return told + " of a branch; it is meant to differ from the video, so no error is given"
+        return summary + " of a branch; it is meant to differ from the video, so no error is given"
     if fit is None or fit["position_rmse"] is None:
-        return told + "; nothing observed to compare with"
+        return summary + "; nothing observed to compare with"
     each = ", ".join(
         f"{name} {value:.3g}" for name, value in fit["position_rmse_by_object"].items() if value is not None
     )
-    return told + f"; distance to the observed positions {fit['position_rmse']:.3g} m rms ({each})"
+    return summary + f"; distance to the observed positions {fit['position_rmse']:.3g} m rms ({each})"
 
 
 def _measured(image: ImageObservation | None, name: str, frame: int) -> list[Any]:

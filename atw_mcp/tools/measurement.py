@@ -30,7 +30,7 @@ from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
-# A record with the matrix in it, of which the tool tells what to take; not offered to the agent.
+# A record with the matrix in it: refused with what to take from it; not offered to the agent.
 Unread = SkipJsonSchema[dict[str, Any]]
 
 
@@ -252,7 +252,7 @@ def calibrate_camera(
         Field(min_length=2, max_length=2, description="width, height [px]; only for a case without a video"),
     ] = None,
 ) -> Answer:
-    """Tell how the image maps to the world, by exactly one of points, homography, known_length or camera. Returns the
+    """Set how the image maps to the world, by exactly one of points, homography, known_length or camera. Returns the
     camera and its reprojection error. A later calibration replaces this one. Next: BuildWorld."""
     found = app.case_to_model(case, "CalibrateCamera")
     ways = {"points": points, "homography": homography, "known_length": known_length, "camera": camera}
@@ -281,7 +281,7 @@ def calibrate_camera(
 
 
 def _matrix_within(record: dict[str, Any]) -> str:
-    """What to give instead of a record that holds a homography."""
+    """Advise what to give instead of a record that holds a homography."""
     held = [
         key
         for key, value in record.items()
@@ -289,19 +289,20 @@ def _matrix_within(record: dict[str, Any]) -> str:
     ]
     where = f", here the value of {held[0]!r}" if held else f"; got an object with {list(record)}"
     rest = {key: value for key, value in record.items() if key not in held}
-    told = f". What else it says ({', '.join(f'{k}: {v}' for k, v in rest.items())}) goes into plane_z" if rest else ""
-    return f"homography: give the 3 x 3 list itself{where}{told}"
+    others = ", ".join(f"{k}: {v}" for k, v in rest.items())
+    advice = f". What else it says ({others}) goes into plane_z" if rest else ""
+    return f"homography: give the 3 x 3 list itself{where}{advice}"
 
 
 def _camera_answer(case: Case, identifier: str, made: Calibration) -> Answer:
-    told = made.to_dict()
-    errors = told.pop("errors")
+    calibration = made.to_dict()
+    errors = calibration.pop("errors")
     checked = "" if made.rms is None else f", {made.rms:.3g} px rms, at most {max(errors):.3g} px"
     unchecked = next((f"; {warning}" for warning in made.warnings if "nothing left over" in warning), "")
     return Answer(
         summary=f"camera: {made.method}{checked}{unchecked}",
         data={
-            **told,
+            **calibration,
             "largest_error": max(errors, default=None),
             "compared": len(errors),
             "centre": made.camera.centre,

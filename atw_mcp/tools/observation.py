@@ -93,7 +93,7 @@ def open_case(
 
 
 class ShapeArgument(Argument):
-    """What a deformable object is, so that its shape is measured in every frame."""
+    """Kind of a deformable object, so that its shape is measured in every frame."""
 
     object: str = Field(max_length=64, description="name of the observed object")
     kind: Material = Field(
@@ -235,7 +235,7 @@ def observe_objects(
 
 @dataclass(frozen=True)
 class _Scene:
-    """What is known of a scene: objects to look for, fixed solids, and z of the floor [m]."""
+    """Known facts of a scene: objects to look for, fixed solids, and z of the floor [m]."""
 
     known: list[dict[str, Any]]
     obstacles: list[dict[str, Any]]
@@ -326,10 +326,10 @@ def _shapes(
 def _shapes_answer(case: Case, record: ShapeRecord) -> Answer:
     rows = series_rows(record.series, record.frames)
     nothing = sorted(set(record.kinds) - {row["object"] for row in rows})
-    told = "; ".join(f"{row['readout']} of {row['object']} in {row['frames_seen']} frames" for row in rows)
+    measured = "; ".join(f"{row['readout']} of {row['object']} in {row['frames_seen']} frames" for row in rows)
     warned = f"; nothing could be measured of {', '.join(nothing)}" if nothing else ""
     return Answer(
-        summary=f"shapes {record.id}: {told or 'none'}{warned}",
+        summary=f"shapes {record.id}: {measured or 'none'}{warned}",
         data={
             "shapes": record.id,
             "objects": record.objects,
@@ -404,7 +404,7 @@ def _observation(
 
 
 def observed_answer(case: Case, identifier: str, seen: ImageObservation) -> Answer:
-    """What an agent is told of an observation of the video."""
+    """Answer with an overview of an observation of the video."""
     overview = seen.summary()
     overview["video"].pop("path")
     warned = f"; {len(seen.warnings)} warnings" if seen.warnings else ""

@@ -47,7 +47,7 @@ STATEMENT_EXAMPLE = {"predicate": "collides", "a": "red", "b": "blue"}
 
 @dataclass(frozen=True)
 class _Question:
-    """What is asked of every predicate, of the best fit and of each member of an ensemble alike."""
+    """Question asked of every predicate, of the best fit and of each member of an ensemble alike."""
 
     aggregation: Aggregation
     interval: list[float] | None
@@ -100,7 +100,7 @@ def query_world(
 ) -> Answer | LongWork:
     """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
     reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
-    and nearer_than it also tells the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
+    and nearer_than it also gives the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
     rest is judged on samples, sampled_every_s apart: Rollout with a smaller sample_seconds judges it finer.
     With ensemble=40 it says how sure the answer is: in how many of 40 worlds that the data allow it is true, the
     distribution of the margin (positive: true), and the parameter that decides it where one clearly does; times come
@@ -268,7 +268,7 @@ def compare_worlds(
     ] = 0.01,
     ensemble: EnsembleSize = None,
 ) -> Answer | LongWork:
-    """What a change altered: how far each object ends up from where it would have been and from when on (of ropes,
+    """Compare two rollouts: how far each object ends up from where it would have been and from when on (of ropes,
     cloth and soft bodies also the rms distance of their points), and which events are new, gone or shifted. Both
     rollouts are compared over the time that both cover. With ensemble=40 each of 40 worlds that the data allow is
     compared with its own changed copy: in how many an object is displaced, by how much (median, 90% interval), what
@@ -284,8 +284,8 @@ def compare_worlds(
     with explained():
         # Reported events alone: what stands in one world and drops in the other is a new collision.
         result = compare(
-            replace(first, events=readouts.told_events(base_world, first)),
-            replace(second, events=readouts.told_events(world, second)),
+            replace(first, events=readouts.reported_events(base_world, first)),
+            replace(second, events=readouts.reported_events(world, second)),
             chosen if objects is not None else None,
             tolerance=tolerance,
         )
@@ -326,7 +326,7 @@ def _comparison_answer(
     }
     # where things come to rest differs whenever they move differently: the summary leaves it to the data
     striking = {key: [row for row in found if row["what"] != "comes to rest"] for key, found in rows.items()}
-    told = "; ".join(f"{key}: {readouts.told(found)}" for key, found in striking.items() if found)
+    events = "; ".join(f"{key}: {readouts.in_words(found)}" for key, found in striking.items() if found)
     changed = ", ".join(f"{d.name} by up to {d.largest:.3g} m" for d in moved)
     bent = [d for d in result.objects if d.apart_from is None and (d.shape_largest or 0.0) > tolerance]
     if bent:
@@ -369,7 +369,7 @@ def _comparison_answer(
     return Answer(
         summary=f"until {span.end:.4g} s: "
         + (f"displaced: {changed}" if changed else f"nothing displaced by more than {tolerance:g} m")
-        + (f". Events {told}" if told else ". The same events"),
+        + (f". Events {events}" if events else ". The same events"),
         data=data,
         case=case.id,
         world=world.id,

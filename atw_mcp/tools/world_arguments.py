@@ -103,7 +103,7 @@ class PieceArgument(ShapeArgument):
 
 
 class ObjectArgument(Argument):
-    """What is known about one rigid object and was not observed, or was observed wrongly. One that was not observed
+    """Known facts about one rigid object that were not observed, or observed wrongly. One that was not observed
     at all needs shape (or pieces) and position."""
 
     name: str = Field(min_length=1, max_length=64, description="its track's name, or a new one")

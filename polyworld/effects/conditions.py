@@ -144,7 +144,7 @@ class Conditions:
         return np.stack([g.ravel() for g in np.meshgrid(*ticks, indexing="ij")], axis=1)
 
     def flat_grid(self, each: int, margin: float) -> Array:
-        """The grid with `each` places along two axes of motion; three along height would cost much and tell little."""
+        """Return the grid of `each` places along two axes of motion; three along height cost much and add little."""
         return self.grid([each] * min(len(self.axes), 2) + [2] * max(0, len(self.axes) - 2), margin)
 
     def visited(self, count: int, *, touching_only: bool = False) -> Array:

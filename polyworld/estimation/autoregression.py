@@ -43,7 +43,7 @@ def pieces(level: Hashable, steps: Array, values: Array) -> list[Piece]:
 
 
 def correlation(series: Sequence[Piece]) -> tuple[float, float] | None:
-    """Return the correlation over one step and its standard error, or None where too little is there to tell."""
+    """Return the correlation over one step and its standard error, or None where the series are too short for it."""
     shapes: dict[bytes, tuple[Array, Array, Array]] = {}
     energy, loose, volume = [], [], []
     for piece in series:

@@ -80,7 +80,7 @@ class Batch:
     # -- members -------------------------------------------------------------------------------------------------
 
     def takes(self, run: RunDesign) -> bool:
-        """Whether a run can be simulated with those that are members."""
+        """Return whether a run can be simulated with those that are members."""
         if run.absent != self.absent:
             return False
         if self._own_times:
@@ -110,7 +110,8 @@ class Batch:
             self._lists[0] = _union(self._lists[0], run.times)
 
     def _rows_of(self, run: RunDesign) -> Ints:
-        """Where a run's instants (T,) are among those compared: the sampled ones, or what an observer reports."""
+        """Return where a run's instants (T,) are among those compared: the sampled ones, or what an observer
+        reports."""
         if self.observer is not None:
             return np.arange(len(run.times))
         return np.searchsorted(self._lists[self._slots[run.index]], run.times - ROUNDING)
@@ -166,12 +167,12 @@ class Batch:
         return chosen.run(overrides or None, samples=samples, schedule=schedule), observer, lists
 
     def _reached(self, run: int, horizon: float) -> int:
-        """How many of the instants sampled it takes to reach that part of a run's time."""
+        """Return how many of the instants sampled it takes to reach that part of a run's time."""
         own = self.members[run]
         return int(self._rows_of(own)[np.count_nonzero(own.instants_before(horizon)) - 1]) + 1
 
     def _sampling_times(self, settings: Sequence[Settings], observer: dict[str, Array]) -> list[Array]:
-        """Instants that let the observer report at every run's stamps; of runs not asked for their stamps."""
+        """Return instants that let the observer report at every run's stamps; of runs not asked for their stamps."""
         lists = list(self._lists)
         first = 0
         for s in settings:
@@ -242,8 +243,8 @@ class Batch:
     def _recorded(
         self, runs: Sequence[RunDesign], count: int, moved: BatchTrajectory, chosen: slice | Ints
     ) -> tuple[tuple[str, ...], Array, Array, list[int] | None]:
-        """Names, positions and velocities (W, T, n, 3) of what runs record, and which bodies these are: None for all
-        bodies as they come; markers on deformable objects follow their material points."""
+        """Return names, positions and velocities (W, T, n, 3) of what runs record, and which bodies these are: None for
+        all bodies as they come; markers on deformable objects follow their material points."""
         names = runs[0].run.names
         if not any("#" in name for name in names):
             return moved.names, moved.positions[chosen], moved.velocities[chosen], None
@@ -279,7 +280,7 @@ class Batch:
     # -- parameters ----------------------------------------------------------------------------------------------
 
     def _values(self, unknowns: tuple[Unknown, ...], settings: Sequence[Settings], count: int) -> dict[str, Array]:
-        """Values (W,) of all parameters that differ from the world's."""
+        """Return values (W,) of all parameters that differ from the world's."""
         shared = np.concatenate([s.shared for s in settings])
         values = {path: shared[:, i].copy() for i, u in enumerate(unknowns) for path in u.paths if u.run is None}
         first = np.concatenate([[0], np.cumsum([len(s.shared) for s in settings])])
@@ -318,7 +319,7 @@ class Batch:
 
 
 def _union(times: Array, others: Array) -> Array:
-    """Instants of both, those within rounding of each other once."""
+    """Return instants of both, those within rounding of each other once."""
     both = np.sort(np.concatenate([times, others]))
     kept: Array = both[np.concatenate([[True], np.diff(both) > ROUNDING])]
     return kept

@@ -11,9 +11,9 @@ from polyworld.recording import Recording
 from polyworld.world import World
 
 if TYPE_CHECKING:
+    from polyworld.estimation.fit_context import FitContext, FittedHypothesis
     from polyworld.estimation.hypothesis import Hypothesis
     from polyworld.estimation.score_test import ScoreTestStart
-    from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Group = Literal["force", "contact", "structure", "joint", "material", "base", "observer"]
 
@@ -49,7 +49,7 @@ class Candidate:
 
     name: standard name, as verdicts state it. law: formula. signature: what its absence looks like in the residuals.
     confused_with: effect -> what separates the two. reference: where the law is written down. variants: (world,
-    recording) -> the ways to add it; none where it cannot apply. leads: a score test of its own, for an effect with
+    recording) -> the ways to add it; none where it cannot apply. score_test: one of its own, for an effect with
     more starts than can be simulated: (context, fitted trial, hypotheses that add this candidate, how many to keep) ->
     starts of fits, best first. further: starts beside those of a variant, read off the residuals of a trial: (context,
     fitted trial, variant) -> values of unknowns that are not at their first start's. torque: whether it turns bodies
@@ -66,7 +66,7 @@ class Candidate:
     reference: str
     variants: Callable[[World, Recording], tuple[Variant, ...]]
     confused_with: Mapping[str, str] = field(default_factory=dict)
-    leads: Callable[[FitContext, FittedHypothesis, Sequence[Hypothesis], int], list[ScoreTestStart]] | None = None
+    score_test: Callable[[FitContext, FittedHypothesis, Sequence[Hypothesis], int], list[ScoreTestStart]] | None = None
     further: Callable[[FitContext, FittedHypothesis, Variant], tuple[Mapping[str, float], ...]] | None = None
     torque: bool = False
     plain: bool = False

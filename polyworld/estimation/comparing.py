@@ -106,7 +106,7 @@ class Comparison:
         return found
 
     def _source(self, kind: Kind, motion: Motion | PlaneMotion, runs: int) -> Array:
-        """Positions or spins (R, k, T, n, 3), along the world's axes."""
+        """Return positions or spins (R, k, T, n, 3), along the world's axes."""
         if isinstance(motion, Motion):
             found = motion.positions if kind == "position" else motion.spins
         elif kind == "spin":

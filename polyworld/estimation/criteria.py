@@ -19,7 +19,7 @@ PRIOR_WIDTH = 10.0  # typical changes: how far an unknown that the rest of the d
 
 
 def extended_bic(chi2: float, unknowns: int, observations: float, effects: int, candidates: int) -> float:
-    """chi2 + k log n + 2 m log(candidates): Chen & Chen 2008 (Biometrika 95, 759), with gamma = 1.
+    """Return chi2 + k log n + 2 m log(candidates): Chen & Chen 2008 (Biometrika 95, 759), with gamma = 1.
 
     unknowns k: beyond the base's. observations n: independent ones. effects m: chosen among the candidates.
     """
@@ -34,12 +34,12 @@ class HeldOutGain:
     error: float
 
     def exceeds(self, errors: float) -> bool:
-        """Whether the gain is more than so many standard errors."""
+        """Return whether the gain is more than so many standard errors."""
         return self.gain > errors * self.error
 
 
 def held_out_gain(better: Array, worse: Array) -> HeldOutGain:
-    """The gain from two hypotheses' chi2 (F,) on the same folds."""
+    """Return the gain from two hypotheses' chi2 (F,) on the same folds."""
     gains = worse - better
     folds = len(gains)
     error = float(np.std(gains, ddof=1) / np.sqrt(folds)) if folds > 1 else float("inf")
@@ -47,11 +47,12 @@ def held_out_gain(better: Array, worse: Array) -> HeldOutGain:
 
 
 def held_out(design: Design, unknowns: tuple[Unknown, ...], fit: Fit) -> Array:
-    """chi2 (F,) of data left out, at shared unknowns that the rest of the data give.
+    """Return chi2 (F,) of data left out, at shared unknowns that the rest of the data give.
 
     Several runs: each is left out in turn, its initial state fitted to it. One run: intervals are predicted from all
     that comes before. Unknowns move as the linearisation at the fit has it, so this costs no rollout (Cook & Weisberg
-    1982, Residuals and Influence, chapter 5); one that the rest of the data do not tell goes back to its start.
+    1982, Residuals and Influence, chapter 5); one that the rest of the data do not determine goes back to its
+    start.
     """
     if len(design.runs) > 1:
         return _runs_left_out(unknowns, fit)
@@ -74,7 +75,7 @@ def _runs_left_out(unknowns: tuple[Unknown, ...], fit: Fit) -> Array:
 
 
 def _projected(fit: Fit, run: int, free: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Derivatives by shared unknowns and residuals of one run, less what its initial state can take up."""
+    """Return derivatives by shared unknowns and residuals of one run, less what its initial state can take up."""
     a, b, res = fit.linear.a[run][:, free], fit.linear.b[run], fit.linear.r[run]
     basis = column_basis(b)
     return a - basis @ (basis.T @ a), res - basis @ (basis.T @ res)

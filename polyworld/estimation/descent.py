@@ -41,7 +41,7 @@ LEASH = 1.0  # typical changes, that a value may stray by where the data do not 
 
 
 @dataclass(frozen=True)
-class Point:
+class Estimate:
     """Shared unknowns (S,) and initial states[run] (N,)."""
 
     values: Array
@@ -52,37 +52,38 @@ Steps = tuple[Array, tuple[Array, ...]]  # of difference quotients, by shared un
 
 
 def held(forward: Forward, start: Array, horizon: float) -> Hold:
-    """While only parts of the runs are fitted, values stay near their start but for what these parts tell of them: a
-    place that no body has come to yet would stray."""
+    """Hold values near their start while only parts of the runs are fitted, unless these parts determine them: a place
+    that no body has come to yet would stray."""
     typical = np.array([u.typical for u in forward.unknowns])
     return Hold(start, (1.0 / (LEASH * typical)) ** 2 if horizon < 1.0 else np.zeros(len(start)))
 
 
 def first_steps(forward: Forward) -> Steps:
-    """Steps of difference quotients while no standard errors are known."""
+    """Return steps of difference quotients while no standard errors are known."""
     first = max(FIRST_STEP, least_step(forward.world))
     shared = np.array([first * u.typical for u in forward.unknowns])
     return shared, tuple(first * r.typical for r in forward.design.runs)
 
 
 def least_step(world: World) -> float:
-    """Least step of a difference quotient, in typical changes, that shows beyond the roughness of a world's motion."""
+    """Return the least step of a difference quotient, in typical changes, that shows beyond the roughness of a world's
+    motion."""
     return ROUGH_STEP if any(isinstance(d, Fluid) for d in world.deformables) else 0.0
 
 
 def descend(
     forward: Forward,
     noise: Noise,
-    at: Point,
+    at: Estimate,
     horizon: float,
     steps: Steps,
     iterations: int,
     tolerance: float,
     target: float | None,
     hold: Hold,
-) -> tuple[Point, Steps, int, bool]:
-    """Descend from a point: where it ends, steps for difference quotients there, iterations used, and whether it has
-    converged. tolerance, target: as in `profile.fit`."""
+) -> tuple[Estimate, Steps, int, bool]:
+    """Descend from an estimate: return where it ends, steps for difference quotients there, iterations used, and
+    whether it has converged. tolerance, target: as in `profile.fit`."""
     if not len(at.values) and not any(len(s) for s in at.states):
         return at, steps, 0, True  # nothing to fit
     damping = 1e-4
@@ -122,7 +123,7 @@ def descend(
     return at, steps, iterations, False
 
 
-def _predicted_fall(linear: Linearised, at: Point, to: Point) -> float:
+def _predicted_fall(linear: Linearised, at: Estimate, to: Estimate) -> float:
     """Return the fall of chi2 that the slopes predict for a step."""
     shared = to.values - at.values
     after = (
@@ -132,8 +133,8 @@ def _predicted_fall(linear: Linearised, at: Point, to: Point) -> float:
     return linear.chi2 - float(sum(float(x @ x) for x in after))
 
 
-def linearised(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps) -> Linearised:
-    """Residuals before a horizon and their slopes; infinite residuals of runs whose rollout diverges."""
+def linearised(forward: Forward, noise: Noise, at: Estimate, horizon: float, steps: Steps) -> Linearised:
+    """Return residuals before a horizon and their slopes; infinite residuals of runs whose rollout diverges."""
     shared, own = steps
     lower, upper = _bounds(forward)
     s = len(shared)
@@ -159,8 +160,8 @@ def linearised(forward: Forward, noise: Noise, at: Point, horizon: float, steps:
     return Linearised(tuple(rs), tuple(aa), tuple(bb))
 
 
-def linearised_centrally(forward: Forward, noise: Noise, at: Point, steps: Steps) -> Linearised:
-    """Residuals of whole runs and their slopes by central differences, as far as bounds let them.
+def linearised_centrally(forward: Forward, noise: Noise, at: Estimate, steps: Steps) -> Linearised:
+    """Return residuals of whole runs and their slopes by central differences, as far as bounds let them.
 
     Where unknowns and states act much alike, what is left of a slope is less than the error of a one-sided quotient.
     """
@@ -195,8 +196,10 @@ def linearised_centrally(forward: Forward, noise: Noise, at: Point, steps: Steps
     return Linearised(tuple(rs), tuple(aa), tuple(bb))
 
 
-def linearised_shared(forward: Forward, noise: Noise, at: Point, known: tuple[Array, ...], shared: Array) -> Linearised:
-    """The same by shared unknowns alone; slopes by the states are the `known` ones."""
+def linearised_shared(
+    forward: Forward, noise: Noise, at: Estimate, known: tuple[Array, ...], shared: Array
+) -> Linearised:
+    """Return the same by shared unknowns alone; slopes by the states are the `known` ones."""
     lower, upper = _bounds(forward)
     s = len(shared)
     signed = np.where(at.values + shared > upper, -shared, shared)
@@ -216,12 +219,12 @@ def linearised_shared(forward: Forward, noise: Noise, at: Point, known: tuple[Ar
 
 
 def counts(forward: Forward, horizon: float) -> Array:
-    """Measurements (R,) of each run before a horizon, at least 1."""
+    """Return measurements (R,) of each run before a horizon, at least 1."""
     return np.array([max(int(np.count_nonzero(r.before(horizon))), 1) for r in forward.design.runs])
 
 
-def run_costs(forward: Forward, noise: Noise, at: Point, horizon: float) -> Array:
-    """chi2 (R,) of each run before a horizon, infinite where its rollout diverges."""
+def run_costs(forward: Forward, noise: Noise, at: Estimate, horizon: float) -> Array:
+    """Return chi2 (R,) of each run before a horizon, infinite where its rollout diverges."""
     first: Array = trial_costs(forward, noise, [at], horizon)[0]
     return first
 
@@ -230,7 +233,7 @@ def _bounds(forward: Forward) -> tuple[Array, Array]:
     return np.array([u.lower for u in forward.unknowns]), np.array([u.upper for u in forward.unknowns])
 
 
-def _costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: float, hold: Hold) -> Array:
+def _costs(forward: Forward, noise: Noise, trials: Sequence[Estimate], horizon: float, hold: Hold) -> Array:
     holds = np.array([hold.cost(t.values) for t in trials])
     total: Array = trial_costs(forward, noise, trials, horizon).sum(axis=1) + holds
     return total
@@ -239,13 +242,13 @@ def _costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: flo
 def _with_states_after(
     forward: Forward,
     noise: Noise,
-    trials: Sequence[Point],
+    trials: Sequence[Estimate],
     costs: Array,
     linear: Linearised,
     horizon: float,
     hold: Hold,
-) -> tuple[list[Point], Array]:
-    """Trials with initial states fitted once more at their shared unknowns, where that lessens their costs (K,).
+) -> tuple[list[Estimate], Array]:
+    """Return trials with initial states fitted once more at their shared unknowns, where that lessens their costs (K,).
 
     Where shared unknowns and states pull together along a bent valley, such as a forcing's phase and the speed at the
     start, straight steps of both leave it, however right the shared ones are; so they would have to be small
@@ -264,14 +267,14 @@ def _with_states_after(
         )
         for k in range(len(trials)):
             states[k][r.index] = states[k][r.index] - within_reach(change[k], r.typical)
-    after = [Point(t.values, tuple(own)) for t, own in zip(trials, states, strict=True)]
+    after = [Estimate(t.values, tuple(own)) for t, own in zip(trials, states, strict=True)]
     again = _costs(forward, noise, after, horizon, hold)
     better = again < costs
     return [a if b else t for a, b, t in zip(after, better, trials, strict=True)], np.where(better, again, costs)
 
 
-def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon: float) -> Array:
-    """chi2 (K, R) of each run before a horizon at K points, infinite where its rollout diverges."""
+def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Estimate], horizon: float) -> Array:
+    """Return chi2 (K, R) of each run before a horizon at K estimates, infinite where its rollout diverges."""
     settings = [
         Settings(r.index, np.array([t.values for t in trials]), np.array([t.states[r.index] for t in trials]))
         for r in forward.design.runs
@@ -283,8 +286,8 @@ def trial_costs(forward: Forward, noise: Noise, trials: Sequence[Point], horizon
     return costs
 
 
-def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) -> Point:
-    """The damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
+def _step(forward: Forward, normal: NormalEquations, at: Estimate, damping: float) -> Estimate:
+    """Return the damped Gauss-Newton step; shared unknowns at a bound that the step would leave do not take part."""
     lower, upper = _bounds(forward)
     inverse, matrix, vector = normal.reduced(damping, HELD)
     free = np.ones(len(vector), dtype=bool)
@@ -298,7 +301,7 @@ def _step(forward: Forward, normal: NormalEquations, at: Point, damping: float) 
         free &= ~out
     values = np.clip(at.values + step, lower, upper)
     step = values - at.values
-    return Point(values, normal.carried(at.states, inverse, step))
+    return Estimate(values, normal.carried(at.states, inverse, step))
 
 
 def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Array:
@@ -309,7 +312,8 @@ def _solve(matrix: Array, vector: Array, typical: Array, damping: float) -> Arra
 
 
 def covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Array, ...]]:
-    """Covariance (S, S) of the shared unknowns, and standard deviations (N,) of each run's states for fixed ones."""
+    """Return the covariance (S, S) of the shared unknowns, and standard deviations (N,) of each run's states for fixed
+    ones."""
     normal = NormalEquations(forward, linear)
     inverse, matrix, _ = normal.reduced(1e-12, PRIOR)
     errors = np.sqrt(np.maximum(np.diagonal(inverse, axis1=-2, axis2=-1), 0.0))
@@ -318,7 +322,7 @@ def covariances(forward: Forward, linear: Linearised) -> tuple[Array, tuple[Arra
 
 
 def standard_steps(forward: Forward, linear: Linearised) -> Steps:
-    """Steps of difference quotients that are a fraction of standard errors."""
+    """Return steps of difference quotients that are a fraction of standard errors."""
     covariance, own = covariances(forward, linear)
     typical = np.array([u.typical for u in forward.unknowns])
     shortest, longest = (max(bound, least_step(forward.world)) for bound in STEPS)

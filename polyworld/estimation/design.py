@@ -86,7 +86,7 @@ class RunDesign:
         return tuple(f"{s.name}.{label}" for s in self.states for label in s.labels)
 
     def counted(self, index: int) -> RunDesign:
-        """The same as run number `index`."""
+        """Return the same as run number `index`."""
         return replace(self, index=index, series=tuple(replace(s, run=index) for s in self.series))
 
     @cached_property
@@ -99,14 +99,15 @@ class RunDesign:
         )
 
     def world(self, world: World) -> World:
-        """The world without the objects that other runs show and this one does not."""
+        """Return the world without the objects that other runs show and this one does not."""
         for name in self.absent:
             if name in world.moving_names:
                 world = without(world, name)
         return world
 
     def before(self, horizon: float) -> NDArray[np.bool_]:
-        """Which entries (m,) of the residual vector lie in the first part `horizon` (0 to 1] of the run's time."""
+        """Return which entries (m,) of the residual vector lie in the first part `horizon` (0 to 1] of the run's
+        time."""
         there = self.instants_before(horizon)
         keep = np.zeros(self.length, dtype=bool)
         for s in self.series:
@@ -114,7 +115,7 @@ class RunDesign:
         return keep
 
     def instants_before(self, horizon: float) -> NDArray[np.bool_]:
-        """Which instants (T,) lie in that part of the run's time."""
+        """Return which instants (T,) lie in that part of the run's time."""
         times = self.times
         end = times[0] + horizon * (times[-1] - times[0])
         there: NDArray[np.bool_] = times <= end * (1.0 + 1e-12)
@@ -135,12 +136,12 @@ class Design:
         return sum(r.length for r in self.runs)
 
     def only(self, chosen: Sequence[int]) -> Design:
-        """The design of some of the runs, which are renumbered."""
+        """Return the design of some of the runs, which are renumbered."""
         runs = tuple(self.runs[k].counted(i) for i, k in enumerate(chosen))
         return Design(self.world, Recording(tuple(r.run for r in runs)), runs)
 
     def copies(self, run: int, count: int) -> Design:
-        """The design of one run, so many times: to fit it along several ways at once."""
+        """Return the design of one run, so many times: to fit it by multistart."""
         own = self.runs[run]
         return Design(self.world, Recording((own.run,)), tuple(own.counted(i) for i in range(count)))
 
@@ -177,7 +178,7 @@ def design(world: World, recording: Recording, *, initial: Literal["free", "give
 
 
 def owner(name: str) -> str:
-    """The object that a recorded name belongs to: itself, or of a marker `NAME#k` the deformable object NAME."""
+    """Return the object that a recorded name belongs to: itself, or of a marker `NAME#k` the deformable object NAME."""
     return name.split("#", 1)[0]
 
 

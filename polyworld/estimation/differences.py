@@ -32,7 +32,7 @@ CORRELATIONS = np.concatenate([np.linspace(0.0, 0.9, 31), 1.0 - np.geomspace(0.0
 
 @dataclass(frozen=True)
 class Spread:
-    """Variances (K,) of the differences of one series by stride, NaN where they tell nothing; count: of samples;
+    """Variances (K,) of the differences of one series by stride, NaN where undetermined; count: of samples;
     interval: median [s] between samples; order: of the differences, the third unless these hold motion."""
 
     variances: Array
@@ -42,7 +42,7 @@ class Spread:
 
 
 def spread(times: Array, values: Array) -> Spread:
-    """How third differences of a series (m,) at times (m,) scatter."""
+    """Return how third differences of a series (m,) at times (m,) scatter."""
     m = len(times)
     interval = float(np.median(np.diff(times))) if m > 1 else 1.0
     variances = np.full(len(STRIDES), np.nan)
@@ -87,7 +87,7 @@ def _differences(times: Array, values: Array, order: int, stride: int, interval:
 
 
 def least(first: Spread, second: Spread) -> Spread:
-    """The smaller variance of two series with the same noise, each disturbed by a motion of its own."""
+    """Return the smaller variance of two series with the same noise, each disturbed by a motion of its own."""
     return Spread(np.fmin(first.variances, second.variances), first.count, first.interval, second.order)
 
 
@@ -128,7 +128,7 @@ def innovation(phi: float) -> float:
 
 
 def level(spread_: Spread, phi: float) -> float:
-    """Standard deviation of the noise from its shortest differences; NaN where there are none."""
+    """Return the standard deviation of the noise from its shortest differences; NaN where there are none."""
     if not np.isfinite(spread_.variances[0]):
         return float("nan")
     return float(np.sqrt(spread_.variances[0] / expected(np.array(phi), np.array(1.0))))
@@ -148,7 +148,7 @@ def _misfit(variances: Array, noise: Array, strides: Array, count: int) -> Array
 
 
 def _divided(t: Array) -> Array:
-    """Weights (k, n) of divided differences at times (k, n), of the size of 1, -3, 3, -1."""
+    """Return weights (k, n) of divided differences at times (k, n), of the size of 1, -3, 3, -1."""
     gaps = t[:, None] - t[None]
     gaps[np.arange(len(t)), np.arange(len(t))] = 1.0
     weights: Array = 1.0 / gaps.prod(axis=1)

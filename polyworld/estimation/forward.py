@@ -34,7 +34,7 @@ class Forward:
     _batches: list[Batch] = field(default_factory=list, repr=False)
 
     def residuals(self, settings: Sequence[Settings], horizon: float = 1.0) -> list[Array]:
-        """Residuals (k, m) of each of the settings, in their order.
+        """Return residuals (k, m) of each of the settings, in their order.
 
         horizon: part of each run's time that is of interest, as in `RunDesign.before`; residuals beyond it may be 0.
         """
@@ -57,7 +57,7 @@ class Forward:
         self._batches.clear()
 
     def _batch_of(self, run: int) -> int:
-        """The batch that a run is simulated in."""
+        """Return the batch that a run is simulated in."""
         if not self._batches:
             self._batches.extend(batches(self.world, self.design))
         return next(i for i, batch in enumerate(self._batches) if run in batch.members)

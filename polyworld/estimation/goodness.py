@@ -68,7 +68,7 @@ class Goodness:
         return self.series[0] if self.series else None
 
     def summary(self) -> str:
-        """The verdict in words."""
+        """Return the verdict in words."""
         if not self.modes:
             return "the fit cannot be judged: the series are too short."
         head = "the fit explains the data" if self.passes else "the fit does not explain the data"
@@ -81,7 +81,7 @@ class Goodness:
         return text + "."
 
     def to_json(self) -> dict[str, object]:
-        """The verdict as plain data, with the five worst series."""
+        """Return the verdict as plain data, with the five worst series."""
         return {
             "passes": self.passes,
             "p": self.p,

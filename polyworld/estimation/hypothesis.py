@@ -54,7 +54,7 @@ class Hypothesis:
         return " + ".join(_titled(part) for part in self.parts) or "base"
 
     def of_part(self, index: int, values: Array) -> dict[str, float]:
-        """Values of one part's unknowns by name, of all shared values (S,)."""
+        """Return values of one part's unknowns by name, of all shared values (S,)."""
         start = len(self.base) + sum(len(p.variant.unknowns) for p in self.parts[:index])
         own = self.parts[index].variant.unknowns
         return {u.name: float(v) for u, v in zip(own, values[start : start + len(own)], strict=True)}
@@ -65,14 +65,14 @@ class Hypothesis:
         return tuple(np.concatenate([before, _at(own.unknowns, start)]) for start in own.starts)
 
     def stepped(self, substep: float) -> Hypothesis:
-        """The same with another longest integration step [s]."""
+        """Return the same with another longest integration step [s]."""
         if self.world.time.substep == substep:
             return self
         return replace(self, world=self.world.with_substep(substep))
 
     def fitted_world(self, values: Array, run: Run | None = None) -> World:
-        """The world with shared values (S,) written into it; of unknowns of one run each, those of the first, or of
-        the run that is named."""
+        """Return the world with shared values (S,) written into it; of unknowns of one run each, those of the first, or
+        of the run that is named."""
         numbers: dict[str, float] = {}
         for u, v in zip(self.unknowns, values, strict=True):
             for path in u.paths if run is None or u.is_of(run) else ():
@@ -81,7 +81,7 @@ class Hypothesis:
 
 
 def extended(hypothesis: Hypothesis, candidate: Candidate, recording: Recording) -> tuple[Hypothesis, ...]:
-    """The hypotheses that one more effect makes of one, a variant each.
+    """Return the hypotheses that one more effect makes of one, a variant each.
 
     None where the effect is already in it, cannot apply, or would move a number that is free already.
     """
@@ -98,7 +98,7 @@ def extended(hypothesis: Hypothesis, candidate: Candidate, recording: Recording)
 def without_part(
     base: Hypothesis, hypothesis: Hypothesis, index: int, values: Array, recording: Recording
 ) -> tuple[Hypothesis, Array] | None:
-    """The hypothesis less one effect, and the values that stay; None where the rest cannot be built that way."""
+    """Return the hypothesis less one effect, and the values that stay; None where the rest cannot be built that way."""
     smaller = base
     kept = [values[: len(base.base)]]
     for i, part in enumerate(hypothesis.parts):

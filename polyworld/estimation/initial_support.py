@@ -26,7 +26,7 @@ MOST_STEPS = 100
 
 
 def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
-    """Whether a body keeps its height (m,) from the start, by its first samples. acceleration: of a fall."""
+    """Return whether a body keeps its height (m,) from the start, by its first samples. acceleration: of a fall."""
     t, x = times[: 8 * EARLY], values[: 8 * EARLY]
     # All of them must be level: on the first few noise alone can look so, and a speed left out would ruin the run.
     if not acceleration or len(t) < 4 * EARLY:
@@ -45,8 +45,8 @@ def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
 
 
 def is_aloft(values: Array, rest: float) -> bool:
-    """Whether a ball whose height (m,) seems to stay the same hops in truth, unseen for the noise: on the whole it is
-    off the height at which it would rest, and varies about its mean by more than the noise does.
+    """Return whether a ball whose height (m,) seems to stay the same hops in truth, hidden by the noise: on the whole
+    it is off the height at which it would rest, and varies about its mean by more than the noise does.
 
     Only both together count: an observer may see every height wrongly, and noise that is correlated varies more than
     its third differences say.
@@ -65,7 +65,7 @@ def noise_of(values: Array) -> float:
 
 
 def may_be_supported(world: World, item: RigidObject, run: Run) -> bool:
-    """Whether an object begins so near to another body, or to a fixed one, that this may support it.
+    """Return whether an object begins so near to another body, or to a fixed one, that this may support it.
 
     The place is the mean of the first samples. Of other bodies only the balls around them are looked at, and
     deformable ones may be anywhere.
@@ -82,7 +82,7 @@ def may_be_supported(world: World, item: RigidObject, run: Run) -> bool:
 
 
 def _beside_another(world: World, item: RigidObject, run: Run, close: float) -> bool:
-    """Whether another body begins so near that it may support an object."""
+    """Return whether another body begins so near that it may support an object."""
     place, _ = _first_place(run, item)
     size = geometry.circumscribed_radius(item.shape)
     for other in world.objects:
@@ -94,7 +94,8 @@ def _beside_another(world: World, item: RigidObject, run: Run, close: float) -> 
 
 
 def rest_place(world: World, item: RigidObject, run: Run, axis: int) -> float | None:
-    """Where along the axis that gravity is parallel to a ball lies that may be supported by what is fixed below it [m].
+    """Return where along the axis that gravity is parallel to a ball lies that may be supported by what is fixed below
+    it [m].
 
     A place fitted to noise would let it fall from there, or throw it out of the floor, and it would hop. None where
     this is no ball, nothing fixed is near below it, another body may support it, or gravity leans. Triangle meshes give
@@ -118,8 +119,8 @@ def rest_place(world: World, item: RigidObject, run: Run, axis: int) -> float | 
 
 
 def _fall(world: World, item: RigidObject, place: Array, down: Array) -> float:
-    """How far a ball at a place (3,) falls until it touches; infinite where it touches something at once, as a wall
-    beside it, or nothing soon."""
+    """Return how far a ball at a place (3,) falls until it touches; infinite where it touches something at once, as a
+    wall beside it, or nothing soon."""
     fallen = 0.0
     for _ in range(MOST_STEPS):  # never further than the gap, so never past anything
         gap = gap_to_statics(world, item.shape, place + fallen * down, np.asarray(item.orientation))
@@ -130,7 +131,8 @@ def _fall(world: World, item: RigidObject, place: Array, down: Array) -> float:
 
 
 def _first_place(run: Run, item: RigidObject) -> tuple[Array, float]:
-    """Where an object begins (3,), as described where it was not measured, and the largest noise of its coordinates."""
+    """Return where an object begins (3,), as described where it was not measured, and the largest noise of its
+    coordinates."""
     place = np.asarray(item.position, dtype=float)
     largest = 0.0
     for axis, values in enumerate(run.positions[:, run.names.index(item.name)].T):
@@ -143,8 +145,8 @@ def _first_place(run: Run, item: RigidObject) -> tuple[Array, float]:
 
 
 def is_supported(times: Array, values: Array, acceleration: float) -> bool:
-    """Whether a straight line describes the first samples clearly better than a fall. As many are used as it takes
-    to decide; where they do not decide, the body falls."""
+    """Return whether a straight line describes the first samples clearly better than a fall. As many are used as it
+    takes to decide; where they do not decide, the body falls."""
     for count in (EARLY, 2 * EARLY, 4 * EARLY):
         leaning = _leaning(times[:count], values[:count], acceleration)
         if leaning:
@@ -153,7 +155,8 @@ def is_supported(times: Array, values: Array, acceleration: float) -> bool:
 
 
 def _leaning(times: Array, values: Array, acceleration: float) -> int:
-    """1 where a straight line describes the samples (m,) clearly better than a fall, -1 the other way round, else 0."""
+    """Return 1 where a straight line describes the samples (m,) clearly better than a fall, -1 the other way round,
+    else 0."""
     if len(times) < 4:
         return 0
     straight, falling = (

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from polyworld.estimation import profile
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.normal_equations import within_reach
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ DOUBLED = 40  # times a distance is doubled at most
 
 
 def intervals95(context: FitContext, trial: FittedHypothesis) -> Array:
-    """95% intervals (S, 2) of the shared unknowns, within their bounds.
+    """Return 95% intervals (S, 2) of the shared unknowns, within their bounds.
 
     Profile likelihood (Venzon & Moolgavkar 1988, Applied Statistics 37, 87): each unknown is moved, the other unknowns
     and the initial states follow, in steps of Gauss and Newton with the slopes at the fit, and the ends lie where chi2
@@ -72,9 +72,9 @@ def intervals95(context: FitContext, trial: FittedHypothesis) -> Array:
 
 
 def _far_end(context: FitContext, trial: FittedHypothesis, index: int, end: float) -> float:
-    """Where chi2 has grown by the square of 1.96 on a side on which it grows less and less: a grip that is enough to
-    stop all sliding says nothing of a greater one. All else is fitted again at doubled distances, so that the end may
-    lie up to twice as far as it should; the bound where none will do, and the end as it was where the first one
+    """Return where chi2 has grown by the square of 1.96 on a side on which it grows less and less: a grip that is
+    enough to stop all sliding says nothing of a greater one. All else is fitted again at doubled distances, so that the
+    end may lie up to twice as far as it should; the bound where none will do, and the end as it was where the first one
     does."""
     unknown = trial.hypothesis.unknowns[index]
     far, states = end, trial.fit.states
@@ -110,7 +110,7 @@ class _Followed:
     residuals: Sequence[Array]
 
     def or_better(self, other: _Followed) -> _Followed:
-        """Of both the better, one by one."""
+        """Return the better of both, one by one."""
         better = other.chi2 < self.chi2
 
         def merged(new: Array, old: Array) -> Array:
@@ -126,10 +126,10 @@ class _Followed:
 
 
 def _profiled(context: FitContext, trial: FittedHypothesis, moved: Array, index: NDArray[np.int64]) -> Array:
-    """chi2 (K,) where the unknown index[k] has the value moved[k, index[k]], and all else follows."""
+    """Return chi2 (K,) where the unknown index[k] has the value moved[k, index[k]], and all else follows."""
     lower = np.array([u.lower for u in trial.hypothesis.unknowns])
     upper = np.array([u.upper for u in trial.hypothesis.unknowns])
-    ground, slopes = trial.ground, trial.fit.linear.a
+    ground, slopes = trial.nuisance, trial.fit.linear.a
     count = len(moved)
     states = [
         s + within_reach((moved - trial.values) @ (answer @ a).T, own.typical)

@@ -42,14 +42,14 @@ class Line:
     axis: int
 
     def summary(self) -> str:
-        """The line in words."""
+        """Return the line in words."""
         return (
             f"a rhythm of {self.frequency:.3g} Hz in {self.name} {self.kind} {'xyz'[self.axis]} in run {self.run} "
             f"(p = {self.p:.2g})"
         )
 
     def to_json(self) -> dict[str, object]:
-        """The line as plain data."""
+        """Return the line as plain data."""
         where = {"run": self.run, "name": self.name, "kind": self.kind, "axis": "xyz"[self.axis]}
         return {"frequency": self.frequency, "p": self.p, **where}
 

@@ -69,7 +69,7 @@ class _Motion:
     velocity: Array
 
     def of(self, point: Array) -> Array:
-        """Where points (K, 3) or (3,) go."""
+        """Return where points (K, 3) or (3,) go."""
         moved: Array = np.einsum("kij,kj->ki", self.turn, np.broadcast_to(point, self.shift.shape)) + self.shift
         return moved
 
@@ -128,7 +128,7 @@ class Linkage:
         return found
 
     def first_guess(self, run: Run) -> Array:
-        """Coordinates (N,) of a run's start, from the first samples of those of its bodies that were seen."""
+        """Return coordinates (N,) of a run's start, from the first samples of those of its bodies that were seen."""
         times = run.times - run.times[0] + run.lead
         motions: list[_Motion] = []
         found: list[float] = []
@@ -152,7 +152,7 @@ class Linkage:
         return np.array(found)
 
     def of_run(self, run: Run) -> Linkage:
-        """The linkage with the coordinates of those bodies alone that a run shows."""
+        """Return the linkage with the coordinates of those bodies alone that a run shows."""
         return Linkage(tuple(replace(k, free=k.free and k.item.name in run.names) for k in self.links))
 
     @property
@@ -160,7 +160,7 @@ class Linkage:
         return next((k.axis for k in self.links if isinstance(k.joint, Hinge)), np.zeros(3))
 
     def _seen(self, link: Link, run: Run, parent: _Motion) -> Array:
-        """A link's coordinate at each instant of a run; NaN where nothing shows it."""
+        """Return a link's coordinate at each instant of a run; NaN where nothing shows it."""
         unknown = np.full(len(run.times), np.nan)
         if link.item.name not in run.names:
             return unknown
@@ -190,7 +190,7 @@ class Linkage:
 
 
 def linkages(world: World) -> tuple[Linkage, ...]:
-    """The linkages of a world; bodies that joints hold otherwise (closed chains, ball joints, a hinge that another
+    """Find the linkages of a world; bodies that joints hold otherwise (closed chains, ball joints, a hinge that another
     tilts, trees that begin at no wall) are in none."""
     joints = [j for j in world.joints if not isinstance(j, Spring)]
     tied = {a.to for a in world.attachments} | {p.object for p in world.pulleys}
@@ -229,7 +229,8 @@ def linkages(world: World) -> tuple[Linkage, ...]:
 
 
 def _same_hinge(world: World, link: Link, joint: Joint) -> bool:
-    """Whether a joint lets a body that a link holds to the world turn as that does: its axis is the same line."""
+    """Return whether a joint lets a body that a link holds to the world turn as that does: its axis is the same
+    line."""
     if not (isinstance(joint, Hinge) and isinstance(link.joint, Hinge) and link.parent < 0):
         return False
     offset = np.asarray(joint.anchor) - np.asarray(link.joint.anchor)
@@ -238,21 +239,21 @@ def _same_hinge(world: World, link: Link, joint: Joint) -> bool:
 
 
 def _described_rate(joint: Joint, axis: Array, item: RigidObject, base: RigidObject | None) -> float:
-    """How fast a joint's coordinate changes at the start in the world's description."""
+    """Return how fast a joint's coordinate changes at the start in the world's description."""
     field = "velocity" if isinstance(joint, Slider) else "angular_velocity"
     own = np.asarray(getattr(item, field)) - (np.zeros(3) if base is None else np.asarray(getattr(base, field)))
     return float(own @ axis)
 
 
 def _turns_between(stops: tuple[float, float], angle: float) -> float:
-    """The full turns [rad] that bring an angle nearest to where stops let it be; of several the least."""
+    """Return the full turns [rad] that bring an angle nearest to where stops let it be; of several the least."""
     whole = 2.0 * np.pi * np.array([0.0, 1.0, -1.0, 2.0, -2.0])
     beyond = np.maximum(stops[0] - (angle + whole), 0.0) + np.maximum(angle + whole - stops[1], 0.0)
     return float(whole[int(np.argmin(np.round(beyond, 9)))])
 
 
 def is_held(world: World, name: str) -> bool:
-    """Whether joints other than springs hold an object."""
+    """Return whether joints other than springs hold an object."""
     return any(name in (j.object, j.other) for j in world.joints if not isinstance(j, Spring))
 
 
@@ -261,7 +262,7 @@ def _extends(name: str | None, parent: str | None, placed: Mapping[str, tuple[in
 
 
 def _simple(link: Link, before: list[Link]) -> bool:
-    """Whether the link moves along or about an axis that no other of its tree turns."""
+    """Return whether the link moves along or about an axis that no other of its tree turns."""
     if not isinstance(link.joint, Hinge | Slider | Fixed):
         return False
     hinges = [k.axis for k in before if isinstance(k.joint, Hinge)]
@@ -273,7 +274,7 @@ def _simple(link: Link, before: list[Link]) -> bool:
 
 
 def _turned(link: Link, before: list[Link]) -> bool:
-    """Whether a hinge lies between the link and the world."""
+    """Return whether a hinge lies between the link and the world."""
     above = link.parent
     while above >= 0:
         if isinstance(before[above].joint, Hinge):
@@ -298,7 +299,8 @@ def _still(count: int) -> _Motion:
 
 
 def _moved(link: Link, parent: _Motion, anchor: Array, q: Array, rate: Array) -> _Motion:
-    """A link's motion: its parent's, and in its axes the joint's own by coordinates q (K,) with their rates (K,)."""
+    """Return a link's motion: its parent's, and in its axes the joint's own by coordinates q (K,) with their rates
+    (K,)."""
     axis = np.einsum("kij,j->ki", parent.turn, link.axis)
     if isinstance(link.joint, Slider):
         return _Motion(
@@ -322,6 +324,6 @@ def _moved(link: Link, parent: _Motion, anchor: Array, q: Array, rate: Array) ->
 
 
 def _vectors(given: Mapping[str, Array], path: str, described: tuple[float, float, float], count: int) -> Array:
-    """Values (K, 3) of three components, as given where they are."""
+    """Return values (K, 3) of three components, as given where they are."""
     parts = [given.get(f"{path}.{axis}", np.full(count, described[i])) for i, axis in enumerate("xyz")]
     return np.stack(parts, axis=1)

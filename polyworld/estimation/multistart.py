@@ -1,8 +1,8 @@
-"""A run fitted along several ways at once, where bodies collide.
+"""Fit one run by multistart, where bodies collide.
 
 Before a collision, data leave initial states a little uncertain; behind it this has become many motions, and a fit that
-follows sample by sample may be led to a collision that was not. So it goes from part to part of the run with a few
-states side by side, each fitted by itself: the best so far, and the best of many drawn from the spread that the part
+follows sample by sample may be led to a collision that was not. So a few states are fitted side by
+side over growing parts of the run: the best so far, and the best of many drawn from the spread that the part
 before has left (as particle filters draw, but descending from each; Gordon, Salmond & Smith 1993). Spins that nobody
 measured show by their size while a body slides, and by their sign only where it is hit: all patterns of signs are
 tried.
@@ -17,7 +17,7 @@ from itertools import chain, combinations, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import Point, first_steps, linearised, trial_costs
+from polyworld.estimation.descent import Estimate, first_steps, linearised, trial_costs
 from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
@@ -31,7 +31,7 @@ SEED = 2024  # of the draws, the same for all
 
 
 @dataclass(frozen=True)
-class Way:
+class RunFit:
     """An initial state (N,) of a run, its chi2, and how many rollouts it took to find."""
 
     state: Array
@@ -46,10 +46,10 @@ def best_of_starts(
     run: int,
     below: float,
     cancelled: Callable[[], bool] | None = None,
-) -> Way:
-    """The way found to fit a run best in a world, from the data's own start.
+) -> RunFit:
+    """Fit one run in a world by multistart, from the data's own start.
 
-    below: chi2 at which no other way of parting the run is tried. cancelled: asked between batches; where it says so
+    below: chi2 at which no other division of the run is tried. cancelled: asked between batches; where it says so
     `InterruptedError` is raised. Equal inputs give equal results.
     """
     forward = Forward(design.copies(run, MULTISTART.kept), world, (), cancelled)
@@ -59,13 +59,13 @@ def best_of_starts(
         found.append(_followed(forward, copies, np.linspace(MULTISTART.first, 1.0, count)))
         for _ in range(MULTISTART.rounds if design.runs[run].spread.any() else 0):
             state, before = found[-1]
-            found.append(_turned_over(forward, noise, run, state))
+            found.append(_flip_unobserved_spins(forward, noise, run, state))
             if found[-1][1] > before - MULTISTART.rough:
                 break
         if min(cost for _, cost in found) < below:
             break
-    state, cost = min(found, key=lambda way: way[1])
-    return Way(state, cost, forward.rollouts)
+    state, cost = min(found, key=lambda fit: fit[1])
+    return RunFit(state, cost, forward.rollouts)
 
 
 def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, float]:
@@ -75,7 +75,7 @@ def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, floa
     root = np.diag(MULTISTART.unknown * run.typical)
     for part in parts:
         whole = part == parts[-1]
-        at = Point(np.zeros(0), (best, *_drawn(forward, noise, best, root, float(part), rng)))
+        at = Estimate(np.zeros(0), (best, *_drawn(forward, noise, best, root, float(part), rng)))
         many = MULTISTART.last if whole else MULTISTART.iterations
         tolerance = MULTISTART.tolerance if whole else MULTISTART.rough
         at, steps, _, _ = descend_per_run(forward, noise, at, float(part), steps, many, tolerance)
@@ -87,8 +87,8 @@ def _followed(forward: Forward, noise: Noise, parts: Array) -> tuple[Array, floa
     return best, cost
 
 
-def _turned_over(forward: Forward, noise: Noise, run: int, state: Array) -> tuple[Array, float]:
-    """The best of fits to the whole run from a state with unseen spins turned the other way, in all patterns."""
+def _flip_unobserved_spins(forward: Forward, noise: Noise, run: int, state: Array) -> tuple[Array, float]:
+    """Return the best fit to the whole run from a state with signs of unobserved spins flipped, in all patterns."""
     spins = np.flatnonzero(forward.design.runs[0].spread)
     few_first = chain.from_iterable(combinations(spins, k) for k in range(len(spins) + 1))
     options = []
@@ -99,7 +99,7 @@ def _turned_over(forward: Forward, noise: Noise, run: int, state: Array) -> tupl
         many = Forward(forward.design.copies(0, len(options)), forward.world, (), forward.cancelled)
         copies = noise.only([run] * len(options))
         at, *_ = descend_per_run(
-            many, copies, Point(np.zeros(0), tuple(options)), 1.0, first_steps(many), iterations, MULTISTART.rough
+            many, copies, Estimate(np.zeros(0), tuple(options)), 1.0, first_steps(many), iterations, MULTISTART.rough
         )
         costs = trial_costs(many, copies, [at], 1.0)[0]
         forward.rollouts += many.rollouts
@@ -109,7 +109,7 @@ def _turned_over(forward: Forward, noise: Noise, run: int, state: Array) -> tupl
 
 
 def _root(slopes: Array, typical: Array) -> Array:
-    """Root (N, N) of the covariance that residuals with these slopes (m, N) leave the initial state."""
+    """Return the root (N, N) of the covariance that residuals with these slopes (m, N) leave the initial state."""
     scaled = slopes * typical
     size, turn = np.linalg.eigh(scaled.T @ scaled + np.eye(len(typical)))
     root: Array = typical[:, None] * turn / np.sqrt(np.maximum(size, 1.0))  # none is less, but for rounding
@@ -119,10 +119,10 @@ def _root(slopes: Array, typical: Array) -> Array:
 def _drawn(
     forward: Forward, noise: Noise, best: Array, root: Array, part: float, rng: np.random.Generator
 ) -> list[Array]:
-    """Of many states drawn around the best, those nearest to a part of the run: one less than are fitted."""
+    """Draw many states around the best; return those nearest to a part of the run: one less than are fitted."""
     count, kept = MULTISTART.drawn * MULTISTART.kept, MULTISTART.kept
     width = np.resize(MULTISTART.widths, count)[:, None]
     drawn = best + width * (rng.normal(size=(count, len(root))) @ root.T)
-    points = [Point(np.zeros(0), tuple(drawn[k : k + kept])) for k in range(0, count, kept)]
+    points = [Estimate(np.zeros(0), tuple(drawn[k : k + kept])) for k in range(0, count, kept)]
     costs = trial_costs(forward, noise, points, part).ravel()
     return [drawn[k] for k in np.argsort(costs)[: kept - 1]]

@@ -28,7 +28,7 @@ KINDS: tuple[Kind, ...] = ("position", "rotation", "spin")
 UNITS: dict[Kind, str] = {"position": "m", "rotation": "rad", "spin": "rad/s"}
 LOW = 3  # cosine modes that initial states take up
 FURTHEST = 3.0  # standard errors of a correlation by which the residuals' spectrum may put it right
-EXCESS = 1.3  # innovations of more than this variance hold model error, and tell nothing about correlation
+EXCESS = 1.3  # innovations of more than this variance hold model error, and show nothing about correlation
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Noise:
         return 1.0 - self.count / max(sum(len(k) for k in self.kept), 1)
 
     def only(self, chosen: Sequence[int]) -> Noise:
-        """The noise of some of the runs, which are renumbered."""
+        """Return the noise of some of the runs, which are renumbered."""
         return replace(
             self,
             sigma=tuple(self.sigma[k] for k in chosen),
@@ -99,7 +99,7 @@ class Noise:
         )
 
     def whiten(self, run: int, values: Array) -> Array:
-        """Residuals or derivatives (..., m) in units in which the noise is white with unit variance.
+        """Return residuals or derivatives (..., m) in units in which the noise is white with unit variance.
 
         Outliers become 0. The exact filter of AR(1): (r_i - rho r_{i-1}) / sqrt(1 - rho^2), the first of a series as
         it is; over gaps and outliers the correlation falls with their length.
@@ -111,7 +111,7 @@ class Noise:
         return scaled if kept.all() else scaled * kept
 
     def summary(self) -> str:
-        """The noise in words."""
+        """Return the noise in words."""
         parts = [f"{n.name} {n.kind} {n.sigma:.3g} {n.unit}" for n in self.levels]
         text = "noise: " + ", ".join(parts)
         for kind, c in self.correlation.items():
@@ -126,7 +126,7 @@ class Noise:
         return "; ".join((text, *self.notes)) + "."
 
     def to_json(self) -> dict[str, object]:
-        """The noise as plain data."""
+        """Return the noise as plain data."""
         return {
             "levels": [{"name": n.name, "kind": n.kind, "sigma": n.sigma, "unit": n.unit} for n in self.levels],
             "correlation_time": {k: c.tau for k, c in self.correlation.items()},
@@ -144,7 +144,7 @@ def first_kind(series: Sequence[Series]) -> Kind:
 
 
 def measured_noise(design: Design) -> Noise:
-    """The noise as the data themselves tell it, before any model: from third differences of every series.
+    """Estimate the noise from the data alone, before any model: by third differences of every series.
 
     Only rows that were shown twice are set aside: a motion without a model may leap like an outlier.
     """
@@ -158,9 +158,9 @@ def measured_noise(design: Design) -> Noise:
 
 
 def refined_noise(design: Design, noise: Noise, residuals: Sequence[Array]) -> Noise:
-    """The noise after a fit, from raw residuals (m,) of every run [m, rad, rad/s] at its best values.
+    """Estimate the noise after a fit, from raw residuals (m,) of every run [m, rad, rad/s] at its best values.
 
-    Outliers are set aside; levels are the smaller of those of data and residuals; the correlation is put right by the
+    Outliers are set aside; levels are the smaller of those of data and residuals; the correlation is corrected by the
     residuals' spectrum, as far as third differences leave it open, so that a model that is wrong does not pass for
     noise. Fit again with the result; may be called again with the residuals of a better model.
     """
@@ -240,7 +240,8 @@ def _correlations(
     kept: Sequence[Bools],
     values: Callable[[int, Series], Array],
 ) -> dict[Kind, Correlation]:
-    """Correlations by kind, of third differences or, where short series leave these too few, of what cubics leave."""
+    """Return correlations by kind, of third differences or, where short series leave these too few, of what cubics
+    leave."""
     found: dict[Kind, Correlation] = {}
     for kind in dict.fromkeys(s.kind for s in design.series):
         members = [(s, spread) for s, spread in zip(design.series, spreads, strict=True) if s.kind == kind]
@@ -286,7 +287,7 @@ def _noise(
         kept,
         tuple(previous),
         tuple(rho),
-        _told(design, sigma),
+        _levels_by_kind(design, sigma),
         correlation,
         sum(_repeated_rows(r) for r in design.runs),
         tuple(dict.fromkeys(notes)),
@@ -312,7 +313,7 @@ def _links(run: RunDesign, kept: Bools, correlation: dict[Kind, Correlation]) ->
     return previous, rho
 
 
-def _told(design: Design, sigma: Sequence[Array]) -> tuple[NoiseLevel, ...]:
+def _levels_by_kind(design: Design, sigma: Sequence[Array]) -> tuple[NoiseLevel, ...]:
     squares: dict[tuple[str, Kind], list[float]] = {}
     for s in design.series:
         squares.setdefault((s.name, s.kind), []).append(float((sigma[s.run][s.where] ** 2).mean()))

@@ -42,7 +42,7 @@ def levels(
     known = np.isfinite(measured)
     if not known.any():
         measured = np.full(len(series), SUPPOSED[series[0].kind])
-        notes.append(f"too few samples to tell the noise of {series[0].kind}s: supposed")
+        notes.append(f"too few samples to estimate the noise of {series[0].kind}s: assumed")
     variance = np.where(known, RELATIVE_ERROR**2 / np.maximum([d.count for d in spreads], 1), np.inf)
     # The logarithm of a level is too low by its variance on average (mean of log chi-squared, to first order).
     logs = np.log(np.maximum(np.where(known, measured, 1.0), floors)) + np.where(known, variance, 0.0)
@@ -64,7 +64,7 @@ def levels(
 
 
 def _as_said(design: Design, series: Sequence[Series], levels: Array, notes: list[str]) -> Array:
-    """Levels with those that the recording states, unless the data are clearly noisier."""
+    """Return levels with those that the recording states, unless the data are clearly noisier."""
     levels = levels.copy()
     for i, s in enumerate(series):
         said = design.runs[s.run].run.sigma
@@ -95,7 +95,7 @@ def _pool(logs: Array, variance: Array) -> tuple[float, float, float]:
 
 
 def resolution(design: Design, s: Series) -> float:
-    """Least standard deviation: what the engine resolves, and the rounding of coarse data (step / sqrt(12))."""
+    """Return the least sigma: what the engine resolves, and the rounding of coarse data (step / sqrt(12))."""
     if s.kind == "rotation":
         return RESOLUTION * np.pi
     rounding = _rounding(design, s) / float(np.sqrt(12.0))
@@ -109,7 +109,8 @@ def resolution(design: Design, s: Series) -> float:
 
 
 def _rounding(design: Design, s: Series) -> float:
-    """The step to which an object's values along an axis are rounded in all runs together, 0 where there is none.
+    """Return the step to which an object's values along an axis are rounded in all runs together, 0 where there is
+    none.
 
     The differences of few samples that move by a whole number of pixels each scatter by nothing. Where nothing moves
     along an axis, its pixels are those of the others.

@@ -73,7 +73,7 @@ class NormalEquations:
         self.ar += hold.weight * (values - hold.values)
 
     def stepped(self, states: Sequence[Array], damping: Array) -> tuple[Array, ...]:
-        """Initial states[run] (N,) after a step with shared unknowns held; damping (R, 1)."""
+        """Return initial states[run] (N,) after a step with shared unknowns held; damping (R, 1)."""
         change = np.einsum("rnm,rm->rn", damped_inverse(self.bb, self.typical, damping, HELD), self.br)
         return self._changed(states, change)
 
@@ -82,11 +82,11 @@ class NormalEquations:
         return tuple(old - change[i, :n] for i, (old, n) in enumerate(zip(states, self.counts, strict=True)))
 
     def carried(self, states: Sequence[Array], inverse: Array, step: Array) -> tuple[Array, ...]:
-        """Initial states[run] (N,) that follow a step (S,) of the shared unknowns; inverse as from `reduced`."""
+        """Return initial states[run] (N,) that follow a step (S,) of the shared unknowns; inverse as from `reduced`."""
         return self._changed(states, np.einsum("rnm,rm->rn", inverse, self.br + self.ba @ step))
 
     def reduced(self, damping: float, prior: float) -> tuple[Array, Array, Array]:
-        """Inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,).
+        """Return inverses (R, N, N) of the states' blocks, and the Schur complement (S, S) with its right side (S,).
 
         prior: weight of an ordinary change of a state.
         """
@@ -98,15 +98,15 @@ class NormalEquations:
 
 
 def within_reach(change: Array, typical: Array) -> Array:
-    """Changes (..., N) of initial states, none longer than one step may be: of what the data do not tell, a spin that
-    shows nowhere, slopes would ask for any."""
+    """Return changes (..., N) of initial states, none longer than one step may be: what the data do not determine,
+    as a spin that shows nowhere, slopes would change without limit."""
     reached: Array = np.clip(change, -LONGEST * typical, LONGEST * typical)
     return reached
 
 
 def damped_inverse(matrix: Array, typical: Array, damping: float | Array, prior: float = PRIOR) -> Array:
-    """Inverses of damped matrices (..., N, N); typical (..., N); damping of all, or (..., 1) of each; prior: weight of
-    an ordinary change."""
+    """Return inverses of damped matrices (..., N, N); typical (..., N); damping of all, or (..., 1) of each; prior:
+    weight of an ordinary change."""
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0)) + PRIOR / typical
     outer = scale[..., :, None] * scale[..., None, :]
     diagonal = damping + (prior / typical / scale) ** 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import STUCK, TRIALS, Point, Steps, linearised, standard_steps, trial_costs
+from polyworld.estimation.descent import STUCK, TRIALS, Estimate, Steps, linearised, standard_steps, trial_costs
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.normal_equations import Linearised, NormalEquations
@@ -18,9 +18,9 @@ ATTEMPTS = 2  # at dampings, before a run is left where it is
 
 
 def descend_per_run(
-    forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, iterations: int, tolerance: float
-) -> tuple[Point, Steps, int, bool]:
-    """Descend from the initial states of runs, for the shared values of a point: where that ends, steps for difference
+    forward: Forward, noise: Noise, at: Estimate, horizon: float, steps: Steps, iterations: int, tolerance: float
+) -> tuple[Estimate, Steps, int, bool]:
+    """Descend from the initial states of runs, at fixed shared values: return where that ends, steps for difference
     quotients there, iterations used, and whether all runs have converged.
 
     tolerance: of a run's chi2, below whose fall it is at rest.
@@ -41,7 +41,7 @@ def descend_per_run(
         moved = resting.copy()
         for attempt in range(ATTEMPTS):
             dampings = damping * (BEYOND**attempt * TRIALS)[:, None]
-            options = [Point(at.values, normal.stepped(at.states, d[:, None])) for d in dampings]
+            options = [Estimate(at.values, normal.stepped(at.states, d[:, None])) for d in dampings]
             costs = trial_costs(forward, noise, options, horizon)
             best = np.argmin(costs, axis=0)
             least = costs[best, np.arange(runs)]
@@ -49,7 +49,7 @@ def descend_per_run(
             if attempt == 0:
                 predicted = _predicted_fall(linear, at, options[0])
             states = tuple(options[best[k]].states[k] if better[k] else s for k, s in enumerate(at.states))
-            at = Point(at.values, states)
+            at = Estimate(at.values, states)
             fallen = np.subtract(chi2, least, out=np.zeros(runs), where=better)
             resting = resting | (better & (fallen < tolerance + 1e-6 * chi2))
             damping = np.where(better, np.clip(dampings[best, np.arange(runs)], LEAST, MOST), damping)
@@ -64,7 +64,7 @@ def descend_per_run(
     return at, steps, iterations, False
 
 
-def _predicted_fall(linear: Linearised, at: Point, to: Point) -> Array:
+def _predicted_fall(linear: Linearised, at: Estimate, to: Estimate) -> Array:
     """Return the fall of chi2 (R,) that the slopes predict for a step, 0 of a run whose rollout diverges."""
     falls = []
     for r, b, new, old in zip(linear.r, linear.b, to.states, at.states, strict=True):

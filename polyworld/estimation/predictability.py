@@ -23,12 +23,13 @@ GROWN = 4.0  # times the extent of the motion, that an ordinary change would com
 
 
 def swings_on_others(world: World) -> bool:
-    """Whether bodies turn or slide on each other, as those of a double pendulum."""
+    """Return whether bodies turn or slide on each other, as those of a double pendulum."""
     return any(j.other is not None and j.kind not in ("spring", "fixed") for j in world.joints)
 
 
-def foreseeable(world: World, run: Run, extent: float) -> int:
-    """Number of instants of a run over which a small change of its initial state stays small, by the motion's `extent`.
+def predictable_instants(world: World, run: Run, extent: float) -> int:
+    """Count the instants of a run over which a small change of its initial state stays small, by the motion's
+    `extent`.
 
     Looked at from the start that the first samples suggest and from others around it, of which the least is taken.
     """
@@ -49,15 +50,15 @@ def foreseeable(world: World, run: Run, extent: float) -> int:
 
 
 def extent_of(run: Run) -> float:
-    """How far a run's positions spread [m]; a radian where none was measured."""
+    """Return how far a run's positions spread [m]; a radian where none was measured."""
     seen = run.positions.reshape(len(run.times), -1)
     seen = seen[:, np.isfinite(seen).any(axis=0)]
     return float(np.sqrt(np.nanvar(seen, axis=0).sum())) if seen.shape[1] else 1.0
 
 
 def _by_instant(plan: Design, squares: Array) -> Array:
-    """Sums (K, T) of squares (K, N, m) of all starts' coordinates and all positions at each instant; of rotations where
-    no positions were measured."""
+    """Return sums (K, T) of squares (K, N, m) of all starts' coordinates and all positions at each instant; of
+    rotations where no positions were measured."""
     total = np.zeros((len(squares), len(plan.runs[0].times)))
     kind = "position" if any(s.kind == "position" for s in plan.series) else "rotation"
     for series in plan.series:

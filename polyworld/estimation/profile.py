@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import restarts
 from polyworld.estimation.descent import (
-    Point,
+    Estimate,
     Steps,
     covariances,
     descend,
@@ -34,7 +34,7 @@ HORIZONS = (0.35, 0.65, 1.0)  # growing, so that a bounce that comes too early d
 # Where bodies meet: about one more collision at a time.
 FINE_HORIZONS = (0.08, 0.15, 0.22, 0.3, 0.38, 0.46, 0.54, 0.62, 0.7, 0.8, 0.9, 1.0)
 OTHER_HORIZONS = tuple(float(h) for h in np.linspace(0.05, 1.0, 24).round(3))  # another way past the collisions
-ADDED = 7  # samples by which parts of windows are to grow on average where bodies meet
+ADDED = 7  # samples by which parts of segments are to grow on average where bodies meet
 COARSEST = 4  # at least every so many of the parts is fitted all the same
 OPENING = 0.4  # part of a run's time in which its first velocities are decided
 WORSE = 2.0  # times chi2 per measurement of the better runs, beyond which a run's first velocities are tried again
@@ -81,11 +81,11 @@ def fit(
     given up. Where nothing is shared, runs are fitted each by itself: the tolerance is that of a run, and there is no
     target.
     """
-    at = Point(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
+    at = Estimate(np.array(values, dtype=float), tuple(np.array(s, dtype=float) for s in states))
     start = at.values
     before = forward.rollouts
 
-    def descended(at: Point, steps: Steps, horizon: float) -> tuple[Point, Steps, int, bool]:
+    def descended(at: Estimate, steps: Steps, horizon: float) -> tuple[Estimate, Steps, int, bool]:
         loose = tolerance if horizon >= 1.0 else ROUGH
         if not len(values):
             return descend_per_run(forward, noise, at, horizon, steps, iterations, loose)
@@ -99,14 +99,14 @@ def fit(
 
 
 def fit_per_run(
-    forward: Forward, noise: Noise, at: Point, *, horizons: Sequence[float], iterations: int, tolerance: float = 1e-2
-) -> tuple[Point, Array]:
+    forward: Forward, noise: Noise, at: Estimate, *, horizons: Sequence[float], iterations: int, tolerance: float = 1e-2
+) -> tuple[Estimate, Array]:
     """Fit every run's initial state by itself, with shared unknowns kept; and chi2 (R,) of the runs then.
 
     horizons, tolerance: as in `fit`.
     """
 
-    def descended(at: Point, steps: Steps, horizon: float) -> tuple[Point, Steps, int, bool]:
+    def descended(at: Estimate, steps: Steps, horizon: float) -> tuple[Estimate, Steps, int, bool]:
         loose = tolerance if horizon >= 1.0 else ROUGH
         return descend_per_run(forward, noise, at, horizon, steps, iterations, loose)
 
@@ -117,10 +117,10 @@ def fit_per_run(
 def _over_horizons(
     forward: Forward,
     noise: Noise,
-    at: Point,
+    at: Estimate,
     horizons: Sequence[float],
-    descended: Callable[[Point, Steps, float], tuple[Point, Steps, int, bool]],
-) -> tuple[Point, Steps, int, bool]:
+    descended: Callable[[Estimate, Steps, float], tuple[Estimate, Steps, int, bool]],
+) -> tuple[Estimate, Steps, int, bool]:
     """Descend over one part of the runs after another, with other starts tried where there are several."""
     total = 0
     converged = False
@@ -138,9 +138,9 @@ def _over_horizons(
 
 
 def with_central_slopes(forward: Forward, noise: Noise, fitted: Fit) -> Fit:
-    """The fit with slopes, and what follows from them, by central differences."""
+    """Return the fit with slopes, and what follows from them, by central differences."""
     before = forward.rollouts
-    at = Point(fitted.values, fitted.states)
+    at = Estimate(fitted.values, fitted.states)
     linear = linearised_centrally(forward, noise, at, standard_steps(forward, fitted.linear))
     if not np.isfinite(linear.chi2):
         return fitted
@@ -150,20 +150,19 @@ def with_central_slopes(forward: Forward, noise: Noise, fitted: Fit) -> Fit:
 
 
 def collide(design: Design) -> bool:
-    """Whether bodies may collide: a small change then makes another motion. Those that a joint joins do not."""
+    """Return whether bodies may collide: a small change then makes another motion. Those that a joint joins do not."""
     world = design.world
     joined = {frozenset((j.object, j.other)) for j in world.joints if j.other is not None and j.kind != "spring"}
     return len(world.objects) * (len(world.objects) - 1) // 2 > len(joined)
 
 
 def horizons_for(design: Design) -> tuple[float, ...]:
-    """Parts of the runs' time to be fitted one after another: the finer, the more bodies may meet."""
+    """Return parts of the runs' time to be fitted one after another: the finer, the more bodies may meet."""
     return thinned(FINE_HORIZONS, design) if collide(design) else HORIZONS
 
 
 def thinned(horizons: tuple[float, ...], design: Design) -> tuple[float, ...]:
-    """Of some parts of a run's time every one, or of windows with few samples every second to fourth, the whole among
-    them."""
+    """Thin out horizons: return all, or for segments with few samples every second to fourth, with the last."""
     if any(r.run.window_of is None for r in design.runs):
         return horizons
     samples = max(len(r.times) for r in design.runs)
@@ -172,7 +171,7 @@ def thinned(horizons: tuple[float, ...], design: Design) -> tuple[float, ...]:
 
 
 def start_states(design: Design) -> tuple[Array, ...]:
-    """Initial states as the first samples of each run suggest them."""
+    """Return initial states as the first samples of each run suggest them."""
     return tuple(r.start for r in design.runs)
 
 
@@ -183,7 +182,7 @@ def linearise(
 
     For the score test: states are the fit's own, and the shared unknowns those of an effect that does nothing yet.
     """
-    point = Point(np.asarray(values, dtype=float), tuple(states))
+    point = Estimate(np.asarray(values, dtype=float), tuple(states))
     shared, own = first_steps(forward)
     if fitted is None:
         return linearised(forward, noise, point, 1.0, (shared, own))
@@ -191,6 +190,6 @@ def linearise(
 
 
 def flip_spins(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Array, ...]:
-    """Initial states from which a fit may come out better: spins that were not measured, tried the other way."""
-    at = Point(fitted.values, fitted.states)
+    """Return initial states from which a fit may come out better: spins that were not measured, tried the other way."""
+    at = Estimate(fitted.values, fitted.states)
     return restarts.flip_spins(forward, noise, at, 1.0, standard_steps(forward, fitted.linear), 0.0).states

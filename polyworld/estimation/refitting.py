@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import Point
+from polyworld.estimation.descent import Estimate
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.settings import REFIT
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.variable_projection import best_start_of, middle, profiled, sensitive
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ def fit_near(
     forward = context.forward(hypothesis)
     best, costs = list(starts[0]), np.full(len(context.design.runs), np.inf)
     for states in starts:
-        at = Point(values, tuple(states))
+        at = Estimate(values, tuple(states))
         at, found = profile.fit_per_run(forward, context.noise, at, horizons=horizons, iterations=REFIT.stepwise)
         for k in np.flatnonzero(found < costs):
             best[k], costs[k] = at.states[k], found[k]
@@ -99,18 +99,19 @@ def fit_near(
 
 
 def refused_by_most(trial: FittedHypothesis, best: FittedHypothesis) -> bool:
-    """Whether most runs speak against a trial that began where the best ended: no single run is to blame then."""
+    """Return whether most runs speak against a trial that began where the best ended: no single run is to blame
+    then."""
     worse = np.sort(trial.costs - best.costs)
     return 2.0 * float(worse[: (len(worse) + 1) // 2].sum()) > REFIT.behind
 
 
 def _ill(trial: FittedHypothesis) -> NDArray[np.bool_]:
-    """Runs (R,) that fit much worse than the better half."""
+    """Return runs (R,) that fit much worse than the better half."""
     return trial.costs > _limits(trial.context, middle(trial.misfits))
 
 
 def _crossed(one: FittedHypothesis, other: FittedHypothesis) -> FittedHypothesis:
-    """The first of two fits with the other's states for runs that these fit better, fitted on."""
+    """Return the first of two fits with the other's states for runs that these fit better, fitted on."""
     use = other.misfits < one.misfits
     if not use.any() or use.all():
         return one
@@ -120,14 +121,14 @@ def _crossed(one: FittedHypothesis, other: FittedHypothesis) -> FittedHypothesis
 
 
 def _carried_on(trial: FittedHypothesis, states: list[Array]) -> FittedHypothesis:
-    """The trial fitted on from other states, where there are any and that was of use."""
+    """Return the trial fitted on from other states, where there are any and that was of use."""
     if all(a is b for a, b in zip(states, trial.fit.states, strict=True)):
         return trial
     return min([trial, trial.context.fit(trial.hypothesis, trial.values, states)], key=lambda t: t.chi2)
 
 
 def _limits(context: FitContext, typical: float) -> Array:
-    """chi2 (R,) beyond which runs are ill, where the worst of the better half has `typical` per measurement."""
+    """Return chi2 (R,) beyond which runs are ill, where the worst of the better half has `typical` per measurement."""
     counts = context.counts
     if typical < REFIT.explained:
         above = REFIT.unlikely * np.sqrt(2.0 / counts)

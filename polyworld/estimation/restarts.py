@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.descent import Point, Steps, counts, descend, held, run_costs
+from polyworld.estimation.descent import Estimate, Steps, counts, descend, held, run_costs
 from polyworld.estimation.design import RunDesign
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import Noise
@@ -23,9 +23,9 @@ TURN_ITERATIONS = 4
 OTHER_SPINS = np.array([-1.5, -0.75, 0.75, 1.5])  # of its spread, that a spin is tried at besides the other way round
 
 
-def flip_spins(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, ill: float) -> Point:
-    """Spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a time.
-    The slope of a spin shows nothing of the other sign."""
+def flip_spins(forward: Forward, noise: Noise, at: Estimate, horizon: float, steps: Steps, ill: float) -> Estimate:
+    """Return spins the other way, or of another size, for runs whose chi2 per measurement is above `ill`: one body at a
+    time. The slope of a spin shows nothing of the other sign."""
     cost = run_costs(forward, noise, at, horizon)
     limits = ill * counts(forward, horizon)
     for slot in range(max((int(np.count_nonzero(r.spread)) for r in forward.design.runs), default=0)):
@@ -47,7 +47,9 @@ def _other_spins(run: RunDesign, own: Array, slot: int) -> Array:
     return options
 
 
-def restart_velocities(forward: Forward, noise: Noise, at: Point, horizon: float, steps: Steps, worse: float) -> Point:
+def restart_velocities(
+    forward: Forward, noise: Noise, at: Estimate, horizon: float, steps: Steps, worse: float
+) -> Estimate:
     """Restart runs that fit ill, and `worse` times worse than the better ones, from their very first samples: a body
     that hits something right after the start was taken to begin with the velocity that it has behind the impact, and no
     slope leads back."""
@@ -63,7 +65,7 @@ def restart_velocities(forward: Forward, noise: Noise, at: Point, horizon: float
 
 
 def _other_velocities(run: RunDesign, own: Array) -> Array:
-    """States of one body at a time, or of all, as the very first samples suggest them."""
+    """Return states of one body at a time, or of all, as the very first samples suggest them."""
     options = []
     short_window = np.concatenate([state.short_window for state in run.states], axis=1)
     first = 0
@@ -79,14 +81,14 @@ def _other_velocities(run: RunDesign, own: Array) -> Array:
 def _tried(
     forward: Forward,
     noise: Noise,
-    at: Point,
+    at: Estimate,
     horizon: float,
     steps: Steps,
     options: Mapping[int, Array],
     cost: Array,
-) -> tuple[Point, Array]:
-    """Of other initial states (K, N) of some runs the nearest to the data, followed by a few iterations, and kept where
-    the run then fits better; and chi2 (R,) of all runs."""
+) -> tuple[Estimate, Array]:
+    """Try other initial states (K, N) of some runs: follow the nearest to the data by a few iterations, keep it where
+    the run then fits better; return these and chi2 (R,) of all runs."""
     if not options:
         return at, cost
     runs = [forward.design.runs[k] for k in options]
@@ -97,11 +99,11 @@ def _tried(
         costs = np.where(np.all(np.isfinite(white), axis=1), (white**2).sum(axis=1), np.inf)
         states[r.index] = options[r.index][int(np.argmin(costs))]
     hold = held(forward, at.values, horizon)
-    start = Point(at.values, tuple(states))
+    start = Estimate(at.values, tuple(states))
     trial, *_ = descend(forward, noise, start, horizon, steps, TURN_ITERATIONS, 10.0, None, hold)
-    other = run_costs(forward, noise, Point(at.values, trial.states), horizon)
+    other = run_costs(forward, noise, Estimate(at.values, trial.states), horizon)
     better = [k for k in options if other[k] < cost[k] - 1.0]
-    kept = Point(at.values, tuple(trial.states[k] if k in better else s for k, s in enumerate(at.states)))
+    kept = Estimate(at.values, tuple(trial.states[k] if k in better else s for k, s in enumerate(at.states)))
     cost = cost.copy()
     cost[better] = other[better]
     return kept, cost

@@ -43,7 +43,7 @@ def counted_vectors(vectors: Array, simulated: Array, observed: Array) -> Array:
 
 
 def counted_angles(angles: Array, half: Array) -> Array:
-    """Angles (k, m) [rad] in a plane, each folded into (-half, half] (m,), counted on from the first instant."""
+    """Return angles (k, m) [rad] in a plane, each folded into (-half, half] (m,), counted on from the first instant."""
     if not np.nanmax(np.abs(angles) / half, initial=0.0) > NEAR:
         return angles
     mismatch = np.diff(angles, axis=1)
@@ -56,14 +56,14 @@ def counted_angles(angles: Array, half: Array) -> Array:
 
 
 def _steps(orientations: Array) -> Array:
-    """Rotations (..., m - 1, 4) from each orientation (..., m, 4) to the next, about world axes."""
+    """Return rotations (..., m - 1, 4) from each orientation (..., m, 4) to the next, about world axes."""
     conjugate = orientations[..., :-1, :] * np.array([1.0, -1.0, -1.0, -1.0])
     steps: Array = geometry.quaternion_product(orientations[..., 1:, :], conjugate)
     return steps
 
 
 def _share(size: Array, half: Array | float) -> Array:
-    """0 near the data, 1 far from them, smooth between."""
+    """Return 0 near the data, 1 far from them, smooth between."""
     x = np.clip((size / half - NEAR) / (SUMMED - NEAR), 0.0, 1.0)
     share: Array = x * x * (3.0 - 2.0 * x)
     return share

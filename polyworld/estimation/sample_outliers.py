@@ -20,7 +20,7 @@ MOST = 0.15  # share of a series from which on its outliers are no exceptions, a
 
 
 def outliers(times: Array, values: Array, floor: float) -> Bools:
-    """Which samples of a series (m,) at times (m,) are out. floor: least standard deviation that is believed.
+    """Return which samples of a series (m,) at times (m,) are out. floor: least standard deviation that is believed.
 
     The line at a sample goes through the medians of the five neighbours before and the five after it (at the ends of
     the series: of the nearest ten, in two groups), so that two outliers among either five do not move it.
@@ -46,7 +46,7 @@ def outliers(times: Array, values: Array, floor: float) -> Bools:
 
 
 def repeats(rows: Array, share: float = 0.1) -> Bools:
-    """Which rows (m, d) equal the row before in every component, where that is an exception.
+    """Return which rows (m, d) equal the row before in every component, where that is an exception.
 
     A noisy measurement does not return to the last bit: the row was shown again. Where more than a share of the rows
     do, the data are coarse or the object rests, and none is reported.

@@ -2,7 +2,7 @@
 
 Rao 1948 (Proc. Camb. Phil. Soc. 44, 50): derivatives of the residuals by an effect's unknowns, projected off all that
 is fitted already, against the residuals. It needs one batch of rollouts for each way to add an effect, all of its
-starts (places, frequencies) in it, and foretells both chi2 and the unknowns of a fit.
+starts (places, frequencies) in it, and predicts both chi2 and the unknowns of a fit.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.descent import FIRST_STEP, least_step
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis, NuisanceProjection
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.normal_equations import PRIOR, within_reach
-from polyworld.estimation.trial import FitContext, FittedHypothesis, NuisanceProjection
 from polyworld.estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ MOST_WORLDS = 768  # rolled out in one batch: beyond this memory counts and spee
 
 @dataclass(frozen=True)
 class ScoreTestStart:
-    """Where to begin the fit of a hypothesis: shared values (S,), and the chi2 that the slope foretells there.
+    """Start of the fit of a hypothesis: shared values (S,), and the chi2 that the slope predicts there.
 
     before (S,): the same with the effect still off, as its start has it. states[run] (N,): the initial states that go
     with the values. None where they are not known.
@@ -40,7 +40,7 @@ class ScoreTestStart:
     states: tuple[Array, ...] | None = None
 
 
-def leads(
+def score_test_starts(
     context: FitContext, trial: FittedHypothesis, hypotheses: Sequence[Hypothesis], keep: int, horizon: float = 1.0
 ) -> list[ScoreTestStart]:
     """Return `keep` starts of each hypothesis that adds one effect to a fitted one, largest predicted gain first.
@@ -48,25 +48,25 @@ def leads(
     horizon: part of each run's time that the trial was fitted to. Effects with a score test of their own are judged by
     whole runs, and left out of shorter ones.
     """
-    ground = trial.ground
+    nuisance = trial.nuisance
     found: list[ScoreTestStart] = []
     special: dict[str, list[Hypothesis]] = {}
     for hypothesis in hypotheses:
         candidate = hypothesis.parts[-1].candidate
-        if candidate.leads is not None:
+        if candidate.score_test is not None:
             special.setdefault(candidate.name, []).append(hypothesis)
             continue
         tried = _with_further_starts(context, trial, hypothesis) if horizon >= 1.0 else hypothesis
-        own = [replace(lead, hypothesis=hypothesis) for lead in _of_one(context, trial, tried, ground, horizon)]
-        found += sorted(own, key=lambda lead: lead.chi2)[:keep]
+        own = [replace(tested, hypothesis=hypothesis) for tested in _of_one(context, trial, tried, nuisance, horizon)]
+        found += sorted(own, key=lambda tested: tested.chi2)[:keep]
     for group in special.values() if horizon >= 1.0 else ():
-        by_itself = group[0].parts[-1].candidate.leads
+        by_itself = group[0].parts[-1].candidate.score_test
         found += by_itself(context, trial, group, keep) if by_itself is not None else []
-    return sorted(found, key=lambda lead: lead.chi2)
+    return sorted(found, key=lambda tested: tested.chi2)
 
 
 def _with_further_starts(context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis) -> Hypothesis:
-    """The hypothesis with the starts that residuals tell of its last effect."""
+    """Add starts of a hypothesis' last effect that are estimated from residuals."""
     part = hypothesis.parts[-1]
     if part.candidate.further is None:
         return hypothesis
@@ -77,7 +77,7 @@ def _with_further_starts(context: FitContext, trial: FittedHypothesis, hypothesi
 
 
 def _of_one(
-    context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, ground: NuisanceProjection, horizon: float
+    context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, nuisance: NuisanceProjection, horizon: float
 ) -> list[ScoreTestStart]:
     own = hypothesis.parts[-1].variant
     starts = np.array(hypothesis.starts(trial.values))
@@ -85,7 +85,7 @@ def _of_one(
     found: list[ScoreTestStart] = []
     size = max(1, MOST_WORLDS // per_start)
     for first in range(0, len(starts), size):
-        found += _of_starts(context, trial, hypothesis, ground, starts[first : first + size], horizon)
+        found += _of_starts(context, trial, hypothesis, nuisance, starts[first : first + size], horizon)
     return found
 
 
@@ -93,7 +93,7 @@ def _of_starts(
     context: FitContext,
     trial: FittedHypothesis,
     hypothesis: Hypothesis,
-    ground: NuisanceProjection,
+    nuisance: NuisanceProjection,
     starts: Array,
     horizon: float,
 ) -> list[ScoreTestStart]:
@@ -122,11 +122,11 @@ def _of_starts(
         base = np.broadcast_to(white[: len(plain)], (j, white.shape[1]))
         slopes = (white[len(plain) :].reshape(j, k, -1) - base[:, None]) / signed[:, :, None]
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        answer = ground.answers[r.index]
+        answer = nuisance.answers[r.index]
         answers.append((base @ answer.T, slopes @ answer.T, trial.fit.linear.a[r.index].T @ answer.T))
-        slopes = ground.off(r.index, slopes)
-        rest = ground.off(r.index, base)
-        a = ground.slopes[r.index]
+        slopes = nuisance.off(r.index, slopes)
+        rest = nuisance.off(r.index, base)
+        a = nuisance.slopes[r.index]
         square += (rest**2).sum(axis=1)
         ga += rest @ a
         gc += np.einsum("jkm,jm->jk", slopes, rest)
@@ -138,14 +138,14 @@ def _of_starts(
     for i in range(j):
         if not np.isfinite(square[i]):
             continue
-        matrix = cc[i] - ac[i].T @ ground.inverse @ ac[i]
-        gradient = gc[i] - ac[i].T @ ground.inverse @ ga[i]
-        ground_level = square[i] - ga[i] @ ground.inverse @ ga[i]
+        matrix = cc[i] - ac[i].T @ nuisance.inverse @ ac[i]
+        gradient = gc[i] - ac[i].T @ nuisance.inverse @ ga[i]
+        ground_level = square[i] - ga[i] @ nuisance.inverse @ ga[i]
         step = bounded_step(matrix, gradient, own, starts[i, at])
         chi2 = ground_level + 2.0 * gradient @ step + step @ matrix @ step
         begin = starts[i].copy()
         begin[at] += step
-        shared = -ground.inverse @ (ga[i] + ac[i] @ step)
+        shared = -nuisance.inverse @ (ga[i] + ac[i] @ step)
         begin[:s] = np.clip(begin[:s] + shared, least, most)  # the slope may predict more than there can be
         states = tuple(
             own_states + within_reach(still[i] + step @ moved[i] + shared @ carried, run.typical)
@@ -158,7 +158,7 @@ def _of_starts(
 
 
 def bounded_step(matrix: Array, gradient: Array, unknowns: Sequence[Unknown], at: Array) -> Array:
-    """The step (K,) from `at` that minimises 2 gradient^T s + s^T matrix s within the unknowns' bounds."""
+    """Return the step (K,) from `at` that minimises 2 gradient^T s + s^T matrix s within the unknowns' bounds."""
     typical = np.array([u.typical for u in unknowns])
     room = [np.array([getattr(u, side) for u in unknowns]) - at for side in ("lower", "upper")]
     damped = matrix + np.diag((PRIOR / typical) ** 2)

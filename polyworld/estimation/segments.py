@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.design import Design, design
-from polyworld.estimation.run_parts import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
+from polyworld.estimation.run_segments import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
 from polyworld.estimation.states import with_unobserved_spins
 from polyworld.recording import Recording, Run
 from polyworld.shapes import Sphere
@@ -132,7 +132,8 @@ def _smoothed(run: Run, begins: Sequence[int]) -> list[int]:
 
 
 def restartable(world: World, recording: Recording) -> bool:
-    """Whether trajectories may be restarted at any instant: what is not measured of a state must not be dropped there.
+    """Return whether trajectories may be restarted at any instant: what is not measured of a state must not be dropped
+    there.
 
     Balls whose turns were not measured have their spin among the unknowns of each segment.
     """

@@ -43,7 +43,7 @@ class Correction:
 
 
 def modes(whitened: Array, used: float, seconds: float = 1.0, left: Array | None = None) -> Modes:
-    """The modes of a whitened series (m,)."""
+    """Return the modes of a whitened series (m,)."""
     power = dct(whitened, norm="ortho") ** 2
     return Modes(power, np.ones(len(power)) if left is None else left, used, seconds)
 
@@ -56,7 +56,7 @@ def gain(frequency: Array, used: float | Array, true: float | Array) -> Array:
 
 
 def fitted(series: Sequence[Modes], prior: float, prior_error: float, low: int, furthest: float = np.inf) -> Correction:
-    """The correlation that the modes from `low` on suggest together with a prior (normal, in the correlation).
+    """Return the correlation that the modes from `low` on suggest together with a prior (normal, in the correlation).
 
     furthest: how far from the prior it may be at most. What a wrong model leaves can be so loud that no prior outweighs
     it.

@@ -69,7 +69,7 @@ def _path(name: str, label: str) -> str:
 
 
 def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
-    """The coordinates of all objects that a run shows, with guesses from its first samples.
+    """Return the coordinates of all objects that a run shows, with guesses from its first samples.
 
     Components that were not measured keep the values of the world's description.
     """
@@ -203,7 +203,7 @@ def _free(world: World, item: RigidObject, run: Run, column: int, early: int) ->
 
 
 def _known_spin(item: RigidObject, labels: list[str]) -> bool:
-    """Whether the spin of a body was measured or described, or does nothing without friction."""
+    """Return whether the spin of a body was measured or described, or does nothing without friction."""
     return (
         any(label.startswith("angular_velocity") for label in labels) or any(item.angular_velocity) or not item.friction
     )
@@ -227,14 +227,14 @@ def _rolling(radius: float, start: Mapping[str, float], axis: int, gravity: floa
 
 
 def _measured_axes(run: Run, column: int, normal: Array) -> list[int]:
-    """Axes along which the spin of an object was measured and may differ from zero; normal (3,): of its motion plane,
-    zero for bodies that move in space."""
+    """Return axes along which the spin of an object was measured and may differ from zero; normal (3,): of its motion
+    plane, zero for bodies that move in space."""
     axes = np.flatnonzero(np.isfinite(run.angular_velocities[:, column]).any(axis=0)).tolist()
     return [a for a in axes if not normal.any() or a == int(np.argmax(normal))]
 
 
 def _is_lifted(world: World, item: RigidObject) -> bool:
-    """Whether the path of a body in flight depends on its spin."""
+    """Return whether the path of a body in flight depends on its spin."""
     return any(
         e.kind == "magnus_lift"
         and e.enabled
@@ -245,8 +245,8 @@ def _is_lifted(world: World, item: RigidObject) -> bool:
 
 
 def _spin_shows(world: World, item: RigidObject) -> bool:
-    """Whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of its
-    contacts, or through a patch that both slides and spins."""
+    """Return whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of
+    its contacts, or through a patch that both slides and spins."""
     plane = world.environment.motion_plane
     meets = item.friction > 0.0 and len(world.objects) + len(world.statics) > 1
     rubs = plane.supports and item.friction > 0.0 and plane.friction != 0.0
@@ -264,7 +264,7 @@ def _jointed(whole: Linkage, run: Run) -> StateCoordinates:
 
 
 def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
-    """Where a deformable object begins and how fast, as a whole: its shape at the start is the world's.
+    """Return where a deformable object begins and how fast, as a whole: its shape at the start is the world's.
 
     What is held somewhere, and fluids, start as the world says: they cannot be shifted off what holds them.
     """

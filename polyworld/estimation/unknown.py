@@ -38,5 +38,5 @@ class Unknown:
     enters: float = 0.0
 
     def is_of(self, run: Run) -> bool:
-        """Whether its value counts in a run, or in a window of a run."""
+        """Return whether its value counts in a run, or in a segment of it."""
         return self.run in (None, run.window_of or run.name)

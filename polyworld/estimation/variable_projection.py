@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import Point, standard_steps, trial_costs
+from polyworld.estimation.descent import Estimate, standard_steps, trial_costs
 from polyworld.estimation.design import Design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.multistart import Way, best_of_starts
+from polyworld.estimation.multistart import RunFit, best_of_starts
 from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.per_run_descent import descend_per_run
 from polyworld.estimation.score_test import bounded_step
 from polyworld.estimation.settings import PROJECTION, REFIT
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
 
@@ -37,21 +37,21 @@ class _Followed:
     costs: Array
 
     def worse(self, before: Array) -> list[int]:
-        """Runs that fit much worse than before."""
+        """Return runs that fit much worse than before."""
         return [int(k) for k in np.flatnonzero(self.costs > before + REFIT.worth)]
 
-    def hoped(self, before: Array, worse: float = 0.0) -> float:
+    def expected_chi2(self, before: Array, worse: float = 0.0) -> float:
         """Return chi2 if runs that got worse come back to what they were, or to so much more."""
         return float(np.minimum(self.costs, before + worse).sum())
 
 
 def sensitive(design: Design) -> bool:
-    """Whether bodies may collide, and nothing is coupled to them that would take long."""
+    """Return whether bodies may collide, and nothing is coupled to them that would take long."""
     return profile.collide(design) and not design.world.coupled
 
 
 def profiled(trial: FittedHypothesis) -> FittedHypothesis:
-    """The trial, or a better one by steps of the shared values that initial states follow run by run.
+    """Improve a fit by steps of the shared values that initial states follow run by run.
 
     As it is where bodies do not collide, nothing is shared, or the better half of the runs is far from explained: then
     it is not a run that holds up the others.
@@ -63,13 +63,15 @@ def profiled(trial: FittedHypothesis) -> FittedHypothesis:
         before = trial.costs
         if not np.all(np.isfinite(before)):
             return trial
-        followed = sorted((_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.hoped(before, REFIT.worth))
+        followed = sorted(
+            (_followed(trial, v) for v in asked_for(trial)), key=lambda f: f.expected_chi2(before, REFIT.worth)
+        )
         further: FittedHypothesis | None = None
         for one in followed[: PROJECTION.followed]:
             worse = one.worse(before)
             if worse and middle(one.costs / trial.context.counts) > REFIT.explained:
                 continue  # it is the law that fails
-            if one.hoped(before) < trial.chi2 - PROJECTION.gain and len(worse) <= searches:
+            if one.expected_chi2(before) < trial.chi2 - PROJECTION.gain and len(worse) <= searches:
                 searches -= len(worse)
                 _refit(trial, one, worse, before)
                 further = _together(trial, one)
@@ -82,12 +84,12 @@ def profiled(trial: FittedHypothesis) -> FittedHypothesis:
 
 
 def middle(misfits: Array) -> float:
-    """Of chi2 per measurement (R,) of the runs that of the worst of the better half; of two runs the better one's."""
+    """Return the lower median of chi2 per measurement (R,) of the runs; of two runs the better one's."""
     return float(np.sort(misfits)[(len(misfits) - 1) // 2])
 
 
-def best_start_of(context: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> Way:
-    """The way found to fit a run best at shared values (S,); `below` as in `best_way`."""
+def best_start_of(context: FitContext, hypothesis: Hypothesis, values: Array, run: int, below: float) -> RunFit:
+    """Fit one run by multistart at shared values (S,); `below` as in `best_of_starts`."""
     world = hypothesis.fitted_world(values, context.design.runs[run].run)
     found = best_of_starts(world, context.design, context.noise, run, below, context.cancelled)
     context.forward(hypothesis).rollouts += found.rollouts
@@ -96,7 +98,7 @@ def best_start_of(context: FitContext, hypothesis: Hypothesis, values: Array, ru
 
 def asked_for(trial: FittedHypothesis) -> list[Array]:
     """Shared values (S,) that all runs ask for, and that all but one do, where that is something else."""
-    slopes, residuals = trial.ground.slopes, trial.fit.linear.r
+    slopes, residuals = trial.nuisance.slopes, trial.fit.linear.r
     own = [a.T @ a for a in slopes]
     pull = [a.T @ r for a, r in zip(slopes, residuals, strict=True)]
     errors = np.maximum(np.sqrt(np.maximum(np.diag(trial.fit.covariance), 0.0)), 1e-300)
@@ -119,20 +121,20 @@ def asked_for(trial: FittedHypothesis) -> list[Array]:
 
 
 def _followed(trial: FittedHypothesis, values: Array) -> _Followed:
-    """Every run fitted by itself at other shared values, from where the slopes have it and from where it was."""
+    """Fit every run by itself at other shared values, from where the slopes have it and from where it was."""
     context, linear = trial.context, trial.fit.linear
     forward = context.forward(trial.hypothesis)
     shift = values - trial.values
     predicted = tuple(
         state + within_reach(answer @ (r + a @ shift), own.typical)
         for own, state, answer, r, a in zip(
-            context.design.runs, trial.fit.states, trial.ground.answers, linear.r, linear.a, strict=True
+            context.design.runs, trial.fit.states, trial.nuisance.answers, linear.r, linear.a, strict=True
         )
     )
     steps = standard_steps(forward, linear)
     best = _Followed(values, list(trial.fit.states), np.full(len(linear.r), np.inf))
     for states in (predicted, trial.fit.states):
-        at = Point(values, states)
+        at = Estimate(values, states)
         at, *_ = descend_per_run(forward, context.noise, at, 1.0, steps, PROJECTION.iterations, PROJECTION.rough)
         costs = trial_costs(forward, context.noise, [at], 1.0)[0]
         for k in np.flatnonzero(costs < best.costs):
@@ -150,7 +152,7 @@ def _refit(trial: FittedHypothesis, one: _Followed, worse: list[int], before: Ar
 
 
 def _together(trial: FittedHypothesis, one: _Followed) -> FittedHypothesis | None:
-    """All runs fitted together from what was found; None where that is no better."""
+    """Fit all runs together from what was found; None where that is no better."""
     if one.costs.sum() > trial.chi2 - PROJECTION.gain:
         return None
     found = trial.context.fit(trial.hypothesis, one.values, one.states, iterations=PROJECTION.together)

@@ -39,7 +39,7 @@ class Quantity:
 
 
 class Operations:
-    """What an expression may do, each on quantities, emitting into one builder."""
+    """Operations that an expression may use, each on quantities, emitting into one builder."""
 
     def __init__(self, builder: ops.Builder) -> None:
         self.builder = builder

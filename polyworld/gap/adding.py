@@ -13,13 +13,13 @@ from polyworld.world import World
 
 
 def with_parts(world: World, **parts: Any) -> World:
-    """A child world with some fields replaced, checked as a whole."""
+    """Return a child world with some fields replaced, checked as a whole."""
     fields: dict[str, Any] = {name: getattr(world, name) for name in World.model_fields}
     return World.model_validate(fields | parts)
 
 
 def free_name(name: str, taken: Iterable[str]) -> str:
-    """The name, or the name with the first number that makes it free."""
+    """Return the name, or the name with the first number that makes it free."""
     used = set(taken)
     if name not in used:
         return name
@@ -37,7 +37,7 @@ def of_path(
     upper: float = inf,
     plausible: float | None = None,
 ) -> Unknown:
-    """An unknown whose value paths of a world share; bounds lie within those of the parameter."""
+    """Return an unknown whose value paths of a world share; bounds lie within those of the parameter."""
     spec = specification(world, paths[0])
     lower, upper = max(lower, spec.lower), min(upper, spec.upper)
     return Unknown(name, paths, spec.unit, start, lower, upper, typical, plausible=plausible)
@@ -46,7 +46,8 @@ def of_path(
 def by_value(
     world: World, paths: Iterable[str], name: str, sized: Callable[[float], Mapping[str, float]]
 ) -> list[Unknown]:
-    """Unknowns for paths of a world, one for all that have the same value now; paths without a value are left out.
+    """Return unknowns for paths of a world, one for all that have the same value now; paths without a value are left
+    out.
 
     sized: value -> typical size, bounds and plausible departure, as `of_path` takes them.
     """
@@ -68,7 +69,7 @@ def by_value(
 
 
 def neutral(unknowns: Iterable[Unknown], **values: float) -> dict[str, float]:
-    """The unknowns' own starts by name, with some replaced."""
+    """Return the unknowns' own starts by name, with some replaced."""
     return {u.name: u.start for u in unknowns} | values
 
 
@@ -80,7 +81,8 @@ def one_start(
     strength: str | None = None,
     same_as: tuple[str, ...] = (),
 ) -> Variant:
-    """A variant that is fitted from its neutral values. strength: default the unknown, where it is the only one."""
+    """Return a variant that is fitted from its neutral values. strength: default the unknown, where it is the only
+    one."""
     if strength is None and len(unknowns) == 1:
         strength = unknowns[0].name
     return Variant(world, tuple(unknowns), (neutral(unknowns),), label, strength, same_as)

@@ -17,12 +17,12 @@ _GROUPS = ("base", "force", "contact", "structure", "joint", "material", "observ
 
 
 def catalogue() -> dict[str, Candidate]:
-    """Every candidate by name. Raises ValueError where two modules use one name."""
+    """Return every candidate by name. Raises ValueError where two modules use one name."""
     return {c.name: c for c in _all()}
 
 
 def named(names: Sequence[str]) -> list[Candidate]:
-    """The candidates of these names, each once. Raises ValueError naming the nearest and all choices."""
+    """Return the candidates of these names, each once. Raises ValueError naming the nearest and all choices."""
     known = catalogue()
     unknown = [name for name in dict.fromkeys(names) if name not in known]
     if unknown:

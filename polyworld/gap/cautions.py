@@ -5,8 +5,8 @@ from __future__ import annotations
 from polyworld.estimation.design import Design, owner
 from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.predictability import swings_on_others
-from polyworld.estimation.run_parts import MOST
-from polyworld.gap.single_coordinate import follows_one_course
+from polyworld.estimation.run_segments import MOST
+from polyworld.gap.single_coordinate import is_single_coordinate
 from polyworld.representations.rigid import RigidObject
 
 FEW = 16  # instants of a series below which its noise is a guess
@@ -36,9 +36,11 @@ def cautions(plan: Design) -> tuple[str, ...]:
     there = {name for run in plan.recording.runs for name in run.names}
     for tree in trees:
         bodies = [link.item.name for link in tree.links if link.free]
-        unseen = [name for name in bodies if name not in there]
-        if unseen and len(unseen) < len(bodies):
-            found.append(f"{' and '.join(unseen)} hang together with what was measured: they start as the world says")
+        unobserved = [name for name in bodies if name not in there]
+        if unobserved and len(unobserved) < len(bodies):
+            found.append(
+                f"{' and '.join(unobserved)} hang together with what was measured: they start as the world says"
+            )
     if stuck:
         found.append(
             f"{' and '.join(stuck)} are held by joints that are no tree of parallel hinges and sliders from "
@@ -49,7 +51,7 @@ def cautions(plan: Design) -> tuple[str, ...]:
             "hinges of a planar world turn freely: damping, friction and motors of joints are not among the effects "
             "that were tried; describe the objects as rigid_spatial, with the hinges' axes, to have them tried"
         )
-    if follows_one_course(plan):
+    if is_single_coordinate(plan):
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
     whole = sorted({r.run.part_of for r in plan.runs if r.run.part_of is not None})
     for name in whole:
@@ -65,7 +67,7 @@ def cautions(plan: Design) -> tuple[str, ...]:
     shortest = min((len(s.rows) for s in plan.series), default=0)
     if shortest < FEW:
         found.append(
-            f"series of {shortest} instants are too short to tell noise from motion: the noise level, and with it the "
-            "verdict and the intervals, is a guess"
+            f"series of {shortest} instants are too short to separate noise from motion: the noise level, and with it "
+            "the verdict and the intervals, is a guess"
         )
     return tuple(found)

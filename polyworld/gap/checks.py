@@ -67,8 +67,8 @@ def contradictions(
         return []
     checks = []
     incomplete = found.limited and verdict.kind == "identified_with_remainder"
-    if not found.rivals_fitted or incomplete:
-        missing = "further effect beside it" if incomplete and found.rivals_fitted else "effect in question"
+    if not found.competitors_fitted or incomplete:
+        missing = "further effect beside it" if incomplete and found.competitors_fitted else "effect in question"
         checks.append(Check("time_limit", f"the time ran out before every {missing} was fitted"))
     if null is not None and null.verdict != "nothing_missing":
         checks.append(Check("null_control", f"the same search names effects ({null.verdict}) where none is missing"))

@@ -24,7 +24,7 @@ class Clock:
         self._cancelled = cancelled
 
     def __call__(self) -> bool:
-        """Whether the work was cancelled."""
+        """Return whether the work was cancelled."""
         if self._end is not None and time.monotonic() > self._end:
             raise TimeLimitReached
         return self._cancelled is not None and self._cancelled()

@@ -22,7 +22,7 @@ from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-STRIDES = 24  # a run is cut in as many stretches to read speeds from
+STRIDES = 24  # segments of a run to read speeds from
 NEAR = 0.25  # of a body's radius: gap within which tracks count as touching
 SLIDING = 0.2  # contact that lasts this long is no bounce [s]
 
@@ -39,7 +39,7 @@ class Track:
 
 
 def tracks(world: World, recording: Recording) -> Iterator[Track]:
-    """All rigid bodies in all runs."""
+    """Return all rigid bodies in all runs."""
     rigid = {o.name for o in world.objects}
     for index, run in enumerate(recording.runs):
         for column, name in enumerate(run.names):
@@ -135,7 +135,7 @@ def _pull(world: World, gravity: Array, normal: Array, supported: bool) -> float
 
 
 def _unturned(world: World, recording: Recording) -> dict[str, tuple[str, ...]]:
-    """Runs, by free rigid body, in which its places but not its turns were measured."""
+    """Return runs, by free rigid body, in which its places but not its turns were measured."""
     rigid = {o.name for o in world.objects if not is_held(world, o.name)}
     found: dict[str, tuple[str, ...]] = {}
     for run in recording.runs:
@@ -169,7 +169,8 @@ def _noise(run: Run, places: Array) -> float:
 
 
 def _speeds(run: Run) -> Array:
-    """Speeds over stretches of a run long enough that noise does not make them; components not seen count as still."""
+    """Return speeds over stretches of a run long enough that noise does not make them; components not seen count as
+    still."""
     stride = max(1, (len(run.times) - 1) // STRIDES)
     span = run.times[stride:] - run.times[:-stride]
     moved = run.positions[stride:] - run.positions[:-stride]
@@ -214,8 +215,8 @@ def reach(world: World, item: RigidObject) -> float:
     return float(np.linalg.norm(outline, axis=1).max() + disc)
 
 
-def lever(world: World, joint: Joint) -> float:
-    """Lever [m] of a body's weight about its joint; 1 for sliders, whose efforts are forces."""
+def moment_arm(world: World, joint: Joint) -> float:
+    """Return the moment arm [m] of a body's weight about its joint; 1 for sliders, whose efforts are forces."""
     if isinstance(joint, Slider):
         return 1.0
     item = world.object(joint.object)
@@ -242,7 +243,7 @@ def _longest_step(track: Track) -> float:
 
 
 def _lasts(track: Track, near: NDArray[np.bool_]) -> bool:
-    """Whether a contact, near (T,), lasts too long for a bounce."""
+    """Return whether a contact, near (T,), lasts too long for a bounce."""
     run, longest = 0, 0
     for flag in near:
         run = run + 1 if flag else 0

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis, Start
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.refitting import refit_ill_runs
-from polyworld.estimation.score_test import ScoreTestStart, leads
-from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
+from polyworld.estimation.score_test import ScoreTestStart, score_test_starts
 from polyworld.estimation.variable_projection import profiled
 from polyworld.gap.refined_starts import closer
 from polyworld.gap.segment_context import SegmentContext
@@ -28,7 +28,7 @@ from polyworld.gap.strength_map import mapped
 Array = NDArray[np.float64]
 Key = tuple[str, ...]
 
-Tell = Callable[[str, dict[str, Any]], None]
+ReportStep = Callable[[str, dict[str, Any]], None]
 More = Callable[[FittedHypothesis], list[Hypothesis]]
 
 HALFWAY = (0.3, 1.0)  # shares of the predicted step that are tried as starts: slopes often ask for too much
@@ -60,7 +60,7 @@ class Prediction:
 
 @dataclass
 class Contest:
-    """Hypotheses fitted to one layout of the data: `context`. segments: how runs are cut for it, None for whole runs.
+    """Hypotheses fitted to one layout of the data: `context`. segments: those of the runs, None for whole runs.
 
     fitted: the best fit of each hypothesis so far. predicted: of each hypothesis, the best prediction so far.
     """
@@ -68,7 +68,7 @@ class Contest:
     context: FitContext
     segments: SegmentContext | None
     settings: SearchSettings
-    tell: Tell
+    report: ReportStep
     fitted: dict[Key, FittedHypothesis] = field(default_factory=dict)
     predicted: dict[Key, Prediction] = field(default_factory=dict)
 
@@ -96,12 +96,12 @@ class Contest:
         return ranked[0] if ranked else None
 
     def explained(self, trial: FittedHypothesis) -> bool:
-        """Whether a fit leaves no more than noise would, but for twice how much that varies."""
+        """Return whether a fit leaves no more than noise would, but for twice how much that varies."""
         noise = self.observations
         return trial.chi2 < noise + 2.0 * float(np.sqrt(2.0 * noise))
 
     def holds(self, hypothesis: Hypothesis) -> bool:
-        """Whether a hypothesis can be fitted to this layout."""
+        """Return whether a hypothesis can be fitted to this layout."""
         return self.segments is None or self.segments.holds(hypothesis)
 
     # -- predictions ---------------------------------------------------------------------------------------------
@@ -116,14 +116,16 @@ class Contest:
         for parent in parents:
             own: dict[Key, list[ScoreTestStart]] = {}
             held = [h for h in more(parent) if self.holds(h)]
-            for lead in leads(self.context, parent, [h for h in held if not self._steep(h)], self.settings.few):
-                own.setdefault(identity(lead.hypothesis), []).append(lead)
+            for tested in score_test_starts(
+                self.context, parent, [h for h in held if not self._steep(h)], self.settings.few
+            ):
+                own.setdefault(identity(tested.hypothesis), []).append(tested)
             for hypothesis in held:
                 if self._steep(hypothesis):
-                    tried = leads(self.context, parent, [hypothesis], self.settings.impacts)
+                    tried = score_test_starts(self.context, parent, [hypothesis], self.settings.impacts)
                     seen = sorted((self._evaluated(parent, x) for x in tried), key=lambda x: x.chi2)
                     own.setdefault(identity(hypothesis), []).extend(seen[: self.settings.few])
-            found += [(parent, tuple(sorted(x, key=lambda lead: lead.chi2))) for x in own.values() if x]
+            found += [(parent, tuple(sorted(x, key=lambda tested: tested.chi2))) for x in own.values() if x]
         price = float(np.log(self.observations))
         gains = [p.chi2 - starts[0].chi2 - starts[0].hypothesis.extra * price for p, starts in found]
         best = max(max(gains, default=0.0), 1e-9)
@@ -133,7 +135,7 @@ class Contest:
         )
         for prediction in reversed(ranked):
             self.predicted[identity(prediction.hypothesis)] = prediction
-        self.tell(
+        self.report(
             "score test",
             {
                 "on": [p.hypothesis.title for p in parents],
@@ -146,28 +148,29 @@ class Contest:
         return [x for row in rows for x in row if x is not None]
 
     def _steep(self, hypothesis: Hypothesis) -> bool:
-        """Whether chi2 of the last effect is no smooth function of it: what acts where bodies touch."""
+        """Return whether chi2 of the last effect is no smooth function of it: what acts where bodies touch."""
         return self.segments is not None and at_contacts(hypothesis)
 
-    def _evaluated(self, parent: FittedHypothesis, lead: ScoreTestStart) -> ScoreTestStart:
-        chi2, _ = self._nearest(lead.hypothesis, self._options(parent, lead))
-        return ScoreTestStart(lead.hypothesis, lead.values, min(lead.chi2, chi2), lead.before, lead.states)
+    def _evaluated(self, parent: FittedHypothesis, tested: ScoreTestStart) -> ScoreTestStart:
+        chi2, _ = self._nearest(tested.hypothesis, self._options(parent, tested))
+        return ScoreTestStart(tested.hypothesis, tested.values, min(tested.chi2, chi2), tested.before, tested.states)
 
-    def _options(self, parent: FittedHypothesis, lead: ScoreTestStart) -> list[Start]:
-        """Starts of a fit: as predicted, halfway, the effect still off, and with the data's own initial states."""
+    def _options(self, parent: FittedHypothesis, tested: ScoreTestStart) -> list[Start]:
+        """Return starts of a fit: as predicted, halfway, the effect still off, and with the data's own initial
+        states."""
         data = profile.start_states(self.context.design)
-        options = [Start(lead.values, parent.fit.states), Start(lead.values, data)]
-        if lead.before is not None:
-            options.append(Start(lead.before, parent.fit.states))
-            if lead.states is not None and self.segments is None:
+        options = [Start(tested.values, parent.fit.states), Start(tested.values, data)]
+        if tested.before is not None:
+            options.append(Start(tested.before, parent.fit.states))
+            if tested.states is not None and self.segments is None:
                 for share in HALFWAY:
-                    pairs = zip(parent.fit.states, lead.states, strict=True)
+                    pairs = zip(parent.fit.states, tested.states, strict=True)
                     middle = tuple((1.0 - share) * a + share * b for a, b in pairs)
-                    options.append(Start((1.0 - share) * lead.before + share * lead.values, middle))
+                    options.append(Start((1.0 - share) * tested.before + share * tested.values, middle))
         return options
 
     def _nearest(self, hypothesis: Hypothesis, options: Sequence[Start]) -> tuple[float, Start]:
-        """The option nearest to the data; on segments, which share nothing but values, segment by segment."""
+        """Return the option nearest to the data; on segments, which share nothing but values, segment by segment."""
         costs = self.context.run_costs(hypothesis, options)
         if self.segments is None:
             k = int(np.argmin(costs.sum(axis=1)))
@@ -221,7 +224,7 @@ class Contest:
         found: list[tuple[float, Start, Hypothesis]] = []
         for order in dict.fromkeys(tuple(labels(p.hypothesis)) for p in ways):  # in which unknowns come
             own = [p for p in ways if tuple(labels(p.hypothesis)) == order]
-            options = [o for p in own for lead in p.starts for o in self._options(p.parent, lead)]
+            options = [o for p in own for tested in p.starts for o in self._options(p.parent, tested)]
             found.append((*self._nearest(own[0].hypothesis, options), own[0].hypothesis))
         _, start, hypothesis = min(found, key=lambda f: f[0])
         ways = [p for p in ways if labels(p.hypothesis) == labels(hypothesis)]
@@ -275,15 +278,15 @@ class Contest:
         if self.segments is not None and profile.collide(self.context.design):
             trial = refit_ill_runs(trial)
             trial = trial if self.explained(trial) else profiled(trial)
-        self.tell("fit", trial.figures() | {"segments": self.segments is not None})
+        self.report("fit", trial.figures() | {"segments": self.segments is not None})
         return trial
 
     def _nearly_all(self, trial: FittedHypothesis, level: float) -> bool:
-        """Whether hardly more is left of what a fit to the data lacked than noise."""
+        """Return whether hardly more is left of what a fit to the data lacked than noise."""
         return trial.chi2 - self.observations < 0.1 * (level - self.observations) or self.explained(trial)
 
     def _worth(self, trials: Sequence[FittedHypothesis], level: float) -> list[FittedHypothesis]:
-        """Of some fits the first few, all that gain half of what the best does, and all within reach; best first."""
+        """Select the first few fits, all that gain half of what the best does, and all within reach; best first."""
         ranked = sorted(trials, key=lambda t: t.ebic)
         few = 1 if any(self._nearly_all(t, level) for t in ranked) else self.settings.few
         return [
@@ -296,14 +299,14 @@ class Contest:
 
 
 def at_contacts(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect acts where bodies touch: an obstacle, another law of contact, or friction."""
+    """Return whether the last effect acts where bodies touch: an obstacle, another law of contact, or friction."""
     candidate = hypothesis.parts[-1].candidate
     return candidate.group in ("structure", "contact") or candidate.name == "friction_error"
 
 
 def unpredicted(hypothesis: Hypothesis) -> bool:
-    """Whether no slope predicts the last effect, nor chi2 before initial states have followed: it cannot be switched
-    off, or what it does ends where bodies stick."""
+    """Return whether no slope predicts the last effect, nor chi2 before initial states have followed: it cannot be
+    switched off, or what it does ends where bodies stick."""
     part = hypothesis.parts[-1]
     jumps = part.variant.strength is None and len(part.variant.starts) > 1
     return at_contacts(hypothesis) and (jumps or part.candidate.further is not None)

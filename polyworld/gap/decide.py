@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from polyworld.estimation.criteria import HeldOutGain, held_out_gain
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.gap.model_error import ModelError
 from polyworld.gap.settings import DecisionSettings
 from polyworld.gap.stability import (
@@ -88,18 +88,18 @@ def decide(
     gated: Verdict,
     base: FittedHypothesis,
     pool: Sequence[FittedHypothesis],
-    courses: int,
+    motions: int,
     settings: DecisionSettings = DEFAULT,
     seed: int = 0,
 ) -> Verdict:
     """Return the verdict, with model error admitted where it has a say.
 
     gated: the verdict on hypotheses that leave only noise. base: the world without effects. pool: fitted hypotheses,
-    all under one noise. courses: distinct courses among the runs, as which repeated ones count.
+    all under one noise. motions: distinct motions among the runs, as which repeated ones count.
     """
     best = gated.best
     if gated.kind == "unexplained" and pool:
-        found = compare(base, pool, courses, settings, seed)
+        found = compare(base, pool, motions, settings, seed)
         if not found.reasons:
             return _named(gated, found)
         if found.alternatives:
@@ -108,7 +108,7 @@ def decide(
     standing = gated.credible or (() if best is None else (best,))
     if gated.kind in ("identified", "ambiguous") and all(_may_imitate(t, base, pool, settings) for t in standing):
         others = [t for t in pool if all(t is not s for s in standing)]
-        found = compare(base, [*others, *standing], courses, settings, seed)
+        found = compare(base, [*others, *standing], motions, settings, seed)
         if not far_fetched(found.leader) and found.leader.hypothesis.names:
             if not found.reasons and not {names_of(t) for t in standing} & set(found.competitors):
                 return _named(gated, found)
@@ -140,7 +140,7 @@ def _may_imitate(
 def compare(
     base: FittedHypothesis,
     trials: Sequence[FittedHypothesis],
-    courses: int,
+    motions: int,
     settings: DecisionSettings = DEFAULT,
     seed: int = 0,
 ) -> Stability:
@@ -161,10 +161,10 @@ def compare(
     ahead = float(scores[0] - scores[index])
 
     reasons = []
-    if courses < settings.fewest_runs:
-        plural = "" if courses == 1 else "s"
+    if motions < settings.fewest_runs:
+        plural = "" if motions == 1 else "s"
         reasons.append(
-            f"the runs follow {courses} distinct course{plural}: stability over runs needs {settings.fewest_runs}"
+            f"the runs follow {motions} distinct course{plural}: stability over runs needs {settings.fewest_runs}"
         )
     if not leader.hypothesis.names:
         reasons.append("with model error admitted, no effect is decisive")
@@ -182,8 +182,8 @@ def compare(
             f"runs left out are not predicted better: chi2 falls by {gain.gain:.3g} +- {gain.error:.2g} per run"
         )
     for other, chi2, score in zip(pool[1:], held_out[1:], scores[1:], strict=True):
-        rival = not far_fetched(other) and not contains(other, leader, same)
-        if rival and score < scores[index] and held_out_gain(chi2, held_out[index]).exceeds(settings.clearly):
+        competitor = not far_fetched(other) and not contains(other, leader, same)
+        if competitor and score < scores[index] and held_out_gain(chi2, held_out[index]).exceeds(settings.clearly):
             reasons.append(f"runs left out are predicted better by {' + '.join(names_of(other))}")
             break
     stable = {name for name, value in support.items() if value >= settings.stable}

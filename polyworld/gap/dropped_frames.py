@@ -2,7 +2,7 @@
 
 From an onset on, a stamp that is too early by a small shift displaces what is seen by the shift times the velocity. So
 one rollout of what is fitted already, seen a little later from its start on, gives the slopes of the residuals by the
-shift for all onsets at once; projected off all that is fitted (Rao 1948), they tell how much a shift there would gain.
+shift for all onsets at once; projected off all that is fitted (Rao 1948), they predict the gain of a shift there.
 
 Frames are dropped and repeated whole. A shift by less than half a frame is what an impact leaves that lasts a few
 milliseconds in truth and none in the model, and is no onset.
@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.design import RunDesign
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.normal_equations import within_reach
 from polyworld.estimation.score_test import ScoreTestStart
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,8 @@ class Onset:
 def dropped_frame_starts(
     context: FitContext, trial: FittedHypothesis, hypothesis: Hypothesis, run: RunDesign, count: int
 ) -> tuple[Onset, ...]:
-    """The onsets in a run at which dropped or repeated frames would explain most of a fit's residuals, best first.
+    """Return the onsets in a run at which dropped or repeated frames would explain most of a fit's residuals, best
+    first.
 
     hypothesis: the fitted one with a shift in that run. At most `count`, none where the run is too short.
     """
@@ -54,7 +55,7 @@ def dropped_frame_starts(
     times = run.times
     if len(times) < 2 * ENDS + 1:
         return ()
-    ground = trial.ground
+    ground = trial.nuisance
     stride = 1 + (len(times) - 2 * ENDS) // MOST_ONSETS
     first_after = np.arange(ENDS, len(times) - ENDS + 1, stride)
     slopes = ground.off(run.index, _slopes(context, trial, hypothesis, run, first_after))
@@ -81,10 +82,11 @@ def dropped_frame_starts(
     )
 
 
-def dropped_frame_leads(
+def score_test_dropped_frames(
     context: FitContext, trial: FittedHypothesis, hypotheses: Sequence[Hypothesis], keep: int
 ) -> list[ScoreTestStart]:
-    """Where to begin fits of hypotheses whose last part is a shift in one run: the `keep` best onsets of all runs."""
+    """Return where to begin fits of hypotheses whose last part is a shift in one run: the `keep` best onsets of all
+    runs."""
     found: list[ScoreTestStart] = []
     for hypothesis in hypotheses:
         part = hypothesis.parts[-1].variant
@@ -98,10 +100,10 @@ def dropped_frame_leads(
             before = np.concatenate([trial.values, [(given | {"shift": 0.0})[u.name] for u in part.unknowns]])
             (slope,) = _slopes(context, trial, hypothesis, run, np.searchsorted(run.times, [onset.time]))
             states = list(trial.fit.states)
-            answer = trial.ground.answers[run.index] @ (slope * onset.shift)
+            answer = trial.nuisance.answers[run.index] @ (slope * onset.shift)
             states[run.index] = states[run.index] + within_reach(answer, run.typical)
             found.append(ScoreTestStart(hypothesis, values, trial.chi2 - onset.gain, before, tuple(states)))
-    return sorted(found, key=lambda lead: lead.chi2)[:keep]
+    return sorted(found, key=lambda tested: tested.chi2)[:keep]
 
 
 def _slopes(

@@ -19,7 +19,7 @@ from polyworld.world import Effect, World
 
 
 def effect_candidates() -> tuple[Candidate, ...]:
-    """One candidate for each effect that laws of `polyworld.effects` declare, its forms together."""
+    """Return one candidate for each effect that laws of `polyworld.effects` declare, its forms together."""
     forms: dict[str, list[str]] = {}
     for kind, absence in ABSENCES.items():
         forms.setdefault(absence.effect or kind, []).append(kind)
@@ -50,7 +50,7 @@ def _candidate(name: str, kinds: list[str]) -> Candidate:
 
 
 def _variants(kinds: list[str], world: World, recording: Recording) -> tuple[Variant, ...]:
-    """The ways to add an effect; those that give each body its own come last."""
+    """Return the ways to add an effect; those that give each body its own come last."""
     found = conditions(world, recording)
     acting = [k for k in kinds if CATALOGUE[k].per_mass or world.objects]  # other laws act on rigid bodies alone
     ways = [(kind, way) for kind in acting for way in ABSENCES[kind].ways(found) if way.starts]
@@ -75,7 +75,7 @@ def _variant(world: World, found: Conditions, kind: str, way: Way) -> Variant:
 
 
 def _added(world: World, found: Conditions, kind: str, way: Way) -> Iterator[Effect]:
-    """The law as effects of a world, off: one that acts on all it can, or one for each body, called after it."""
+    """Return the law as effects of a world, off: one that acts on all it can, or one for each body, called after it."""
     taken = {e.name for e in world.effects}
     if not way.each:
         # A law that is not proportional to mass acts on rigid bodies alone.
@@ -89,7 +89,7 @@ def _added(world: World, found: Conditions, kind: str, way: Way) -> Iterator[Eff
 
 
 def _unknowns(child: World, found: Conditions, effect: Effect, way: Way, effects: int) -> Iterator[Unknown]:
-    """The free parameters of one effect: of each run, of one body, or of all."""
+    """Return the free parameters of one effect: of each run, of one body, or of all."""
     body = effect.objects[0] if way.each and effect.objects else ""
     own = [_unknown(child, effect, way, name) for name in way.free]
     if way.each == "run":

@@ -8,11 +8,11 @@ import numpy as np
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise, refined_noise
 from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
 from polyworld.estimation.settings import REFIT
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.variable_projection import middle, sensitive
 from polyworld.gap.settings import BaseSettings
@@ -53,7 +53,7 @@ def fitted_base(
 
 
 def _first(trial: FittedHypothesis) -> FittedHypothesis:
-    """A rough fit taken to the end, or only until it gains little where it is far off."""
+    """Return a rough fit taken to the end, or only until it gains little where it is far off."""
     while far_off(trial):
         onward = trial.context.refit(trial, iterations=BASE.rough)
         if not onward.chi2 < BASE.halved * trial.chi2:
@@ -63,7 +63,7 @@ def _first(trial: FittedHypothesis) -> FittedHypothesis:
 
 
 def far_off(trial: FittedHypothesis) -> bool:
-    """Whether a fit is so far from the data that where exactly it ends means nothing."""
+    """Return whether a fit is so far from the data that where exactly it ends means nothing."""
     return trial.chi2 > BASE.far_off * trial.context.observations
 
 
@@ -88,7 +88,7 @@ def with_refined_noise(trial: FittedHypothesis) -> FittedHypothesis:
 
 
 def differs(one: Noise, other: Noise) -> bool:
-    """Whether two estimates of the noise are so different that fits would weigh the data otherwise."""
+    """Return whether two estimates of the noise are so different that fits would weigh the data otherwise."""
     levels = max(float(np.max(np.abs(a / b - 1.0))) for a, b in zip(one.sigma, other.sigma, strict=True))
     linked = max(float(np.max(np.abs(a - b))) for a, b in zip(one.rho, other.rho, strict=True))
     kept = sum(int(np.sum(a != b)) for a, b in zip(one.kept, other.kept, strict=True))

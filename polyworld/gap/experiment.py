@@ -72,7 +72,7 @@ class Experiment:
     decides: bool
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return {
             "object": self.object,
             "position": list(self.position),
@@ -145,7 +145,7 @@ def _best_for(
 
 
 def _states(run: RunDesign) -> dict[str, float]:
-    """All coordinates of a run's initial state by name, as the data suggest them."""
+    """Return all coordinates of a run's initial state by name, as the data suggest them."""
     known = {f"{s.name}.{label}": v for s in run.states for label, v in s.known.items()}
     return known | dict(zip(run.labels, run.start.tolist(), strict=True))
 
@@ -155,7 +155,7 @@ def _vector_of(state: dict[str, float], name: str, label: str, default: Sequence
 
 
 def _spins(plan: Design, name: str) -> list[Array]:
-    """The fastest spin (3,) of an object in any run, and its reverse; one where it does not spin."""
+    """Return the fastest spin (3,) of an object in any run, and its reverse; one where it does not spin."""
     described = plan.world.object(name).angular_velocity
     seen = [_vector_of(_states(r), name, "angular_velocity", described) for r in plan.runs]
     spin = max(seen, key=lambda w: float(np.linalg.norm(w)))
@@ -163,7 +163,7 @@ def _spins(plan: Design, name: str) -> list[Array]:
 
 
 def _blank_run(plan: Design, name: str, spin: Array, number: int) -> Run:
-    """A run sampled as the first one, in which an object has a spin."""
+    """Return a run sampled as the first one, in which an object has a spin."""
     first, run = plan.runs[0], plan.runs[0].run
     times: Array = np.arange(len(run.times), dtype=np.float64) * float(np.median(np.diff(run.times)))
     # A fall, so that no body is taken for one at rest, which has fewer coordinates.
@@ -190,7 +190,7 @@ def _blank_run(plan: Design, name: str, spin: Array, number: int) -> Run:
 
 
 def _sigma(noise: Noise, plan: Design, own: RunDesign) -> Array:
-    """Noise levels (m,) of the new run: those of the same series of the first one."""
+    """Return noise levels (m,) of the new run: those of the same series of the first one."""
     first = noise.sigma[0]
     sigma = np.empty(own.length)
     levels = {(s.name, s.kind, s.axis): float(np.median(first[s.where])) for s in plan.runs[0].series}
@@ -200,7 +200,7 @@ def _sigma(noise: Noise, plan: Design, own: RunDesign) -> Array:
 
 
 def _starts(plan: Design, own: RunDesign, name: str, spin: Array, settings: ExperimentSettings) -> Array:
-    """Initial-state coordinates (E, N) of the experiments tried with one object and one spin."""
+    """Return initial-state coordinates (E, N) of the experiments tried with one object and one spin."""
     states = [_states(r) for r in plan.runs]
     fastest = max(*(float(np.linalg.norm(_vector_of(s, name, "velocity"))) for s in states), settings.slowest)
     everywhere = np.concatenate([r.run.positions[:, r.run.names.index(name)] for r in plan.runs if name in r.run.names])
@@ -261,7 +261,7 @@ def _forecast(trials: Design, contender: Contender, starts: Array, sigma: Array)
 
 
 def _off_starts(forecast: _Forecast, experiment: int, vectors: Array) -> Array:
-    """Vectors (m,) or (m, K) less what another start of the run can make up."""
+    """Return vectors (m,) or (m, K) less what another start of the run can make up."""
     basis, size, _ = np.linalg.svd(forecast.by_start[experiment], full_matrices=False)
     basis = basis[:, size > 1e-9 * size.max(initial=0.0)]
     rest: Array = vectors - basis @ (basis.T @ vectors)
@@ -269,7 +269,7 @@ def _off_starts(forecast: _Forecast, experiment: int, vectors: Array) -> Array:
 
 
 def _separation(a: _Forecast, b: _Forecast, experiment: int) -> float:
-    """The part of the difference that neither start nor parameters can make up; the smaller of the two views."""
+    """Return the part of the difference that neither start nor parameters can make up; the smaller of the two views."""
     difference = a.motion[experiment] - b.motion[experiment]
     if not np.all(np.isfinite(difference)):
         return 0.0
@@ -287,7 +287,7 @@ def _separation(a: _Forecast, b: _Forecast, experiment: int) -> float:
 def _watch(
     own: RunDesign, contenders: Sequence[Contender], forecasts: list[_Forecast], chosen: int, sigma: Array
 ) -> tuple[str, dict[str, float]]:
-    """The component and instant of the first pair's greatest difference, and what each contender expects there.
+    """Return the component and instant of the first pair's greatest difference, and what each contender expects there.
 
     It counts as far as the forecasts are apart, and as far as another start cannot make that up.
     """

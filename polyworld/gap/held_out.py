@@ -13,7 +13,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import UNITS, Noise, first_kind, measured_noise
-from polyworld.estimation.run_parts import in_parts
+from polyworld.estimation.run_segments import in_segments
 from polyworld.gap.settings import HoldOutSettings
 from polyworld.recording import Recording, Run
 from polyworld.world import World
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Split:
-    """A recording in two parts: what is fitted, and what is held out, None where nothing could be spared.
+    """A recording split into what is fitted and what is held out, None where nothing could be spared.
 
     summary: what was done, for readers. into [s]: how long after the world's time 0 the held-out part begins, where it
     is the later part of a run.
@@ -118,7 +118,7 @@ class HeldOutGap:
     unit: str
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return asdict(self)
 
     @property
@@ -127,7 +127,7 @@ class HeldOutGap:
         if not self.gap_after > max(self.noise_floor, self.gap_before - self.gap_after):
             return None  # it is noise, or more of the gap was closed than is left
         return (
-            f"the sealed data do not bear this out: of a gap of {self.gap_before:.3g} {self.unit} there "
+            f"the sealed data do not support this: of a gap of {self.gap_before:.3g} {self.unit} there "
             f"{self.gap_after:.3g} {self.unit} are left, with a noise of {self.noise_floor:.3g} {self.unit}; what "
             "explains the data fitted is not all that acts, or not what does"
         )
@@ -140,7 +140,7 @@ def held_out_gap(before: World, after: World, recording: Recording, known: Noise
     other runs, which is no less in these: few samples hide its correlation.
     """
     worlds = (before, after)
-    cut = in_parts(recording, *worlds)
+    cut = in_segments(recording, *worlds)
     plans = [design(world, cut) for world in worlds]
     plan = plans[0]
     noise = measured_noise(plan)
@@ -162,7 +162,7 @@ def held_out_gap(before: World, after: World, recording: Recording, known: Noise
 
 
 def _carried(plan: Design, other: Design, states: Sequence[Array]) -> tuple[Array, ...]:
-    """Initial states of another design of the same runs, as far as they are coordinates of this one too."""
+    """Return initial states of another design of the same runs, as far as they are coordinates of this one too."""
     carried = []
     for own, theirs, known in zip(plan.runs, other.runs, states, strict=True):
         fitted = dict(zip(theirs.labels, known, strict=True))
@@ -176,7 +176,7 @@ def _noise_level(plan: Design, noise: Noise, kind: str) -> float:
 
 
 def _beyond_noise(plan: Design, forward: Forward, fit: profile.Fit, kind: str, floor: float) -> float:
-    """The residual's mean square, corrected for the initial states fitted, less the noise's; as a root."""
+    """Return the residual's mean square, corrected for the initial states fitted, less the noise's; as a root."""
     settings = [Settings(r.index, np.zeros((1, 0)), fit.states[r.index][None]) for r in plan.runs]
     total, count = 0.0, 0
     for r, raw in zip(plan.runs, forward.residuals(settings), strict=True):

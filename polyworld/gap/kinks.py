@@ -44,7 +44,7 @@ class Kink:
 
 
 def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:
-    """Kinks of all paths that no static, supporting plane or other body seen explains, the sharpest first.
+    """Return kinks of all paths that no static, supporting plane or other body seen explains, the sharpest first.
 
     Velocities before and after are those of straight lines through a few samples, gravity taken out; a kink is where
     they differ by SURE standard deviations and by JUMP of the typical speed. Bodies on joints have none; along an axis
@@ -58,8 +58,8 @@ def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:
         if track.name in held:
             continue
         others = [t for t in everything if t.run == track.run and t.name != track.name]
-        unseen = ~np.isfinite(track.places).any(axis=0)
-        found += _kinks_of(world, replace(track, places=np.where(unseen, 0.0, track.places)), others, speed)
+        unobserved = ~np.isfinite(track.places).any(axis=0)
+        found += _kinks_of(world, replace(track, places=np.where(unobserved, 0.0, track.places)), others, speed)
     return tuple(sorted(found, key=lambda k: -float(np.linalg.norm(k.jump))))
 
 
@@ -98,7 +98,7 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
 
 
 def sliding_span(times: Array, window: int, step: float) -> NDArray[np.bool_]:
-    """Whether the 2 * window samples from each one on are evenly spaced."""
+    """Return whether the 2 * window samples from each one on are evenly spaced."""
     count = len(times) - 2 * window + 1
     taken = times[2 * window - 1 :] - times[:count]
     even: NDArray[np.bool_] = np.abs(taken - (2 * window - 1) * step) < 0.5 * step
@@ -106,7 +106,7 @@ def sliding_span(times: Array, window: int, step: float) -> NDArray[np.bool_]:
 
 
 def _jump_noise(noise: float, window: int, step: float) -> float:
-    """Standard deviation of the difference of two slopes over as many samples."""
+    """Return the standard deviation of the difference of two slopes over as many samples."""
     return float(noise * np.sqrt(2.0 * 12.0 / (window * (window**2 - 1))) / step)
 
 

@@ -152,7 +152,7 @@ def localise(
 
 
 def _levels(texts: Texts, energy: Array, expected: Array, whole: float) -> tuple[Level, ...]:
-    """The energy by level; its degrees of freedom are the modes that fall there."""
+    """Return the energy by level; its degrees of freedom are the modes that fall there."""
     found = []
     for text in np.unique(texts):
         here = texts == text
@@ -169,14 +169,14 @@ def _same(text: str, count: int) -> Texts:
 
 
 def _binned(values: Array, edges: Array, prefix: str, unit: str) -> Texts:
-    """The interval between edges that each value (m,) lies in, in words."""
+    """Return the interval between edges that each value (m,) lies in, in words."""
     words = np.array([f"{prefix}{low:.3g} to {high:.3g} {unit}" for low, high in pairwise(edges)])
     texts: Texts = words[np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(words) - 1)]
     return texts
 
 
 def _box(design: Design, cells: int) -> dict[int, Array]:
-    """Edges of cells along the two longest sides of the region that was measured, by axis."""
+    """Return edges of cells along the two longest sides of the region that was measured, by axis."""
     places = np.concatenate([r.run.positions.reshape(-1, 3) for r in design.runs])
     seen = [v[np.isfinite(v)] for v in places.T]
     spans = [(float(v.min()), float(v.max())) if len(v) else (0.0, 0.0) for v in seen]

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.intervals import intervals95
-from polyworld.estimation.run_parts import of_whole_runs
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.run_segments import of_whole_runs
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
@@ -36,7 +36,7 @@ from polyworld.gap.report import GapReport
 from polyworld.gap.searching import Searched, Story
 from polyworld.gap.set_aside import Work, search_without_outliers
 from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
-from polyworld.gap.single_coordinate import follows_one_course
+from polyworld.gap.single_coordinate import is_single_coordinate
 from polyworld.gap.stability import widened
 from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
 from polyworld.recording import Recording
@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GapSettings:
-    """How the gap is looked for.
+    """Settings of the search for the gap.
 
     search: how widely. decision, outliers: when a name is given, and a run set aside. symbolic: how a residual force is
     sought. alarm: by how much an effect must lower the extended BIC to be looked into although the base explains the
@@ -113,8 +113,8 @@ def find_gap(
         found = replace(found, limited=True)
     clock.lift()  # the judgement of what was fitted is not cut short
 
-    courses = _courses(screening, recording, found)
-    verdict = decide(found.verdict, found.ground, found.pool, courses, settings.decision, settings.seed)
+    motions = _distinct_motions(screening, recording, found)
+    verdict = decide(found.verdict, found.ground, found.pool, motions, settings.decision, settings.seed)
     best, context, ground = verdict.best, found.context, found.ground
     intervals = intervals95(context, best or ground)
     if verdict.kind == "identified_with_remainder" and verdict.stability is not None and best is not None:
@@ -123,18 +123,18 @@ def find_gap(
     if best is not None:
         whole = without_runs(recording, [o.run for o in aside])
         child = of_whole_runs(_fitted_world(best, world), whole, context.design.recording)
-    story.tell(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
+    story.report(0.8, "verdict", {"verdict": verdict.kind, "best": best.hypothesis.title if best else "base"})
 
     remainder = None if verdict.stability is None else remainder_of(best or ground, ground)
     force: ResidualForce | None = None
     if settings.residual_force and not found.limited:
         verdict, force, child = _residual_force(work, settings.symbolic, found, verdict, remainder, child)
-    gap = _proof(work, found, child, held_out, held_out_world or _as_it_is)
+    gap = _check_held_out(work, found, child, held_out, held_out_world or _as_it_is)
     null = _null_control(work, found, best, settings.seed) if settings.null_control and not found.limited else None
     checks = contradictions(found, verdict, gap, null, settings.decision)
     verdict = replace(verdict, kind=lowered(verdict.kind, checks))
     experiment = _experiment(story, found, verdict) if settings.experiment and not found.limited else None
-    story.tell(1.0, "done", {"rollouts": context.rollouts})
+    story.report(1.0, "done", {"rollouts": context.rollouts})
     return GapReport(
         verdict=verdict,
         context=context,
@@ -156,8 +156,8 @@ def find_gap(
     )
 
 
-def _courses(screening: Screening, recording: Recording, found: Searched) -> int:
-    """Number of distinct courses among the runs that are fitted; parts of one long run differ as courses do."""
+def _distinct_motions(screening: Screening, recording: Recording, found: Searched) -> int:
+    """Count distinct motions among the fitted runs; segments of one long run count as distinct."""
     kept = {r.run.part_of or r.run.name for r in found.context.design.runs}
     if len(kept) == 1:
         return len(found.context.design.runs)
@@ -180,7 +180,7 @@ def _residual_force(
         verdict.kind in ("identified", "ambiguous")
         and best is not None
         and all(len(t.hypothesis.parts) > 1 for t in verdict.credible)
-        and not follows_one_course(found.context.design)
+        and not is_single_coordinate(found.context.design)
     )
     large = verdict.kind == "identified_with_remainder" and remainder is not None
     large = large and remainder is not None and remainder.beyond_noise > remainder.noise
@@ -191,7 +191,7 @@ def _residual_force(
     force = describe_unexplained(found.ground, best if unexplained else None, found.near, symbolic)
     if not unexplained:
         assert best is not None
-        if not _simpler(force, found.ground, best, work.decision.reach):
+        if not _single_law_preferred(force, found.ground, best, work.decision.reach):
             return verdict, None, child
         if all(p.candidate.plain for p in best.hypothesis.parts):  # both are laws one would expect
             verdict = replace(verdict, kind="ambiguous", credible=(best,), forms=())
@@ -199,12 +199,13 @@ def _residual_force(
             verdict = replace(verdict, kind="unexplained", credible=(), forms=())
     if force.explains and force.world is not None:
         child = force.world.with_substep(work.world.time.substep)
-    work.story.tell(0.82, "residual force", {"found": force.expression, "explains": force.explains})
+    work.story.report(0.82, "residual force", {"found": force.expression, "explains": force.explains})
     return verdict, force, child
 
 
-def _simpler(force: ResidualForce, ground: FittedHypothesis, best: FittedHypothesis, by: float) -> bool:
-    """Whether one law outside the catalogue explains the data better for its unknowns than several effects together.
+def _single_law_preferred(force: ResidualForce, ground: FittedHypothesis, best: FittedHypothesis, by: float) -> bool:
+    """Return whether one law outside the catalogue explains the data better for its unknowns than several effects
+    together.
 
     Effects of the catalogue added up can mimic a law that is not in it; their sum is then no name for it.
     """
@@ -218,16 +219,16 @@ def _as_it_is(world: World) -> World:
     return world
 
 
-def _proof(
+def _check_held_out(
     work: Work, found: Searched, child: World | None, held_out: Recording | None, begins: Callable[[World], World]
 ) -> HeldOutGap | None:
-    """Hold the decision against the sealed data."""
+    """Test the decision on the held-out data."""
     if held_out is None:
         return None
     before = _fitted_world(found.ground, work.world)
     after = child if child is not None else before
     gap = held_out_gap(begins(before), begins(after), held_out, found.context.noise)
-    work.story.tell(0.85, "sealed data", gap.to_dict())
+    work.story.report(0.85, "sealed data", gap.to_dict())
     return gap
 
 
@@ -245,7 +246,7 @@ def _null_control(work: Work, found: Searched, best: FittedHypothesis | None, se
         # Places and frequencies stay as found: where the strength is nothing, they could not be determined.
         after = again.context.fit(best.hypothesis, values, again.ground.fit.states).chi2
     control = NullControl(again.verdict.kind, again.ground.chi2, after, int(again.context.observations), seed)
-    work.story.tell(0.95, "null control", control.to_dict())
+    work.story.report(0.95, "null control", control.to_dict())
     return control
 
 
@@ -260,12 +261,12 @@ def _experiment(story: Story, found: Searched, verdict: Verdict) -> dict[str, ob
         for t in verdict.credible
     ]
     sought = propose_experiment(found.context.design, found.context.noise, contenders)
-    story.tell(0.98, "experiment", {"found": sought is not None})
+    story.report(0.98, "experiment", {"found": sought is not None})
     return sought.to_dict() if sought is not None else None
 
 
 def _fitted_world(trial: FittedHypothesis | None, world: World) -> World:
-    """The fitted world, stepped as the world that was given, or finer where only that explained the data."""
+    """Return the fitted world, stepped as the world that was given, or finer where only that explained the data."""
     if trial is None:
         return world
     steps = min(world.time.substep, trial.hypothesis.world.time.substep)

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.design import Design
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.goodness import MODES, cosines, projected
 from polyworld.estimation.noise import Kind, Noise
 from polyworld.estimation.projection import column_basis
-from polyworld.estimation.trial import FittedHypothesis
 
 Array = NDArray[np.float64]
 

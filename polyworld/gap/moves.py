@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis, Start
 from polyworld.estimation.hypothesis import Hypothesis, Part, extended, without_part
-from polyworld.estimation.score_test import leads
-from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
+from polyworld.estimation.score_test import score_test_starts
 from polyworld.gap.contest import identity
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Move:
 
 
 def moves(search: Search, best: FittedHypothesis, effects: int) -> list[Move]:
-    """Return what may do as well as the best: competitors, simpler laws, the best perturbed."""
+    """Return what may do as well as the best: competitors, nested submodels, the best perturbed."""
     return [*_competitors(search, best, effects), *_simplified(search, best), *_perturbed(best)]
 
 
@@ -56,7 +56,7 @@ def _competitors(search: Search, best: FittedHypothesis, effects: int) -> list[M
 
 
 def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
-    """Simpler laws in the place of each effect: those that it contains, from its values, and beside other effects
+    """Return nested submodels of each effect: those that it contains, from its values, and beside other effects
     those that are predicted to do as well, and what is known to be confused with it."""
     found = []
     substep = best.hypothesis.world.time.substep
@@ -74,21 +74,21 @@ def _simplified(search: Search, best: FittedHypothesis) -> list[Move]:
                 found.append(Move(h, Start(start, best.fit.states)))
         if len(best.hypothesis.parts) > 1 and best.passes and fewer:
             off = search.context.fit(less.stepped(substep), values, best.fit.states, iterations=0)
-            for lead in leads(search.context, off, fewer, 1)[: search.settings.few]:
-                starts = [Start(lead.values, best.fit.states)]
-                if lead.states is not None:
-                    starts.append(Start(lead.values, lead.states))
-                found.append(Move(lead.hypothesis, search.context.nearest(lead.hypothesis, starts)))
+            for tested in score_test_starts(search.context, off, fewer, 1)[: search.settings.few]:
+                starts = [Start(tested.values, best.fit.states)]
+                if tested.states is not None:
+                    starts.append(Start(tested.values, tested.states))
+                found.append(Move(tested.hypothesis, search.context.nearest(tested.hypothesis, starts)))
     return found
 
 
 def _confusable(one: Part, other: Part) -> bool:
-    """Whether an effect is known to be confused with another."""
+    """Return whether an effect is known to be confused with another."""
     return one.candidate.name in other.candidate.confused_with or other.candidate.name in one.candidate.confused_with
 
 
 def _perturbed(best: FittedHypothesis) -> list[Move]:
-    """The best with greater friction: where a grip suffices, more of it changes nothing, and a fit that stopped
+    """Return the best with greater friction: where a grip suffices, more of it changes nothing, and a fit that stopped
     short of that finds no slope towards it."""
     names = [u.name for u in best.hypothesis.unknowns]
     if "friction" not in names:

@@ -33,7 +33,7 @@ class NullControl:
     seed: int
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return asdict(self)
 
 
@@ -68,7 +68,7 @@ def simulated_recording(forward: Forward, values: Array, states: Sequence[Array]
 
 
 def _drawn(plan: Design, noise: Noise, run: int, rng: np.random.Generator) -> Array:
-    """Noise (m,) of one run, by the recursion of AR(1)."""
+    """Return noise (m,) of one run, by the recursion of AR(1)."""
     values = rng.normal(size=plan.runs[run].length)
     rho, previous = noise.rho[run], noise.previous[run]
     if np.any(rho):

@@ -32,7 +32,7 @@ class Onset:
     strength: float
 
     def to_json(self) -> dict[str, object]:
-        """The onset as plain data."""
+        """Return the onset as plain data."""
         return {"run": self.run, "object": self.name, "time": self.time, "strength": self.strength}
 
 
@@ -81,7 +81,7 @@ def recursive_residuals(run: RunDesign, residual: Array, slopes: Array) -> Array
 
 
 def _first_alarm(times: Array, errors: Array, settings: LocaliseSettings) -> tuple[float, float] | None:
-    """Where the earliest window begins whose mean is too far off, and how far."""
+    """Return where the earliest window begins whose mean is too far off, and how far."""
     total = np.concatenate([[0.0], np.cumsum(errors)])
     found: list[tuple[int, int, float]] = []  # end, begin, standard deviations
     for share in settings.windows:

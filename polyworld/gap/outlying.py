@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import RunDesign, design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise
 from polyworld.estimation.segments import Segments, short_segments
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.settings import OutlierSettings
 from polyworld.recording import Recording
 from polyworld.world import World
@@ -125,7 +125,8 @@ def event_runs(
 
 
 def _ordinary(misfits: Array, settings: OutlierSettings) -> float:
-    """The largest of what is left where as many are left out as may be set aside: none of these has a part in it."""
+    """Return the largest of what is left where as many are left out as may be set aside: none of these has a part in
+    it."""
     return float(np.quantile(misfits, 1.0 - settings.most, method="lower"))
 
 

@@ -107,7 +107,7 @@ def _phases(
 
 
 def _in_contact(world: World, name: str, velocity: Array, spin: Array, speed: Array, grip: float) -> Texts:
-    """Whether a ball slides or rolls; any other body touches."""
+    """Return whether a ball slides or rolls; any other body touches."""
     shape = getattr(world.item(name), "shape", None)
     if not isinstance(shape, Sphere):
         return np.full(len(speed), TOUCHING, dtype="U24")

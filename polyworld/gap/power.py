@@ -16,9 +16,9 @@ from scipy.special import chndtrinc
 
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.settings import PowerSettings
 
@@ -167,7 +167,7 @@ def _of_unknown(
 def _noncentralities(trial: FittedHypothesis, hypothesis: Hypothesis, values: Array) -> Array:
     """Squared length (k,) of the change of the whitened motion at shared values (k, S), all fitted projected out."""
     context: FitContext = trial.context
-    ground = trial.ground
+    ground = trial.nuisance
     settings = [
         Settings(r.index, values, np.repeat(trial.fit.states[r.index][None], len(values), axis=0))
         for r in context.design.runs

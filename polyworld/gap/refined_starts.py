@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.score_test import ScoreTestStart, leads
-from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.score_test import ScoreTestStart, score_test_starts
 from polyworld.gap.settings import ZoomSettings
 
 Array = NDArray[np.float64]
@@ -44,16 +44,16 @@ def closer(
     best = _distinct(found, at, typical, settings)
     for level in range(settings.levels):
         starts = []
-        for lead in best:
-            before = lead.values if lead.before is None else lead.before
+        for tested in best:
+            before = tested.values if tested.before is None else tested.before
             fixed = dict(zip([u.name for u in variant.unknowns], before[-count:], strict=True))
             for direction in directions:
                 place = np.clip(before[at] + settings.width * 0.5**level * direction * typical, lower, upper)
                 starts.append(fixed | dict(zip([u.name for u in placed], place.tolist(), strict=True)))
         around = replace(part, variant=replace(variant, starts=tuple(starts)))
         moved = replace(hypothesis, parts=(*hypothesis.parts[:-1], around))
-        best = _distinct([*best, *leads(context, ground, [moved], len(starts))], at, typical, settings)
-    return [replace(lead, hypothesis=hypothesis) for lead in best]
+        best = _distinct([*best, *score_test_starts(context, ground, [moved], len(starts))], at, typical, settings)
+    return [replace(tested, hypothesis=hypothesis) for tested in best]
 
 
 def _distinct(
@@ -61,14 +61,14 @@ def _distinct(
 ) -> list[ScoreTestStart]:
     """Choose the best few starts, best first, that are not all at one place."""
     kept: list[ScoreTestStart] = []
-    for lead in sorted(found, key=lambda x: x.chi2):
-        if all(float(np.max(np.abs(_place(lead, at) - _place(k, at)) / typical)) > settings.separation for k in kept):
-            kept.append(lead)
+    for tested in sorted(found, key=lambda x: x.chi2):
+        if all(float(np.max(np.abs(_place(tested, at) - _place(k, at)) / typical)) > settings.separation for k in kept):
+            kept.append(tested)
         if len(kept) == settings.kept:
             break
     return kept
 
 
-def _place(lead: ScoreTestStart, at: list[int]) -> Array:
-    place: Array = (lead.values if lead.before is None else lead.before)[at]
+def _place(tested: ScoreTestStart, at: list[int]) -> Array:
+    place: Array = (tested.values if tested.before is None else tested.before)[at]
     return place

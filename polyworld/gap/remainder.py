@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.noise import UNITS, first_kind
-from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.localise import Localisation, localise
 from polyworld.gap.settings import LocaliseSettings
 
@@ -80,7 +80,7 @@ def remainder_of(
 
 
 def _rms(trial: FittedHypothesis, kind: str) -> tuple[float, list[Array]]:
-    """Root mean square of raw residuals of one kind, and each run's residual size (m,) per series entry."""
+    """Return the root mean square of raw residuals of one kind, and each run's residual size (m,) per series entry."""
     raw = trial.context.raw_residuals(trial)
     squares, sizes = [], []
     for s in trial.context.design.series:

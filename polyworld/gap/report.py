@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.gap.checks import Check
 from polyworld.gap.decide import RunnerUp, Stability, Verdict
 from polyworld.gap.held_out import HeldOutGap
@@ -59,7 +59,7 @@ class GapReport:
         return self.verdict.best.hypothesis.names if self.verdict.best is not None else ()
 
     def _effects(self) -> list[dict[str, Any]]:
-        """The effects named, each with those that these data cannot distinguish from it."""
+        """Return the effects named, each with those that these data cannot distinguish from it."""
         best = self.verdict.best
         if best is None:
             return []
@@ -72,7 +72,7 @@ class GapReport:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values; numbers that are not finite become None."""
+        """Return JSON-ready values; numbers that are not finite become None."""
         best = self.verdict.best
         judged = best if best is not None else self.base
         payload = {
@@ -108,7 +108,7 @@ class GapReport:
 
 
 def effects_of(trial: FittedHypothesis, intervals: Array) -> list[dict[str, Any]]:
-    """Every effect of a hypothesis with its fitted unknowns and their 95% intervals."""
+    """Return every effect of a hypothesis with its fitted unknowns and their 95% intervals."""
     found = []
     at = len(trial.hypothesis.base)
     for part in trial.hypothesis.parts:
@@ -140,7 +140,7 @@ def _unknowns(trial: FittedHypothesis, first: int, count: int, intervals: Array)
 
 
 def _plain(trial: FittedHypothesis, best: FittedHypothesis) -> dict[str, Any]:
-    """A plain law, fitted by itself, beside the answer."""
+    """Return a plain law, fitted by itself, beside the answer."""
     (part,) = trial.hypothesis.parts
     return {
         "name": part.candidate.name,
@@ -155,14 +155,14 @@ def _plain(trial: FittedHypothesis, best: FittedHypothesis) -> dict[str, Any]:
 
 
 def _stability(found: Stability) -> dict[str, Any]:
-    """The comparison with model error admitted."""
+    """Return the comparison with model error admitted."""
     return {
         "chosen_in": found.support,
         "held_out_gain": found.held_out.gain,
         "held_out_error": found.held_out.error,
         "ebic_ahead": found.ahead,
         "model_error": found.error.size,
-        "rivals": [list(names) for names in found.competitors],
+        "competitors": [list(names) for names in found.competitors],
         "reasons": list(found.reasons),
     }
 
@@ -180,7 +180,7 @@ def _runner_up(found: RunnerUp | None) -> dict[str, Any] | None:
 
 
 def finite(value: Any) -> Any:
-    """The same with None for every number that JSON cannot hold."""
+    """Return the same with None for every number that JSON cannot hold."""
     if isinstance(value, dict):
         return {k: finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -9,20 +9,21 @@ from numpy.typing import NDArray
 
 from polyworld.effects.absence import MOST_FREQUENCIES
 from polyworld.estimation.candidate import Variant
-from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 
 Array = NDArray[np.float64]
 
 OVERSAMPLING = 4.0  # frequencies for each that a run resolves: between two of them no line loses a tenth of its power
 MOST = 4096  # frequencies, whose cost grows with their number
 BATCH = 256  # at a time, for the memory
-BEGUN = 6  # frequencies that fits begin at, beside those of the grid
+FIRST = 6  # frequencies that fits begin at, beside those of the grid
 
 
 def rhythm_starts(
     frequency: str, context: FitContext, trial: FittedHypothesis, variant: Variant
 ) -> tuple[Mapping[str, float], ...]:
-    """Starts at the frequencies at which residuals swing most, where those of the grid are too far apart, or end.
+    """Return starts at the frequencies at which residuals swing most, where those of the grid are too far apart, or
+    end.
 
     frequency: the unknown that is one; the others that starts of the grid differ in are tried with each.
     """
@@ -31,7 +32,7 @@ def rhythm_starts(
         return ()
     highest = next(u.upper for u in variant.unknowns if u.name == frequency)
     others = [start for start in variant.starts if start[frequency] == grid[0]]
-    return tuple({**start, frequency: f} for f in rhythms(context, trial, grid[0], highest, BEGUN) for start in others)
+    return tuple({**start, frequency: f} for f in rhythms(context, trial, grid[0], highest, FIRST) for start in others)
 
 
 def rhythms(context: FitContext, trial: FittedHypothesis, low: float, high: float, count: int) -> tuple[float, ...]:
@@ -73,8 +74,8 @@ def _gains(context: FitContext, trial: FittedHypothesis, frequencies: Array, fir
                     wave[:, 0, s.where], wave[:, 1, s.where] = np.sin(angle), np.cos(angle)
             if not wave.any():
                 continue
-            slopes = trial.ground.off(r.index, context.noise.whiten(r.index, wave))
-            rest = trial.ground.off(r.index, trial.fit.linear.r[r.index])
+            slopes = trial.nuisance.off(r.index, context.noise.whiten(r.index, wave))
+            rest = trial.nuisance.off(r.index, trial.fit.linear.r[r.index])
             gradient += slopes @ rest
             information += slopes @ np.swapaxes(slopes, 1, 2)
         inverse = np.linalg.pinv(information, rcond=1e-9, hermitian=True)

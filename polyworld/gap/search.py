@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
+from polyworld.estimation.fit_context import FINEST, FitContext, FittedHypothesis, Start, refined
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.refitting import (
     fit_near,
@@ -22,10 +23,9 @@ from polyworld.estimation.refitting import (
     refused_by_most,
     restarted,
 )
-from polyworld.estimation.score_test import leads
-from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, Start, refined
+from polyworld.estimation.score_test import score_test_starts
 from polyworld.estimation.variable_projection import profiled, sensitive
-from polyworld.gap.contest import Contest, Tell, identity
+from polyworld.gap.contest import Contest, ReportStep, identity
 from polyworld.gap.moves import Move, distinct, moves, reduced
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.sensitive_runs import sensitive_runs
@@ -34,7 +34,7 @@ from polyworld.gap.stability import far_fetched
 
 Array = NDArray[np.float64]
 
-SHORT, LONG = 4, 2  # segments of a run: halves, and halves of these
+SHORT, LONG = 4, 2  # segments of a run
 
 
 @dataclass
@@ -48,7 +48,7 @@ class Search:
     ground: FittedHypothesis
     candidates: tuple[Candidate, ...]
     settings: SearchSettings
-    tell: Tell
+    report: ReportStep
     substep: float
     whole: Contest
     used: Contest | None = None
@@ -59,11 +59,11 @@ class Search:
         ground: FittedHypothesis,
         candidates: tuple[Candidate, ...],
         settings: SearchSettings,
-        tell: Tell,
+        report: ReportStep,
         substep: float,
     ) -> Search:
         """Begin a search from a fitted base."""
-        return cls(ground, candidates, settings, tell, substep, Contest(ground.context, None, settings, tell))
+        return cls(ground, candidates, settings, report, substep, Contest(ground.context, None, settings, report))
 
     @property
     def context(self) -> FitContext:
@@ -90,7 +90,7 @@ class Search:
 
     def _segments(self, pieces: int) -> Contest | None:
         cut = segment_context(self.context, pieces)
-        return None if cut is None else Contest(cut.context, cut, self.settings, self.tell)
+        return None if cut is None else Contest(cut.context, cut, self.settings, self.report)
 
     # -- ranking -------------------------------------------------------------------------------------------------
 
@@ -103,12 +103,12 @@ class Search:
         return self.whole.best(effects)
 
     def passes(self, effects: int) -> bool:
-        """Whether the best with so many effects leaves only noise."""
+        """Return whether the best with so many effects leaves only noise."""
         best = self.best(effects)
         return best is not None and best.passes
 
     def hopeless(self, effects: int) -> bool:
-        """Whether so many effects do not even explain segments."""
+        """Return whether so many effects do not even explain segments."""
         if self.used is None:
             return False
         best = self.used.best(effects)
@@ -175,11 +175,11 @@ class Search:
             if not good:
                 break
             best = min(good, key=lambda t: t.ebic)
-            self.tell("drop", best.figures())
+            self.report("drop", best.figures())
         return effects if best is None else len(best.hypothesis.parts)
 
     def improve(self, effects: int) -> None:
-        """Fit what may do as well as the best: competitors on segments, simpler laws, greater friction."""
+        """Fit what may do as well as the best: competitors on segments, nested submodels, greater friction."""
         best = self.best(effects)
         if best is None:
             return
@@ -190,7 +190,7 @@ class Search:
             if known is not None and known.ebic <= target and not perturbed:
                 continue
             trial = self._moved(move, best, target)
-            self.tell("move", trial.figures())
+            self.report("move", trial.figures())
             self.whole.take(trial)
 
     def settle(self, effects: int) -> None:
@@ -232,21 +232,21 @@ class Search:
             fine = refined(trial, self.substep, self.substep / times)
             if fine is not trial:
                 self.whole.fitted[identity(trial.hypothesis)] = fine
-                self.tell("finer steps", fine.figures())
+                self.report("finer steps", fine.figures())
 
     def with_predicted_gain(self, gain: float) -> list[FittedHypothesis]:
         """Fit single effects for which the score test predicts that the extended BIC falls by more than `gain`."""
         choice = 2.0 * float(np.log(max(self.context.candidates, 1)))
         price = float(np.log(self.context.observations))
         found = [
-            lead
-            for lead in leads(self.context, self.ground, self._more(self.ground), 1)
-            if lead.chi2 + lead.hypothesis.extra * price + choice < self.ground.ebic - gain
+            tested
+            for tested in score_test_starts(self.context, self.ground, self._more(self.ground), 1)
+            if tested.chi2 + tested.hypothesis.extra * price + choice < self.ground.ebic - gain
         ]
         fits = []
-        for lead in found[: self.settings.contenders]:
-            start = Start(lead.values, self.ground.fit.states)
-            fits.append(profiled(self.context.fit(lead.hypothesis, start.values, start.states)))
+        for tested in found[: self.settings.contenders]:
+            start = Start(tested.values, self.ground.fit.states)
+            fits.append(profiled(self.context.fit(tested.hypothesis, start.values, start.states)))
         return sorted(fits, key=lambda t: t.ebic)
 
     def parents(self, effects: int) -> list[FittedHypothesis]:
@@ -269,7 +269,7 @@ class Search:
         return chosen
 
     def worth_a_third(self, parents: Sequence[FittedHypothesis]) -> bool:
-        """Whether one more effect is predicted to explain much of what two leave: sums of three mimic much."""
+        """Return whether one more effect is predicted to explain much of what two leave: sums of three mimic much."""
         predictions = self.whole.predict(parents, self._more)
         if not predictions:
             return False
@@ -290,23 +290,23 @@ class Search:
     # -- parts of moves ------------------------------------------------------------------------------------------
 
     def _more(self, parent: FittedHypothesis) -> list[Hypothesis]:
-        """The hypotheses that one more effect makes of a fit, stepped as the design's world is."""
+        """Return the hypotheses that one more effect makes of a fit, stepped as the design's world is."""
         own = parent.hypothesis.stepped(self.context.design.world.time.substep)
         return [h for c in self.candidates for h in extended(own, c, self.context.design.recording)]
 
     def _on(self, contest: Contest, parent: FittedHypothesis) -> FittedHypothesis:
-        """A parent as fitted in a contest on segments."""
+        """Return a parent as fitted in a contest on segments."""
         known = contest.fitted.get(identity(parent.hypothesis))
         if known is None:
             assert contest.segments is not None
-            known = contest.take(contest.segments.ground(parent.hypothesis, parent.values))
+            known = contest.take(contest.segments.fit_base(parent.hypothesis, parent.values))
         return known
 
     def _in_one_run(self) -> bool:
-        """Whether most runs are explained, and the others by what happens in one run alone."""
+        """Return whether most runs are explained, and the others by what happens in one run alone."""
         if np.median(self.ground.misfits) > self.settings.near:
             return False
-        local = [h for h in self._more(self.ground) if h.parts[-1].candidate.leads is not None]
+        local = [h for h in self._more(self.ground) if h.parts[-1].candidate.score_test is not None]
         if not local:
             return False
         missing = self.ground.chi2 - self.context.observations
@@ -320,8 +320,8 @@ class Search:
         return self.passes(1)
 
     def _explains(self, trial: FittedHypothesis, level: float) -> bool:
-        """Whether a fit explains what fits with chi2 `level` do not; an effect with an edge has to pass the gate, since
-        it may be at a wrong place, which comes near the data and not there."""
+        """Return whether a fit explains what fits with chi2 `level` do not; an effect with an edge has to pass the
+        gate, since it may be at a wrong place, which comes near the data and not there."""
         near = self.settings.near * self.context.observations
         return trial.passes if level < near or _edged(trial.hypothesis) else trial.chi2 < near
 
@@ -341,7 +341,7 @@ class Search:
             self.whole.finish(chosen, level)
 
     def _whole(self, contest: Contest, trial: FittedHypothesis) -> FittedHypothesis:
-        """The best fit to whole runs of a hypothesis fitted on segments."""
+        """Return the best fit to whole runs of a hypothesis fitted on segments."""
         assert contest.segments is not None
         start = contest.segments.start(trial.fit)
         context = self.context
@@ -387,6 +387,6 @@ class Search:
 
 
 def _edged(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect is one of contacts within a place: with an edge that paths cross."""
+    """Return whether the last effect is one of contacts within a place: with an edge that paths cross."""
     part = hypothesis.parts[-1]
     return part.candidate.group == "contact" and bool(part.variant.idle)

@@ -15,10 +15,10 @@ import numpy as np
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import Design, design
+from polyworld.estimation.fit_context import FINEST, FitContext, FittedHypothesis, refined
 from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.noise import refined_noise
-from polyworld.estimation.run_parts import halved
-from polyworld.estimation.trial import FINEST, FitContext, FittedHypothesis, refined
+from polyworld.estimation.run_segments import split_runs
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.contest import identity
@@ -27,7 +27,7 @@ from polyworld.gap.examine import BASE, differs, fitted_base, refitted
 from polyworld.gap.outlying import OutlyingRun
 from polyworld.gap.search import Search
 from polyworld.gap.settings import SearchSettings
-from polyworld.gap.single_coordinate import competitors, follows_one_course
+from polyworld.gap.single_coordinate import competitors, is_single_coordinate
 from polyworld.gap.stability import far_fetched
 from polyworld.gap.symbolic import Near
 
@@ -42,7 +42,8 @@ class Story:
         self.share = 0.0
         self._progress = progress
 
-    def tell(self, share: float, step: str, figures: dict[str, Any]) -> None:
+    def report(self, share: float, step: str, figures: dict[str, Any]) -> None:
+        """Record a step, and report it with the share done (0 to 1)."""
         self.share = max(self.share, share)
         self.steps.append({"step": step, **figures})
         if self._progress is not None:
@@ -56,8 +57,7 @@ class Searched:
     verdict: on hypotheses that leave only noise. context: fits and noise that it rests on. ground: the base, fitted.
     near_misses: effects that would lower the misfit of a base that explains the data. pool: hypotheses fitted under
     one noise, to be compared. plain: those of them that add one plain law. limited: whether time ran out before;
-    rivals_fitted: whether every single effect that came into question had been fitted by then. outlying: runs to be
-    set aside.
+    competitors_fitted: whether every single effect in question had been fitted by then. outlying: runs to be set aside.
     """
 
     verdict: Verdict
@@ -68,7 +68,7 @@ class Searched:
     pool: tuple[FittedHypothesis, ...] = ()
     plain: tuple[FittedHypothesis, ...] = ()
     limited: bool = False
-    rivals_fitted: bool = True
+    competitors_fitted: bool = True
     outlying: tuple[OutlyingRun, ...] = ()
 
 
@@ -86,26 +86,26 @@ def search_effects(
     clock: Clock,
     outliers: FindOutliers,
 ) -> Searched:
-    """Search on whole runs, or where a few of these cannot be followed, once more with those in parts.
+    """Search on whole runs, or where a few of these cannot be followed, once more with those in segments.
 
     alarm: by how much an effect must lower the extended BIC to be looked into although the base explains the data.
     outliers: asked, where plain laws and then single effects were fitted and none explains the data, which runs behave
     unlike the rest under the best of them; where there are any, the search ends there, and is to be repeated without.
     """
     ground = _finer(fitted_base(plan, base, len(candidates), clock), substep, settings.near)
-    story.tell(
+    story.report(
         0.1,
         "base fit",
         {"chi2": ground.chi2, "measurements": ground.context.observations, "passes": ground.passes}
         | {"goodness": ground.goodness.to_json(), "noise": ground.context.noise.to_json()},
     )
 
-    def tell(step: str, figures: dict[str, Any]) -> None:
-        story.tell(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.context.rollouts})
+    def report(step: str, figures: dict[str, Any]) -> None:
+        story.report(min(story.share + 0.02, 0.75), step, figures | {"rollouts": ground.context.rollouts})
 
-    search = Search.begin(ground, candidates, settings, tell, substep)
+    search = Search.begin(ground, candidates, settings, report, substep)
     near_misses: tuple[dict[str, Any], ...] = ()
-    limited, rivals_fitted = False, False
+    limited, competitors_fitted = False, False
     effects, parents = 1, [ground]
     try:
         if ground.passes:
@@ -117,13 +117,13 @@ def search_effects(
             if found := _outlying(search, ground, outliers):
                 return found
         effects, parents, sensitive = _add_effects(search, ground, most=1)
-        rivals_fitted = True
+        competitors_fitted = True
         if not sensitive and (found := _outlying(search, ground, outliers)):
             return found
         if sensitive:
-            parts = halved(plan.recording, sensitive)
+            parts = split_runs(plan.recording, sensitive)
             if any(run.part_of is not None for run in parts.runs):  # they could be cut, and are only once
-                story.tell(story.share, "runs in parts", {"runs": list(sensitive)})
+                story.report(story.share, "runs in parts", {"runs": list(sensitive)})
                 cut = design(plan.world, parts)
                 return search_effects(cut, substep, base, candidates, settings, alarm, story, clock, outliers)
         effects, parents, _ = _add_effects(search, ground, effects, whole=True)
@@ -131,15 +131,15 @@ def search_effects(
     except TimeLimitReached:
         limited = True
         clock.lift()
-        story.tell(story.share, "time limit", {})
+        story.report(story.share, "time limit", {})
         while effects > 1 and search.best(effects) is None:
             effects -= 1
         if search.best(effects) is None:
             effects = max((len(t.hypothesis.parts) for t in search.whole.fitted.values()), default=1)
     verdict = _decided(search, effects, parents)
-    if not limited and verdict.kind == "identified" and verdict.best is not None and follows_one_course(plan):
+    if not limited and verdict.kind == "identified" and verdict.best is not None and is_single_coordinate(plan):
         beside = [*search.ranked(effects), *competitors(search, ground, verdict.best)]
-        verdict = leave_noise(beside, max(settings.credible, settings.one_course))
+        verdict = leave_noise(beside, max(settings.credible, settings.single_coordinate))
     context = verdict.best.context if verdict.best is not None else search.context
     if context is not ground.context:
         ground = refitted(ground, context)
@@ -158,12 +158,13 @@ def search_effects(
     pairs = _plain_pairs(plain, context, settings) if paired else ()
     pool = _pool(search, context, (*plain, *pairs), limited)
     return Searched(
-        verdict, context, ground, near_misses, _near(search), pool, plain, limited, rivals_fitted or not limited
+        verdict, context, ground, near_misses, _near(search), pool, plain, limited, competitors_fitted or not limited
     )
 
 
 def _outlying(search: Search, ground: FittedHypothesis, outliers: FindOutliers) -> Searched | None:
-    """The end of a search in which runs behave unlike the rest; None where none does, or the data are explained."""
+    """Return the end of a search in which runs behave unlike the rest; None where none does, or the data are
+    explained."""
     fitted = [t for t in search.whole.fitted.values() if t.context is search.context]
     if search.passes(1) or not fitted:
         return None
@@ -283,7 +284,8 @@ def _is_plain(trial: FittedHypothesis) -> bool:
 def _pool(
     search: Search, context: FitContext, plain: Sequence[FittedHypothesis], limited: bool
 ) -> tuple[FittedHypothesis, ...]:
-    """The hypotheses that came nearest, with each number of effects, and the plain laws, all fitted under one noise."""
+    """Return the hypotheses that came nearest, with each number of effects, and the plain laws, all fitted under one
+    noise."""
     found: dict[tuple[str, ...], FittedHypothesis] = {identity(t.hypothesis): t for t in plain}
     iterations = 4 if limited else search.settings.care // 2
     for effects in range(1, search.settings.max_effects + 1):
@@ -296,7 +298,7 @@ def _pool(
 
 
 def _decided(search: Search, effects: int, parents: Sequence[FittedHypothesis]) -> Verdict:
-    """The verdict on hypotheses of so many effects, held against those of fewer that they were made of."""
+    """Return the verdict on hypotheses of so many effects, held against those of fewer that they were made of."""
     found = leave_noise(search.ranked(effects), search.settings.credible)
     if found.best is None or found.kind == "unexplained":
         return found
@@ -305,7 +307,7 @@ def _decided(search: Search, effects: int, parents: Sequence[FittedHypothesis]) 
 
 
 def _finer(ground: FittedHypothesis, substep: float, near: float) -> FittedHypothesis:
-    """A base that is near the data, fitted with shorter steps, where that is why it fails."""
+    """Return a base that is near the data, fitted with shorter steps, where that is why it fails."""
     if ground.passes or ground.chi2 > near * ground.context.observations:
         return ground
     fine = refined(ground, substep, substep / FINEST)
@@ -313,7 +315,7 @@ def _finer(ground: FittedHypothesis, substep: float, near: float) -> FittedHypot
 
 
 def _near(search: Search) -> Near | None:
-    """The base on segments, where the search had to begin there."""
+    """Return the base on segments, where the search had to begin there."""
     used = search.used
     if used is None or used.segments is None:
         return None
@@ -324,7 +326,7 @@ def _near(search: Search) -> Near | None:
 def _explained(
     search: Search, ground: FittedHypothesis, alarm: float
 ) -> tuple[FittedHypothesis, bool, tuple[dict[str, Any], ...]]:
-    """The base, whether no effect betters it by more than `alarm`, and those that better it at all."""
+    """Return the base, whether no effect betters it by more than `alarm`, and those that better it at all."""
     likely = search.with_predicted_gain(0.5 * alarm)
     near = [t for t in likely if t.ebic < ground.ebic]
     for trial in near[: search.settings.few]:
@@ -337,7 +339,8 @@ def _explained(
 
 
 def _from_states_of(trial: FittedHypothesis, ground: FittedHypothesis) -> FittedHypothesis:
-    """The base fitted from where a richer hypothesis ended: it may only have shown the way to better initial states."""
+    """Return the base fitted from where a richer hypothesis ended: it may only have shown the way to better initial
+    states."""
     values = trial.values[: len(ground.values)]
     fitted = trial.context.fit(ground.hypothesis, values, trial.fit.states, iterations=BASE.barely)
     return refitted(fitted, trial.context)

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis, Start
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.refitting import refit_ill_runs
 from polyworld.estimation.segments import Segments, segments
-from polyworld.estimation.trial import FitContext, FittedHypothesis, Start
 
 Array = NDArray[np.float64]
 
-GROUND_ITERATIONS = 8
+BASE_ITERATIONS = 8
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class SegmentContext:
     segments: Segments
 
     def holds(self, hypothesis: Hypothesis) -> bool:
-        """Whether a hypothesis can be fitted to segments: a body that was added and is not seen starts where a run
-        does, and so does a clock that slips within one."""
+        """Return whether a hypothesis can be fitted to segments: a body that was added and is not seen starts where a
+        run does, and so does a clock that slips within one."""
         return {o.name for o in hypothesis.world.objects} == {o.name for o in self.context.design.world.objects} and (
             hypothesis.world.observer is None or hypothesis.world.observer.shift_run is None
         )
 
-    def ground(self, hypothesis: Hypothesis, values: Array) -> FittedHypothesis:
+    def fit_base(self, hypothesis: Hypothesis, values: Array) -> FittedHypothesis:
         """Fit a hypothesis to the segments from the data's own starts; refit those that fit ill, which would hide what
         others show."""
         found = self.context.fit(
@@ -41,7 +41,7 @@ class SegmentContext:
             values,
             profile.start_states(self.context.design),
             horizons=profile.horizons_for(self.context.design),
-            iterations=GROUND_ITERATIONS,
+            iterations=BASE_ITERATIONS,
         )
         return refit_ill_runs(found) if profile.collide(self.context.design) else found
 
@@ -55,7 +55,7 @@ class SegmentContext:
         return self.segments.states_added
 
     def start(self, fit: profile.Fit) -> Start:
-        """Where a fit to whole runs begins: the shared values, and the states of the first segments."""
+        """Return where a fit to whole runs begins: the shared values, and the states of the first segments."""
         return Start(fit.values, self.segments.states_of_runs(fit.states))
 
 

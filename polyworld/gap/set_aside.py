@@ -12,8 +12,8 @@ import numpy as np
 
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
-from polyworld.estimation.run_parts import in_parts
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.fit_context import FittedHypothesis
+from polyworld.estimation.run_segments import in_segments
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.decide import Kind, Verdict
@@ -50,7 +50,7 @@ class Work:
         self, recording: Recording, candidates: tuple[Candidate, ...], spare: int = 0, most: int | None = None
     ) -> Searched:
         """Search a recording for up to so many effects; it ends early where up to `spare` runs are to be set aside."""
-        cut = in_parts(recording, self.world)
+        cut = in_segments(recording, self.world)
         plan = design(coarsened(self.world, cut), cut)
 
         def outliers(trials: Sequence[FittedHypothesis]) -> tuple[OutlyingRun, ...]:
@@ -79,7 +79,7 @@ def search_without_outliers(work: Work, recording: Recording) -> tuple[tuple[Out
         aside = event_runs(work.world, recording, work.outliers, work.clock) if room else ()
         while True:
             if aside:
-                work.story.tell(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
+                work.story.report(work.story.share, "outlying runs", {"runs": [o.to_json() for o in aside]})
             kept = without_runs(recording, [o.run for o in aside])
             found = work.search(kept, work.candidates, room - len(aside))
             further = found.outlying
@@ -122,7 +122,7 @@ def _explains_more(whole: Searched, found: Searched) -> bool:
 def _only_base(work: Work, recording: Recording) -> Searched:
     """Fit the world as it is, where time was over before: no effect has been tried, so none is named or ruled out."""
     found = work.search(recording, (), most=1)
-    return replace(found, verdict=Verdict("unexplained", None), limited=True, rivals_fitted=False)
+    return replace(found, verdict=Verdict("unexplained", None), limited=True, competitors_fitted=False)
 
 
 def _supporting(work: Work, found: Searched) -> tuple[OutlyingRun, ...]:

@@ -45,13 +45,13 @@ class SearchSettings:
         max_effects: added at most; sums of more mimic nearly anything. contenders: hypotheses fitted at each step; the
         right one was among the ten of largest predicted gain in all development cases. few: contenders followed to the
         end where none explains the data, starts of each that are tried, hypotheses that a further effect is added to,
-        and simpler laws that are tried in the place of each effect. impacts: starts of an effect at contacts at which
+        and nested submodels tried in the place of each effect. impacts: starts of an effect at contacts at which
         chi2 itself is evaluated, since slopes predict nothing there. unknowns: of a law that acts everywhere alike;
         more would be one number for each run. paired: plain laws that are fitted in pairs. firsts: the same on a
         single coordinate. compared: hypotheses of each number of effects that are refitted to be compared.
     Differences of the extended BIC
         credible: within which hypotheses stand side by side (10 is "very strong", Kass & Raftery 1995). close: the
-        same before all is fitted with care. one_course: the same where one coordinate of one run was measured.
+        same before all is fitted with care. single_coordinate: the same where one coordinate of one run was measured.
     chi2 per measurement
         near: below which a fit is near the data, and long steps may be why it fails. nearly: below which it is fitted
         to convergence. far, farther: of the parents, beyond which effects compete on segments, and on short ones;
@@ -76,7 +76,7 @@ class SearchSettings:
     compared: int = 8
     credible: float = 10.0
     close: float = 50.0
-    one_course: float = 40.0
+    single_coordinate: float = 40.0
     near: float = 1.5
     nearly: float = 5.0
     far: float = 3.0

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import extended
-from polyworld.estimation.trial import FittedHypothesis
 from polyworld.gap.search import Search
 
 SINGLE = 1  # unknowns of an effect that is tried as one of two
 
 
-def follows_one_course(plan: Design) -> bool:
-    """Whether nothing but one coordinate of one run was measured, be it in parts."""
+def is_single_coordinate(plan: Design) -> bool:
+    """Return whether nothing but one coordinate of one run was measured, be it in parts."""
     return len({(plan.runs[s.run].run.part_of or s.run, s.name, s.kind, s.axis) for s in plan.series}) == 1
 
 
 def competitors(search: Search, ground: FittedHypothesis, best: FittedHypothesis) -> list[FittedHypothesis]:
-    """Pairs of plain effects with no more unknowns than a single effect has, fitted under its noise."""
+    """Return pairs of plain effects with no more unknowns than a single effect has, fitted under its noise."""
     recording = best.context.design.recording
     if len(best.hypothesis.parts) != 1 or best.hypothesis.extra < 2 * SINGLE:
         return []

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 from scipy.stats import t as student
 
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.gap.model_error import ModelError, RunEvidence, model_error_of, run_evidence
 from polyworld.gap.settings import DecisionSettings
 

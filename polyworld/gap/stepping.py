@@ -12,13 +12,13 @@ from polyworld.recording import Recording
 from polyworld.world import World
 
 HALVINGS = 4
-UNSEEN = 0.05  # error of the steps, in standard deviations of the noise, that no fit can resolve
+NEGLIGIBLE = 0.05  # error of the steps, in standard deviations of the noise, that no fit can resolve
 LONGEST = 0.05  # [s]
 
 
 def coarsened(world: World, recording: Recording) -> World:
-    """The world with the longest step, between its own and one a sample, whose rollouts from the data's own starts
-    differ from those of half the step by less than a twentieth of the noise.
+    """Return the world with the longest step, between its own and one a sample, whose rollouts from the data's own
+    starts differ from those of half the step by less than a twentieth of the noise.
 
     Worlds with deformable objects keep their step: theirs is bound to their stability.
     """
@@ -40,7 +40,7 @@ def coarsened(world: World, recording: Recording) -> World:
             float(np.sqrt(np.mean(((a - b) / noise.sigma[r.index]) ** 2)))
             for r, a, b in zip(plan.runs, coarser, finer, strict=True)
         )
-        if not difference < UNSEEN:  # also where a rollout diverged
+        if not difference < NEGLIGIBLE:  # also where a rollout diverged
             break
         best, finer = step, coarser
     return world.with_substep(best)

@@ -17,10 +17,10 @@ from scipy.optimize import differential_evolution
 
 from polyworld import geometry
 from polyworld.estimation import profile
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
-from polyworld.estimation.run_parts import FEWEST
+from polyworld.estimation.run_segments import FEWEST
 from polyworld.estimation.score_test import ScoreTestStart
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.segment_context import SegmentContext, segment_context
 from polyworld.gap.settings import MapSettings
 from polyworld.recording import Run
@@ -91,8 +91,8 @@ def strength_map(ground: FittedHypothesis, hypothesis: Hypothesis, settings: Map
     places = []
     for r in design.runs:
         if np.all(np.isfinite(linear.r[r.index])):  # else its rollout diverges, and it asks for nothing
-            by_strength = ground.ground.off(r.index, linear.a[r.index][:, column])
-            slope[r.index] = by_strength @ ground.ground.off(r.index, linear.r[r.index])
+            by_strength = ground.nuisance.off(r.index, linear.a[r.index][:, column])
+            slope[r.index] = by_strength @ ground.nuisance.off(r.index, linear.r[r.index])
             information[r.index] = by_strength @ by_strength
         places.append(_sampled(r.run, axes, settings.samples))
     information = np.maximum(information, 1e-300)
@@ -104,7 +104,7 @@ def strength_map(ground: FittedHypothesis, hypothesis: Hypothesis, settings: Map
 
 
 def _sampled(run: Run, axes: list[int], count: int) -> Array:
-    """Places (count, D) of a run's one body, from start to end; NaN where it was never seen."""
+    """Return places (count, D) of a run's one body, from start to end; NaN where it was never seen."""
     places: Array = run.positions[:, 0][:, axes]
     seen = np.flatnonzero(np.isfinite(places).all(axis=1))
     if not len(seen):
@@ -114,8 +114,8 @@ def _sampled(run: Run, axes: list[int], count: int) -> Array:
 
 
 def _can_be_mapped(hypothesis: Hypothesis) -> bool:
-    """Whether the last effect can be made to act everywhere, one body moves, so that a window is at one place, and the
-    plane of motion, if any, lies along world axes."""
+    """Return whether the last effect can be made to act everywhere, one body moves, so that a window is at one place,
+    and the plane of motion, if any, lies along world axes."""
     world = hypothesis.world
     if hypothesis.parts[-1].variant.everywhere is None or len(world.moving_names) != 1:
         return False

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, without_part
 from polyworld.estimation.intervals import intervals95
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.profile import Fit
-from polyworld.estimation.score_test import ScoreTestStart, leads
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.score_test import ScoreTestStart, score_test_starts
 from polyworld.gap.examine import with_refined_noise
 from polyworld.gap.segment_context import SegmentContext
 from polyworld.gap.settings import SymbolicSettings
@@ -120,13 +120,13 @@ class ResidualForce:
 class Near:
     """Segments of the runs, and the base fitted to them under some noise: near the data, where whole runs are not."""
 
-    windows: SegmentContext
+    segments: SegmentContext
     noise: Noise
     fit: Fit
 
     def refitted(self, trial: FittedHypothesis) -> Near:
-        """Fit another hypothesis to the windows."""
-        context = self.windows.context.with_noise(self.noise)
+        """Fit another hypothesis to the segments."""
+        context = self.segments.context.with_noise(self.noise)
         return replace(self, fit=context.fit(trial.hypothesis, trial.values, self.fit.states).fit)
 
 
@@ -140,15 +140,15 @@ def describe_unexplained(
 
     ground: the base, fitted. best: the hypothesis that came nearest, under the same noise. Its effects that are no
     force, a torque, a bounce or a fault of the observer, cannot be written as an acceleration; where the law on the
-    base alone does not explain the data, it is sought beside them too. near: windows where laws are sought first, for a
-    base that is far from the data. Raises `InterruptedError` where `ground.context.cancelled` says so.
+    base alone does not explain the data, it is sought beside them too. near: segments where laws are sought first, for
+    a base that is far from the data. Raises `InterruptedError` where `ground.context.cancelled` says so.
     """
     settings = settings or SymbolicSettings()
     alone = _law_on(ground, near, settings)
     kept = None if best is None or alone.explains else _without_forces(ground, best)
     if kept is None:
         return alone
-    near = near.refitted(kept) if near is not None and near.windows.holds(kept.hypothesis) else None
+    near = near.refitted(kept) if near is not None and near.segments.holds(kept.hypothesis) else None
     beside = _law_on(kept, near, replace(settings, steps=settings.steps / 4))  # it begins nearer to the data
     return beside if beside.explains or law_ebic(beside, kept) < law_ebic(alone, ground) else alone
 
@@ -156,7 +156,7 @@ def describe_unexplained(
 def law_ebic(force: ResidualForce, trial: FittedHypothesis) -> float:
     """Extended BIC of a law on top of a trial, under the trial's noise; that of the trial where there is no law."""
     context, own = trial.context, force.trial if force.law.terms else trial
-    whole = len(own.fit.states) == len(trial.fit.states)  # or the law was found on windows, and on no whole runs
+    whole = len(own.fit.states) == len(trial.fit.states)  # or the law was found on segments, and on no whole runs
     fitted = context.fit(own.hypothesis, own.values, own.fit.states if whole else trial.fit.states)
     return extended_bic(fitted.chi2, own.hypothesis.extra, context.observations, 0, 1)
 
@@ -177,18 +177,18 @@ def _without_forces(ground: FittedHypothesis, best: FittedHypothesis) -> FittedH
 
 
 def _law_on(ground: FittedHypothesis, near: Near | None, settings: SymbolicSettings) -> ResidualForce:
-    """Search for a law on top of one hypothesis: on its runs, or on windows, then refitted to whole runs."""
+    """Search for a law on top of one hypothesis: on its runs, or on segments, then refitted to whole runs."""
     ground = replace(ground, hypothesis=ground.hypothesis.stepped(ground.context.design.world.time.substep))
     whole = _Search(ground, settings)
     if near is None:
         return whole.report(whole.run())
-    context = near.windows.context.with_noise(near.noise)
+    context = near.segments.context.with_noise(near.noise)
     search = _Search(replace(ground, fit=near.fit, context=context), settings)
     best = search.run()
     if not best.law.terms:
         return search.report(best)
     fitted = [
-        whole.fit(f.law, f.trial.hypothesis, f.trial.values, near.windows.start(f.trial.fit).states)
+        whole.fit(f.law, f.trial.hypothesis, f.trial.values, near.segments.start(f.trial.fit).states)
         for f in [best, *search.alternatives(best)][: settings.contenders]
     ]
     found = whole.with_refined_noise(min(fitted, key=lambda f: f.criterion))
@@ -236,12 +236,12 @@ class _Search:
         return best
 
     def explains(self, fitted: _Fitted) -> bool:
-        """Tell whether what is left is noise in its course, and no louder than short differences of the data say."""
+        """Check whether what is left is noise in its course, and no louder than short differences of the data say."""
         trial = fitted.trial
         return trial.chi2 < self.settings.loudest * trial.context.noise.count and trial.passes
 
     def at_its_limit(self) -> bool:
-        """Tell whether no further law may be tried; that one would have been is noted."""
+        """Check whether no further law may be tried; that one would have been is noted."""
         duration = np.mean([r.times[-1] - r.times[0] for r in self.context.design.runs])
         steps = max(float(duration) / self.base.world.time.substep, self.settings.rollout)
         if (self.context.rollouts - self._rollouts_before) * steps >= self.settings.steps:
@@ -251,7 +251,11 @@ class _Search:
     def scores(self, known: _Fitted) -> list[tuple[Law, ScoreTestStart]]:
         """Score all terms that can be added to a law: the laws, and where their fits begin, best first."""
         laws = [Law((*known.law.terms, t)) for t in self.terms if t not in known.law.terms]
-        begins = ((law, leads(self.context, known.trial, [law.hypothesis(self.base)], 1)) for law in laws if law.fits)
+        begins = (
+            (law, score_test_starts(self.context, known.trial, [law.hypothesis(self.base)], 1))
+            for law in laws
+            if law.fits
+        )
         found = [(law, start) for law, starts in begins for start in starts]
         price = float(np.log(self.context.observations))
         return sorted(found, key=lambda f: f[1].chi2 + price * len(f[1].values))

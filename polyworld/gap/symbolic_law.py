@@ -76,7 +76,7 @@ class Law:
         return number if len(self.terms) == 1 else f"{number}{index + 1}"
 
     def _written(self, values: Mapping[str, str]) -> str:
-        """The sum with some numbers replaced by text; signs that follow each other are drawn together."""
+        """Return the sum with some numbers replaced by text; signs that follow each other are drawn together."""
         names = [{n: self._name(i, n) for n in _numbers(term)} for i, term in enumerate(self.terms)]
         parts = [
             term.text.format(**{n: values.get(full, full) for n, full in own.items()})
@@ -88,5 +88,5 @@ class Law:
 
 
 def _numbers(term: Term) -> dict[str, Shape]:
-    """Numbers of a term by name, strengths first."""
+    """Return numbers of a term by name, strengths first."""
     return dict.fromkeys(term.strengths, STRENGTH) | {s.name: s for s in term.shapes}

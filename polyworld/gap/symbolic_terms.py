@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.gap.conditions import conditions
 
 Factor = Literal["speed", "position", "time", "spin", "contact"]
@@ -169,7 +169,7 @@ def _by_component(scales: Scales) -> Iterator[Term]:
 
 
 def _in_one_direction(scales: Scales) -> Iterator[Term]:
-    """Forces along one axis, or in a fixed direction that is unknown, with a magnitude that varies."""
+    """Return forces along one axis, or in a fixed direction that is unknown, with a magnitude that varies."""
     axes, t = scales.axes, scales.duration
     slow = 0.5 / t
     fast = max(min(0.25 / scales.interval, 40.0 * slow), slow)

@@ -86,16 +86,16 @@ def _merged(vertices: Array, distance: float) -> tuple[Array, NDArray[np.int64]]
 
 
 def _one_sided(name: str, faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Faces turned so that neighbours run along their common edge in opposite directions."""
+    """Orient faces so that neighbours run along their common edge in opposite directions."""
     neighbours: dict[tuple[int, int], list[tuple[int, bool]]] = {}
     for f, face in enumerate(faces):
         for a, b in ((face[0], face[1]), (face[1], face[2]), (face[2], face[0])):
             neighbours.setdefault((int(min(a, b)), int(max(a, b))), []).append((f, bool(a < b)))
-    crowded = [edge for edge, sides in neighbours.items() if len(sides) > 2]
-    if crowded:
+    non_manifold = [edge for edge, sides in neighbours.items() if len(sides) > 2]
+    if non_manifold:
         raise ValueError(
-            f"cloth {name!r}: {len(crowded)} edges belong to more than two faces, between vertices (after merging "
-            f"repeated ones) {_some(crowded)}; a cloth is one layer: make the layers objects of their own"
+            f"cloth {name!r}: {len(non_manifold)} edges belong to more than two faces, between vertices (after merging "
+            f"repeated ones) {_some(non_manifold)}; a cloth is one layer: make the layers objects of their own"
         )
     links: list[list[tuple[int, bool]]] = [[] for _ in faces]
     for sides in neighbours.values():

@@ -67,7 +67,7 @@ class Carving:
 
 
 def carvings(world: World, item: Fluid) -> tuple[Carving, ...]:
-    """What grid sides, statics and rigid objects take from each volume of a fluid, by sampling it evenly."""
+    """Estimate what grid sides, statics and rigid objects take from each volume of a fluid, by even sampling."""
     box = world.fluid_grid
     if box is None:
         raise ValueError(f"fluid {item.name!r} needs a fluid_grid")

@@ -118,7 +118,7 @@ def _cylinder(shape: Cylinder, edge: float) -> QuadraticMesh:
 
 @lru_cache(maxsize=64)
 def _slice(name: str, shape: Shape, edge: float, turn: tuple[float, ...], thickness: float) -> QuadraticMesh:
-    """What the plane z = 0 cuts out of a shape turned by the matrix with rows `turn`."""
+    """Mesh the section, in the plane z = 0, of a shape turned by the matrix with rows `turn`."""
     rotation = np.asarray(turn).reshape(3, 3)
     upright = abs(rotation[2, 2]) > 1.0 - 1e-9
     if isinstance(shape, Sphere) or (isinstance(shape, Cylinder | Capsule) and upright):

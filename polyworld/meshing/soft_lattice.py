@@ -153,7 +153,7 @@ def _cut(points: Array, depth: Array, cells: Ints, surface: Surface) -> tuple[Ar
 def _inner_part(
     inner: list[int], level: list[int], outer: list[int], crossing: Callable[[int, int], int]
 ) -> list[list[int]]:
-    """What is left of a tetrahedron with corners inside, on and outside the surface."""
+    """Split the part inside the surface of a tetrahedron with corners inside, on and outside it."""
     if len(inner) == 1:
         return [[inner[0], *level, *(crossing(inner[0], o) for o in outer)]]
     if len(inner) == 2 and len(outer) == 1:  # a pyramid: its top is the point on the surface

@@ -95,11 +95,11 @@ def container_named(world: World, name: str) -> Container:
 def grid_filling(
     points: Array, substances: Array, lower: Array, upper: Array, cells: tuple[int, int, int], planar_axis: int | None
 ) -> Array:
-    """Filled share (..., nx ny nz) of the cells of a box, z fastest, at most 1; points (..., k, 3).
+    """Compute the filled share (..., nx ny nz) of the cells of a box, z fastest, at most 1; points (..., k, 3).
 
     Each particle is a cube of its volume and belongs to the cells in proportion to what of it is in them; cubes larger
-    than a cell are taken for cells. planar_axis: the world axis across the motion plane, along which nothing is told
-    apart and sizes do not count.
+    than a cell are taken for cells. planar_axis: the world axis across the motion plane, along which nothing is
+    resolved and sizes do not count.
     """
     shape = np.asarray(cells)
     size = (np.asarray(upper) - np.asarray(lower)) / shape

@@ -1,4 +1,4 @@
-"""What can be read off deformable objects and compared with an observation: each kind names one measurement.
+"""Readouts of deformable objects, comparable with an observation: each kind names one measurement.
 
 Every readout has values of shape (..., T, m, c): m entries at each of T times, of c components. view "world": metres in
 world axes; view "image": pixels of the world's camera, u to the right, v down.
@@ -57,7 +57,7 @@ class Curve(Description):
 class Outline(Description):
     """How far the object reaches along each direction (its support function): c = 1 [m] or [px].
 
-    Opposite directions together tell a width and a middle: directional deformation and the centre's motion.
+    Opposite directions together give a width and a middle: directional deformation and the centre's motion.
     directions: (x, y, z) unit vectors for the world, (u, v, 0) for the image.
     """
 

@@ -1,4 +1,4 @@
-"""What ropes, cloth and soft bodies are fastened to."""
+"""Attachments of ropes, cloth and soft bodies: to the world or to other objects."""
 
 from __future__ import annotations
 

@@ -28,9 +28,7 @@ class Motor(Description):
     reverse: bool = Field(default=False, description="constant effort in the negative direction")
     start: NonNegative = Field(default=0.0, description="switched on at [s]")
     end: Positive | None = Field(default=None, description="switched off at [s]; default: never")
-    delay: NonNegative = Field(
-        default=0.0, description="how much later than told it switches on, and off: a slow actuator [s]"
-    )
+    delay: NonNegative = Field(default=0.0, description="lag of switching on and off, as of a slow actuator [s]")
 
 
 class _Joint(Description):
@@ -113,7 +111,7 @@ class Spring(_Joint):
     def _has_a_direction(self) -> Self:
         if self.anchor == self.other_anchor and self.length > 0.0:
             raise ValueError(
-                f"spring {self.name!r} has both ends at {self.anchor}, so it cannot tell where to push: anchor is "
+                f"spring {self.name!r} has both ends at {self.anchor}, so its direction is undefined: anchor is "
                 "where it holds the object, in world axes at the start, and other_anchor its other end"
             )
         return self

@@ -27,7 +27,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-KEPT = 64  # lists of paths whose places are remembered
+KEPT = 64  # lists of paths whose destinations are cached
 
 
 @dataclass
@@ -167,10 +167,10 @@ class Overriding:
         self._world = world
         self._known = parameter_paths(world)
         self._dominant = _dominant(world)
-        self._places: dict[tuple[str, ...], _Places] = {}
+        self._destinations: dict[tuple[str, ...], _Destinations] = {}
 
     def arrays(self, overrides: Mapping[str, Array]) -> RigidArrays:
-        """The world's arrays with some parameters given per world; fields that nothing changes are the world's own.
+        """Return the world's arrays with some parameters given per world; unchanged fields are the world's own.
 
         Raises as `rigid_arrays` does.
         """
@@ -180,51 +180,51 @@ class Overriding:
         paths = tuple(overrides)
         if not len(overrides[paths[0]]):
             raise ValueError("overrides must hold a value for at least one world, got none")
-        if paths not in self._places:
-            if len(self._places) == KEPT:
-                self._places.clear()
-            self._places[paths] = self._looked_up(paths)
-        places = self._places[paths]
+        if paths not in self._destinations:
+            if len(self._destinations) == KEPT:
+                self._destinations.clear()
+            self._destinations[paths] = self._looked_up(paths)
+        destinations = self._destinations[paths]
         values = np.array([overrides[path] for path in paths], dtype=float)
-        inside = (values >= places.lower[:, None]) & (values <= places.upper[:, None]) & np.isfinite(values)
+        inside = (values >= destinations.lower[:, None]) & (values <= destinations.upper[:, None]) & np.isfinite(values)
         if not inside.all():
             path = paths[int(np.argmin(inside.all(axis=1)))]
             spec = self._known[path]
             raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
-        values /= places.unit[:, None]
+        values /= destinations.unit[:, None]
         rows = values.shape[1]
         changed: dict[str, Array] = {}
-        for name, (which, where) in places.written.items():
+        for name, (which, where) in destinations.written.items():
             changed[name] = np.repeat(getattr(self.own, name), rows, axis=0)
             changed[name][:, *where] = values[which].T
             if name in ("static_friction", "static_restitution"):
                 changed[name] = coded(changed[name], self._dominant)
-        for name, (which, bodies, axes) in places.turned.items():
+        for name, (which, bodies, axes) in destinations.rotated.items():
             columns, own = np.unique(bodies, return_inverse=True)
             vectors = np.zeros((rows, len(columns), 3))
             vectors[:, own, axes] = values[which].T
             changed[name] = np.repeat(getattr(self.own, name), rows, axis=0)
-            turn = geometry.rotation_quaternion(vectors)
-            changed[name][:, columns] = geometry.quaternion_product(turn, changed[name][:, columns])
+            rotation = geometry.rotation_quaternion(vectors)
+            changed[name][:, columns] = geometry.quaternion_product(rotation, changed[name][:, columns])
         return replace(self.own, **changed)
 
-    def _looked_up(self, paths: tuple[str, ...]) -> _Places:
+    def _looked_up(self, paths: tuple[str, ...]) -> _Destinations:
         specs, unit = [], np.ones(len(paths))
         written: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
-        turned: dict[str, list[tuple[int, int, int]]] = {}
+        rotated: dict[str, list[tuple[int, int, int]]] = {}
         for i, path in enumerate(paths):
             specs.append(self._known.get(path) or specification(self._world, path))  # the latter raises, with choices
             check_differs_per_world(self._world, path)
             parts = path.split(".")
             if parts[0] in ("objects", "statics") and parts[2] == "rotation":
                 field = "orientation" if parts[0] == "objects" else "static_orientation"
-                turned.setdefault(field, []).append((i, self._column(parts), "xyz".index(parts[3])))
+                rotated.setdefault(field, []).append((i, self._column(parts), "xyz".index(parts[3])))
                 continue
             if path == "time.seconds_per_frame":
                 unit[i] = self._world.time.seconds_per_frame
             for field, where in self._fields(path, parts):
                 written.setdefault(field, []).append((i, where))
-        return _Places(
+        return _Destinations(
             lower=np.array([s.lower for s in specs]),
             upper=np.array([s.upper for s in specs]),
             unit=unit,
@@ -232,7 +232,7 @@ class Overriding:
                 field: (np.array([i for i, _ in found]), tuple(np.array([w for _, w in found]).T))
                 for field, found in written.items()
             },
-            turned={field: tuple(np.array(found).T) for field, found in turned.items()},
+            rotated={field: tuple(np.array(found).T) for field, found in rotated.items()},
         )
 
     def _fields(self, path: str, parts: list[str]) -> list[tuple[str, tuple[int, ...]]]:
@@ -262,7 +262,7 @@ class Overriding:
         return fields
 
     def _column(self, parts: list[str]) -> int:
-        """Where the arrays have the part of the world that a path names; -1 of an effect that is switched off."""
+        """Return the column of the part of the world that a path names; -1 of an effect that is switched off."""
         named: dict[str, Sequence[Any]] = {
             "objects": self._world.objects,
             "statics": self._world.statics,
@@ -273,22 +273,22 @@ class Overriding:
 
 
 @dataclass(frozen=True)
-class _Places:
-    """Where P parameters go.
+class _Destinations:
+    """Destinations of P parameters.
 
     lower, upper, unit (P,): bounds, and what values are divided by. written: field -> which parameters (m,), and their
-    indices behind the axis of worlds; turned: field -> which parameters (m,), bodies (m,) and axes (m,).
+    indices behind the axis of worlds; rotated: field -> which parameters (m,), bodies (m,) and axes (m,).
     """
 
     lower: Array
     upper: Array
     unit: Array
     written: Mapping[str, tuple[Ints, tuple[Ints, ...]]]
-    turned: Mapping[str, tuple[Ints, ...]]
+    rotated: Mapping[str, tuple[Ints, ...]]
 
 
 def _dominant(world: World) -> NDArray[np.bool_]:
-    """Which statics (s,) are dominant."""
+    """Find which statics (s,) are dominant."""
     return np.array([s.dominant for s in world.statics], dtype=bool)
 
 
@@ -302,7 +302,7 @@ def _effect_parameters(world: World) -> Array:
 
 
 def _motor_row(world: World, field: str) -> Array:
-    """A motor's number of each joint, 0 where there is no motor or it has none."""
+    """Return a motor's number of each joint, 0 where there is no motor or it has none."""
     motors = [getattr(j, "motor", None) for j in world.joints]
     return _row([getattr(m, field, None) or 0.0 for m in motors])
 

@@ -1,6 +1,6 @@
-"""What enabled effects change at a contact, whichever laws the catalogue holds: friction, restitution, tangential law.
+"""Enabled effects at a contact, whichever laws the catalogue holds: friction, restitution, tangential law.
 
-An effect acts on a contact in which an object takes part that it acts on; another friction of a place is that of what
+An effect acts on a contact in which an object takes part that it acts on; another friction of a region is that of what
 does not move, and acts on no contact of two objects.
 """
 
@@ -21,12 +21,12 @@ _CONTACT_KINDS = [
 
 
 def contact_laws(kinds: NDArray[np.int32]) -> int:
-    """How many of some effects, given by their kinds (e,), change what happens at contacts."""
+    """Count the effects, given by their kinds (e,), that change what happens at contacts."""
     return int(np.isin(kinds, _CONTACT_KINDS).sum())
 
 
 @wp.func
-def _same_friction(_kind: int, _p: Vec8, mu: wp.float64, _x: wp.vec3d, _way: wp.vec3d) -> wp.float64:
+def _same_friction(_kind: int, _p: Vec8, mu: wp.float64, _x: wp.vec3d, _path: wp.vec3d) -> wp.float64:
     return mu
 
 
@@ -44,10 +44,10 @@ def _with_friction(others: Any, law: EffectLaw) -> Any:
     friction, index = law.friction, KIND_INDEX[law.kind]
 
     @wp.func
-    def apply(kind: int, p: Vec8, mu: wp.float64, x: wp.vec3d, way: wp.vec3d) -> wp.float64:
+    def apply(kind: int, p: Vec8, mu: wp.float64, x: wp.vec3d, path: wp.vec3d) -> wp.float64:
         if kind == index:
-            return friction(p, mu, x, way)
-        return others(kind, p, mu, x, way)
+            return friction(p, mu, x, path)
+        return others(kind, p, mu, x, path)
 
     return apply
 
@@ -84,7 +84,7 @@ _tangential = reduce(_with_tangential, [law for law in _laws if law.tangential],
 
 @wp.func
 def _acts_on(acts: wp.array2d[wp.int32], e: int, a: int, b: int) -> bool:
-    """Whether effect e acts on object a or b; statics and the supporting plane are no objects."""
+    """Check whether effect e acts on object a or b; statics and the supporting plane are no objects."""
     if acts[e, a] == 1:
         return True
     if b < 0 or b >= acts.shape[1]:
@@ -111,13 +111,13 @@ def contact_friction(
     b: int,
     mu: wp.float64,
     x: wp.vec3d,
-    way: wp.vec3d,
+    path: wp.vec3d,
 ) -> wp.float64:
-    """Coulomb coefficient of a contact of a and b at x (world axes) that would be mu without effects: mean over the way
-    that it goes in a step, with its middle at x.
+    """Return the Coulomb coefficient of a contact of a and b at x (world axes), mu without effects: mean over the path
+    travelled in a step, with its middle at x.
 
     kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `polyworld.solver.arrays.RigidArrays`; a is an object, b
-    an object, a static (from n on) or the supporting plane (-1). A place belongs to what does not move: between two
+    an object, a static (from n on) or the supporting plane (-1). A region belongs to what does not move: between two
     objects the coefficient stays mu, wherever they meet.
     """
     if b >= 0 and b < acts.shape[1]:
@@ -125,7 +125,7 @@ def contact_friction(
     coefficient = mu
     for e in range(kinds.shape[0]):
         if _acts_on(acts, e, a, b):
-            coefficient = _friction(kinds[e], _values(parameters, world, e), coefficient, x, way)
+            coefficient = _friction(kinds[e], _values(parameters, world, e), coefficient, x, path)
     return coefficient
 
 
@@ -140,7 +140,7 @@ def contact_restitution(
     e0: wp.float64,
     speed: wp.float64,
 ) -> wp.float64:
-    """Restitution of an impact of a and b with that approach speed [m/s] that would be e0; else as above."""
+    """Return the restitution of an impact of a and b at an approach speed [m/s], e0 without effects; else as above."""
     restitution = e0
     for e in range(kinds.shape[0]):
         if _acts_on(acts, e, a, b):
@@ -157,9 +157,9 @@ def contact_tangential(
     a: int,
     b: int,
 ) -> wp.vec3d:
-    """What an impact of a and b does along the contact, see `EffectLaw.tangential`; else as above.
+    """Return the tangential law of an impact of a and b, see `EffectLaw.tangential`; else as above.
 
-    Losses multiply; of several tangential restitutions the one with the strongest grip counts. Without a grip the
+    Losses multiply; of several tangential restitutions the one with the largest stick fraction counts. Without one the
     last two numbers are -1 and 0.
     """
     one = wp.float64(1.0)

@@ -18,7 +18,7 @@ _EXPRESSIONS = int(EXPRESSION_KIND)  # kinds from here on are programs
 
 
 def _only(law: EffectLaw, index: int) -> Any:
-    """A Warp function that applies `law` to its own kind; other kinds have no force."""
+    """Return a Warp function that applies `law` to its own kind; other kinds have no force."""
     force = law.force
 
     @wp.func
@@ -31,7 +31,7 @@ def _only(law: EffectLaw, index: int) -> Any:
 
 
 def _either(first: Any, second: Any, index: int) -> Any:
-    """A Warp function that applies `first` to kinds below `index`, `second` to the others."""
+    """Return a Warp function that applies `first` to kinds below `index`, `second` to the others."""
 
     @wp.func
     def apply(kind: int, p: Vec8, b: Motion) -> wp.spatial_vectord:
@@ -43,7 +43,7 @@ def _either(first: Any, second: Any, index: int) -> Any:
 
 
 def _tree(laws: Sequence[EffectLaw]) -> Any:
-    """A Warp function that finds the law of a kind by bisection: laws are many, and this is the innermost loop."""
+    """Return a Warp function that finds a kind's law by bisection: laws are many, and this is the innermost loop."""
     if len(laws) == 1:
         return _only(laws[0], KIND_INDEX[laws[0].kind])
     middle = len(laws) // 2
@@ -54,7 +54,7 @@ _FORCES = [KIND_INDEX[kind] for kind, law in CATALOGUE.items() if law.force is n
 
 
 def forces_among(kinds: NDArray[np.int32]) -> int:
-    """How many of some effects, given by their kinds (e,), push bodies; others act at contacts alone."""
+    """Count how many of some effects, given by their kinds (e,), push bodies; others act at contacts alone."""
     return int((np.isin(kinds, _FORCES) | (kinds >= _EXPRESSIONS)).sum())
 
 

@@ -31,10 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not scenes:
         print(f"no annotation_NNNNN.json in {folder}", file=sys.stderr)
         return 2
-    begun = time.perf_counter()
+    started = time.perf_counter()
 
     def say(text: str) -> None:
-        print(f"[{time.perf_counter() - begun:6.1f} s] {text}", file=sys.stderr, flush=True)
+        print(f"[{time.perf_counter() - started:6.1f} s] {text}", file=sys.stderr, flush=True)
 
     budget = Budget(generations=options.generations, population=options.population)
     table: list[Row] = []
@@ -67,14 +67,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "tracks": [_finite(asdict(s)) for s in scores],
             "fits": [_json(row) for row in table],
             "tools": [_json(run) for run in runs],
-            "seconds": time.perf_counter() - begun,
+            "seconds": time.perf_counter() - started,
         }
         print(json.dumps(data, indent=1))
     else:
         print_tracks(scores, print)
         print_fits(table, print)
         print_tools(runs, print)
-        print(f"\n{time.perf_counter() - begun:.0f} s in all")
+        print(f"\n{time.perf_counter() - started:.0f} s in all")
     return 0
 
 

@@ -58,7 +58,7 @@ class Budget:
 
 
 def unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:
-    """The default unknowns, with one spinning-friction radius for all, and without sliding friction of balls."""
+    """Return the default unknowns, with one spinning-friction radius for all, and without sliding friction of balls."""
     found = default_unknowns(world, tracks, shared=("linear_damping", "angular_damping", "torsional_radius"))
     balls = {f"{o.name}.friction" for o in world.objects if o.shape.kind == "sphere"}
     return [p for p in found if p.name not in balls]
@@ -76,7 +76,7 @@ def rows(
     say: Callable[[str], None],
 ) -> tuple[list[Row], World]:
     """Default parameters, random search, CEM, and CEM followed by `refine`; returns the last one's world too."""
-    # What is left out must not tell where the search begins either.
+    # What is left out must not show where the search begins either.
     seen = tracks if holdout_from is None else tracks.window(int(tracks.frames[0]), holdout_from - 1)
     parameters = unknowns(world, seen)
     objective = ObjectiveSettings(position_tolerance=MODEL_TOLERANCE)
@@ -115,9 +115,9 @@ def rows(
     add("random search", random.world, random, random.seconds, random.rollouts)
     searched = fit(problem, settings)
     add("CEM", searched.world, searched, searched.seconds, searched.rollouts)
-    begun = time.perf_counter()
+    started = time.perf_counter()
     polished = refine(problem, searched.by_name, iterations=30)
-    seconds = searched.seconds + time.perf_counter() - begun
+    seconds = searched.seconds + time.perf_counter() - started
     add("CEM + refine", polished.world, polished, seconds, searched.rollouts + polished.rollouts)
     return made, polished.world
 

@@ -52,14 +52,14 @@ def run(program: Sequence[str], things: Sequence[Thing], events: Sequence[Happen
 def answer_choice(
     question: Sequence[str], choice: Sequence[str], things: Sequence[Thing], events: Sequence[Happening]
 ) -> bool:
-    """Whether a choice of an explanatory question is correct."""
+    """Return whether a choice of an explanatory question is correct."""
     stack: list[Any] = []
     run(choice, things, events, stack)
     return bool(run(question, things, events, [stack[-1]]))
 
 
 def causes(event: Happening, events: Sequence[Happening]) -> list[Happening]:
-    """All events that led to this one: the earlier ones of its participants, and theirs, and so on."""
+    """Return all events that led to this one: the earlier ones of its participants, and theirs, and so on."""
     found: list[Happening] = []
     waiting = [event]
     while waiting:

@@ -159,7 +159,7 @@ def true_happenings(scene: Scene) -> list[Happening]:
 
 
 def _official(scene: Scene, folder: Path, things: list[Thing], events: list[Happening]) -> list[Answer]:
-    """The official explanatory questions of the scene, if the folder has any."""
+    """Return the official explanatory questions of the scene, if the folder has any."""
     answers: list[Answer] = []
     for path in sorted(folder.glob("questions_*.json")):
         for question in json.loads(path.read_text()).get(str(int(scene.number)), {}).get("questions", []):

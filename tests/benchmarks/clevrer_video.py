@@ -30,7 +30,7 @@ class TrackScore:
 
     median_error [m]: over all samples of matched tracks in which the annotation says the object is in view;
     worst_object [m]: the largest median of one object. swaps: times a track goes over to another object.
-    median_error_own_sizes: the same where perception is not told the objects' sizes but estimates them.
+    median_error_own_sizes: the same where perception is not given the objects' sizes but estimates them.
     objects: annotated objects ever in view; found: those with a track; extra: tracks that are nobody's.
     colours, shapes, materials: how many of the found objects' cues are right.
     """
@@ -52,7 +52,7 @@ class TrackScore:
 
 @dataclass(frozen=True)
 class VideoScene:
-    """What the video alone tells, in the names of the tracks, and the annotation renamed to match them."""
+    """Return tracks of the video alone, and the annotation renamed to match them."""
 
     tracks: ObservedTracks
     kinds: dict[str, tuple[str, str, str]]
@@ -64,13 +64,13 @@ def observe_scene(scene: Scene, folder: Path, say: Callable[[str], None]) -> tup
     """Run perception on the scene's video and compare."""
     if scene.video is None:
         raise FileNotFoundError(f"scene {scene.number} has no video")
-    begun = time.perf_counter()
+    started = time.perf_counter()
     observation = observe(scene.video)
     camera = import_camera(folder / "camera_homography_z0.2.json", IMAGE_SIZE)
     kinds = {o.name: (o.colour.name, o.material.name, o.shape.name) for o in observation.objects}
     solids = {name: SHAPES[shape] for name, (_, _, shape) in kinds.items() if shape in SHAPES}
     tracks = world_tracks(observation, camera, solids, seconds_per_frame=SECONDS_PER_FRAME)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - started
     say(f"{scene.number} video: {len(tracks.names)} tracks in {seconds:.1f} s")
     made, score = _compare(scene, from_trusted_start(tracks), tracks, kinds, seconds)
     own = world_tracks(observation, camera, seconds_per_frame=SECONDS_PER_FRAME)

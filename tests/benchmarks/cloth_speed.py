@@ -33,7 +33,7 @@ DIFFERENCES = (
 
 
 def scene(divisions: int, **more: Any) -> World:
-    """The sheet as a world."""
+    """Return the sheet as a world."""
     return World.model_validate(
         {
             "deformables": [

@@ -1,4 +1,4 @@
-"""What must hold of a rollout of coupled materials, whatever they do: each check a number and its bound."""
+"""Check a rollout of coupled materials, whatever they do: each check a number and its bound."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Check:
 
 
 def checks(world: World, result: Rollout) -> Iterator[Check]:
-    """All that applies to a world."""
+    """Return all that applies to a world."""
     trajectory = result.trajectory
     yield Check("seconds not run", result.horizon - float(trajectory.times[-1]), 1e-9)
     yield Check("values that are not finite", float(_not_finite(world, result)), 0.0)
@@ -142,7 +142,7 @@ def _fluid_checks(world: World, result: Rollout, fluid: Fluid) -> Iterator[Check
 
 
 def _rope_length(world: World, result: Rollout, rope: Rope) -> Check:
-    """How much longer than without tension a rope is, with the parts that it lays on its wheels."""
+    """Return how much longer than without tension a rope is, with the parts that it lays on its wheels."""
     from polyworld.deformable_pictures import along_wheels
 
     points = result.trajectory.deformables[rope.name].points
@@ -156,7 +156,7 @@ def _rope_length(world: World, result: Rollout, rope: Rope) -> Check:
 
 
 def _slip(world: World, result: Rollout, name: str) -> float:
-    """How far held nodes come from where they are held [m]; from a soft body, how much the distance changes."""
+    """Return how far held nodes come from where they are held [m]; from a soft body, how much the distance changes."""
     attachment = next(a for a in world.attachments if a.name == name)
     trajectory = result.trajectory
     nodes = held_nodes(world, attachment)

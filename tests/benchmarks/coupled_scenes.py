@@ -52,12 +52,12 @@ def main() -> None:
             print(f"{name}: FAILED: {error}", flush=True)
             continue
         wall, cpu = time.perf_counter() - start, time.process_time() - cpu
-        _tell(name, world, result, wall, cpu)
+        _report(name, world, result, wall, cpu)
         rows.append(_row(name, world, result))
         cv2.imwrite(str(options.out / "scenes.png"), np.concatenate(rows))
 
 
-def _tell(name: str, world: World, result: Rollout, wall: float, cpu: float) -> None:
+def _report(name: str, world: World, result: Rollout, wall: float, cpu: float) -> None:
     points = sum(cost(world, result.horizon).points.values())
     print(f"{name}: {result.status}, {points} points, {wall:.1f} s ({cpu:.1f} s of processor)", flush=True)
     if result.status == "diverged":

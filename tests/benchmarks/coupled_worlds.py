@@ -23,12 +23,12 @@ WIRE = Appearance(color="gold")
 
 
 def block(x: float, y: float, z: float, position: tuple[float, float, float]) -> FluidVolume:
-    """A box of fluid of half edges x, y, z [m]."""
+    """Return a box of fluid of half edges x, y, z [m]."""
     return FluidVolume(shape=Box(half_extents=(x, y, z)), position=position)
 
 
 def rigid(name: str, shape: Any, position: tuple[float, float, float], color: str, **fields: Any) -> RigidObject:
-    """A rigid body that does not bounce much."""
+    """Return a rigid body that does not bounce much."""
     given = {"restitution": 0.2, **fields}
     return RigidObject(name=name, shape=shape, position=position, appearance=Appearance(color=color), **given)
 
@@ -225,7 +225,7 @@ def rope_tied_to_a_soft_body() -> World:
 
 
 def all_in_one_box() -> World:
-    """A rigid ball, a rope, a sheet, a soft ball and water in one closed box."""
+    """Return a rigid ball, a rope, a sheet, a soft ball and water in one closed box."""
     rope = Rope(
         name="cord",
         points=((-0.3, 0.1, 0.55), (-0.05, 0.1, 0.55)),

@@ -21,7 +21,7 @@ STEP = 0.002
 
 
 def column(particles: int) -> World:
-    """A cube of about so many particles, half a metre wide, in a box 1 x 0.5 x 1 m."""
+    """Return a cube of about so many particles, half a metre wide, in a box 1 x 0.5 x 1 m."""
     cell = 0.5 / round((particles / 8) ** (1 / 3))
     volume = FluidVolume(shape=Box(half_extents=(0.25, 0.25, 0.25)), position=(0.25, 0.25, 0.25))
     grid = FluidGrid(lower=(0, 0, 0), upper=(round(1.0 / cell) * cell, 0.5, round(1.0 / cell) * cell), cell=cell)
@@ -39,7 +39,7 @@ def measure(particles: int, worlds: int, duration: float) -> tuple[int, float, i
 
 
 def newton_row(particles: int, duration: float) -> str:
-    """The same column in Newton's SolverImplicitMPM, or why not."""
+    """Return the same column in Newton's SolverImplicitMPM, or why not."""
     try:
         import newton
         from newton.solvers import SolverImplicitMPM

@@ -1,4 +1,4 @@
-"""What worlds foresee of rendered clips: `python -m tests.benchmarks.foresight`.
+"""Measure how well worlds predict rendered clips: `python -m tests.benchmarks.foresight`.
 
 Clips end before much of what happens (`tests.benchmarks.video_clips`). Of each a world is made with no human help:
 from the video by one call of ModelVideo, and from true tracks with 5 mm noise by import, BuildWorld and FitWorld, so
@@ -46,7 +46,7 @@ def calibration_error(answers: Sequence[Answered]) -> float | None:
 
 
 def _right(answer: Answered) -> float:
-    """1 if an answer is right, 0 if wrong, 0.5 where it is evenly divided or was not given."""
+    """Return 1 if an answer is right, 0 if wrong, 0.5 where it is evenly divided or was not given."""
     if answer.probability is None or answer.probability == 0.5:
         return 0.5
     return float((answer.probability > 0.5) == answer.truth)
@@ -93,7 +93,7 @@ def _share(value: float | None, of: float | None) -> float | None:
 
 
 def describe(run: ClipRun) -> str:
-    """One clip in a line."""
+    """Return one clip in a line."""
     if run.failed is not None:
         return f"{run.clip} ({run.source}): no world: {run.failed[:200]}"
     ends = ", ".join(f"{e.body} {_ending(e)}" for e in run.endings if e.edit is None)

@@ -16,7 +16,7 @@ INSTANT = 1e-3  # s: half an interval that holds one sample
 
 
 class Inexpressible(Exception):
-    """What is asked has no counterpart in the tools."""
+    """A question that has no counterpart in the tools."""
 
 
 def edits_of(clip: Clip, world: dict[str, Any], edit: dict[str, Any]) -> list[dict[str, Any]]:
@@ -63,13 +63,13 @@ def _paths(clip: Clip, world: dict[str, Any], op: str, name: str) -> list[str]:
 
 
 def _turned(clip: Clip, name: str, angle: float) -> dict[str, Any]:
-    """A velocity turned about z, of a tossed body from x towards z."""
+    """Return a velocity turned about z, of a tossed body from x towards z."""
     turn = [0.0, -angle, 0.0] if clip.kind in ("tossed", "bouncing") else [0.0, 0.0, angle]
     return {"action": "scale_velocity", "object": name, "turn": turn}
 
 
 def _swung(clip: Clip, name: str, state: dict[str, Any], factor: float) -> dict[str, Any]:
-    """A pendulum that starts at a multiple of its angle from the vertical, in the plane y = 0."""
+    """Return a pendulum that starts at a multiple of its angle from the vertical, in the plane y = 0."""
     pivot = next(b["pivot"] for b in clip.bodies if b["name"] == name)
     x, _, z = np.asarray(state["position"]) - pivot
     return {"action": "move", "object": name, "turn": [0.0, -(factor - 1.0) * float(np.arctan2(x, -z)), 0.0]}

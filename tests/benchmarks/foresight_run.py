@@ -56,7 +56,7 @@ class Answered:
 
 @dataclass
 class ClipRun:
-    """What came of one clip from one source. failed: why there is no world, in the tools' words."""
+    """Outcome of one clip from one source. failed: why there is no world, in the tools' words."""
 
     clip: str
     kind: str
@@ -70,7 +70,7 @@ class ClipRun:
     inexpressible: list[str] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return asdict(self)
 
 
@@ -188,7 +188,7 @@ async def _asked(
 
 
 def _ending(clip: Clip, name: str, edit: int | None, truth: dict[str, Any], place: Floats | None) -> Ending:
-    """The errors of a prediction and, without an edit, of a straight line and of a body that stays."""
+    """Return the errors of a prediction and, without an edit, of a straight line and of a body that stays."""
     poses = np.asarray(truth["poses"][name])[:, :3]
     goal = poses[-1]
     predicted = None if place is None else float(np.linalg.norm(place - goal))

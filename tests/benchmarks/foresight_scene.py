@@ -56,7 +56,7 @@ class Clip:
 
 
 def read_clips(folder: Path) -> list[Clip]:
-    """All clips of a folder that `tests.benchmarks.video_clips` wrote, by name."""
+    """Return all clips of a folder that `tests.benchmarks.video_clips` wrote, by name."""
     found = []
     for public in sorted((folder / "public").iterdir()):
         known = json.loads((public / "known.json").read_text())
@@ -66,7 +66,7 @@ def read_clips(folder: Path) -> list[Clip]:
 
 
 def shape_of(thing: dict[str, Any]) -> dict[str, Any]:
-    """A thing's shape as the tools take it."""
+    """Return a thing's shape as the tools take it."""
     if thing["shape"] == "sphere":
         return {"kind": "sphere", "radius": thing["diameter"] / 2}
     if thing["shape"] == "cylinder":
@@ -75,7 +75,7 @@ def shape_of(thing: dict[str, Any]) -> dict[str, Any]:
 
 
 def tool_name(name: str) -> str:
-    """A thing's name in the tools, which take no spaces."""
+    """Return a thing's name in the tools, which take no spaces."""
     return name.replace(" ", "_")
 
 
@@ -105,7 +105,7 @@ def surroundings(clip: Clip) -> dict[str, Any]:
 
 
 def radius_of_gyration(thing: dict[str, Any]) -> float:
-    """Root mean square distance of a thing's substance from its centre over an axis, about [m]."""
+    """Return the root mean square distance of a thing's substance from its centre over an axis, about [m]."""
     size = thing.get("size") or [thing["diameter"], thing["diameter"], thing.get("length", thing["diameter"])]
     return float(np.linalg.norm(size) / np.sqrt(18.0))
 

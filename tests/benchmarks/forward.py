@@ -46,7 +46,7 @@ DIFFERENCES = (
 
 
 def engine_runs(n_worlds: int) -> dict[str, Callable[[], None]]:
-    """One call a rollout of the six-body scene over n_worlds, buffers and models made before."""
+    """Return one call a rollout of the six-body scene over n_worlds, buffers and models made before."""
     times = np.arange(0.0, DURATION + 1e-9, 0.04)
     runs: dict[str, Callable[[], None]] = {}
     for name in ("planar", "spatial"):
@@ -124,7 +124,7 @@ def _object(planar: bool, shape: Any, **fields: Any) -> RigidObject:
 
 
 def slide_length(planar: bool) -> float:
-    """A cube with 2 m/s and mu = 0.2 [m]; exact v^2 / 2 mu g."""
+    """Return a cube with 2 m/s and mu = 0.2 [m]; exact v^2 / 2 mu g."""
     item = _object(planar, CUBE, position=(0, 0, 0.1), velocity=(2, 0, 0), friction=0.2)
     return float(_run(item, (FLOOR,), duration=2.0).positions[0, -1, 0, 0])
 
@@ -191,7 +191,7 @@ def _mjcf(geoms: str, *, gravity: str = "0 0 -9.81", substep: float = SUBSTEP) -
 
 
 def mujoco_accuracy() -> dict[str, float]:
-    """The same cases by MuJoCo."""
+    """Return the same cases by MuJoCo."""
     cube = '<body pos="{}"><freejoint/><geom type="box" size=".1 .1 .1" mass="1" friction="{} 0 0" condim="3"/></body>'
     floor = '<geom type="plane" size="9 9 1" friction="{} 0 0"/>'
     model = _mjcf(floor.format(0.2) + cube.format("0 0 .1", 0.2))
@@ -248,7 +248,7 @@ def mujoco_accuracy() -> dict[str, float]:
 
 
 def accuracy() -> dict[str, dict[str, float]]:
-    """Each engine's answers to the cases, and the exact ones."""
+    """Return each engine's answers to the cases, and the exact ones."""
     result = {
         name: {
             "slide_m": slide_length(planar),
@@ -269,7 +269,7 @@ def accuracy() -> dict[str, dict[str, float]]:
 
 
 def measure(repeat: int) -> dict[str, Any]:
-    """Everything, as JSON-ready values."""
+    """Return everything, as JSON-ready values."""
     first = {name: first_rollout(name == "planar") for name in ("planar", "spatial")}
     speed = {str(n): measure_speed(n, repeat) for n in (1, 64)}
     ratio = {
@@ -290,7 +290,7 @@ def measure(repeat: int) -> dict[str, Any]:
 
 
 def table(report: dict[str, Any]) -> str:
-    """The report as text."""
+    """Return the report as text."""
     lines = [
         f"{report['scene']}; {report['threads']} threads; MuJoCo {report['mujoco']}; median of {report['repeat']}",
         f"{'engine':9}{'1 world':>12}{'x MuJoCo':>10}{'64 worlds':>12}{'x MuJoCo':>10}{'CPU us/step':>13}"

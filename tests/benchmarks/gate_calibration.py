@@ -34,7 +34,7 @@ REFINEMENTS = 2
 
 
 def judged(seed: int, draw: Draw, runs: int, count: int, rate: float, push: Array | None = None) -> Goodness:
-    """The gate's verdict on one drawn recording."""
+    """Return the gate's verdict on one drawn recording."""
     plan = flight_design(np.random.default_rng(seed), draw, SIGMA, runs=runs, count=count, rate=rate, push=push)
     noise = measured_noise(plan)
     for _ in range(REFINEMENTS):
@@ -43,7 +43,7 @@ def judged(seed: int, draw: Draw, runs: int, count: int, rate: float, push: Arra
 
 
 def push_of(noncentrality: float, runs: int, count: int, rate: float) -> Array:
-    """The acceleration whose trace in white noise, less its line, has this squared length."""
+    """Return the acceleration whose trace in white noise, less its line, has this squared length."""
     length = runs * count * (count**2 - 1) * (count**2 - 4) / 720.0 / rate**4
     return np.array([SIGMA * np.sqrt(noncentrality / length), 0.0, 0.0])
 

@@ -19,7 +19,7 @@ from tests.scenes.ball import UnusableCase
 NOISES = (0.001, 0.01, 0.03)
 ATTEMPTS = 40
 
-# Effects that no pair of launches tells apart: naming any of them is right. On a level plane the clock, and gravity,
+# Effects that no pair of launches distinguishes: naming any of them is right. On a level plane the clock, and gravity,
 # show through friction alone; and a force that needs contact acts always.
 SAME = (frozenset({"gravity_error", "buoyancy", "observer_scale", "observer_clock"}),)
 SAME_ON_PLANE = (
@@ -33,7 +33,7 @@ UNIFORM = SAME[0] | {"tilt"}
 
 @dataclass(frozen=True)
 class Case:
-    """section and index tell the case; draw: index of the physics, the same for all noise levels.
+    """section and index identify the case; draw: index of the physics, the same for all noise levels.
 
     effects: names, empty for none. bodies: how many the scene has. noise: standard deviation as a share of the path
     scale (positions) and of a radian (turns). design, runs, rate: see `hidden_design`. turns: whether measured.
@@ -57,12 +57,12 @@ class Case:
         return f"{self.section}-{self.index:04d}"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return asdict(self)
 
 
 def same_class(name: str, section: str) -> frozenset[str]:
-    """All effects that no experiment of a section tells from this one."""
+    """Return all effects that no experiment of a section distinguishes from this one."""
     return next((s for s in (SAME_ON_PLANE if section in ON_PLANE else SAME) if name in s), frozenset({name}))
 
 
@@ -74,7 +74,7 @@ def _one_motion(pair: tuple[str, str]) -> bool:
 
 
 def one_effect(seeds: int) -> Iterator[Case]:
-    """Every effect, `seeds` times, each at all noise levels."""
+    """Return every effect, `seeds` times, each at all noise levels."""
     index = itertools.count()
     for draw in range(seeds):
         for name, (_, designs) in EFFECTS.items():
@@ -112,7 +112,7 @@ def outside(seeds: int) -> Iterator[Case]:
 
 
 def poor_designs(seeds: int) -> Iterator[Case]:
-    """Single effects at 1% noise on designs that may not tell them: one launch, drops, 24 Hz, one speed."""
+    """Single effects at 1% noise on designs that may not separate them: one launch, drops, 24 Hz, one speed."""
     names = [n for n, (_, designs) in EFFECTS.items() if designs == ("bouncing",)]
     index = itertools.count()
     for draw in range(seeds):
@@ -125,7 +125,7 @@ def poor_designs(seeds: int) -> Iterator[Case]:
 
 
 def bodies(seeds: int) -> Iterator[Case]:
-    """Two to six discs that collide: one effect, or in one case of eleven none, at all noise levels."""
+    """Return two to six discs that collide: one effect, or in one case of eleven none, at all noise levels."""
     names = ("tilt", "linear_drag", "quadratic_drag", "coriolis", "friction_error", "restitution_error", "mass_error")
     names = (*names, "friction_patch", "spring", "observer_scale", "")
     index = itertools.count()

@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 GRAVITY = 9.81
 RESTITUTION = 0.8
 FITTED_RUNS = 8
-SEALED_RUNS = 2
+HELD_OUT_RUNS = 2
 DURATION = 1.6
 
 
 @dataclass(frozen=True)
 class BallDesign:
-    """Launches of one ball: the first `fitted` are given, the rest sealed. stamps (T,): from each run's start [s]."""
+    """Launches of one ball: the first `fitted` are given, the rest held out. stamps (T,): from each run's start [s]."""
 
     name: str
     ball: Ball
@@ -59,9 +59,9 @@ class BallDesign:
 def bouncing(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
     """Launches through the air: 0.5 to 8 m/s, all headings, 0.3 to 2.5 m high, spins to 30 rad/s, meeting mid-way."""
     launches = []
-    for k in range(runs + SEALED_RUNS):
+    for k in range(runs + HELD_OUT_RUNS):
         speed = float(rng.uniform(0.5, 8.0)) if k else float(rng.uniform(5.0, 8.0))
-        heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + SEALED_RUNS) * 3.0
+        heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + HELD_OUT_RUNS) * 3.0
         rise = float(rng.uniform(-0.4, 0.9))
         launches.append(_through_the_middle(rng, speed, heading, rise, float(rng.uniform(0.3, 2.5))))
     return _design("bouncing", rng, launches, runs, rate, friction=0.15)
@@ -76,7 +76,7 @@ def _through_the_middle(rng: np.random.Generator, speed: float, heading: float, 
 
 
 def sliding(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
-    """As `floor`, but two of eight launches go through the air: they tell forces of the floor from those of the air."""
+    """As `floor`, but two of eight launches go through the air: they separate forces of the floor from the air's."""
     on_floor = floor(rng, runs=runs, rate=rate)
     launches = list(on_floor.launches)
     for k in range(3, len(launches), 4):
@@ -89,8 +89,8 @@ def sliding(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 
 def floor(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
     """Launches along the floor: 1 to 4 m/s with backspin, so that the ball slides long before it rolls."""
     launches = []
-    for k in range(runs + SEALED_RUNS):
-        heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + SEALED_RUNS) * 3.0
+    for k in range(runs + HELD_OUT_RUNS):
+        heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + HELD_OUT_RUNS) * 3.0
         along = np.array([np.cos(heading), np.sin(heading), 0.0])
         speed = float(rng.uniform(1.0, 4.0))
         start = -along * speed * rng.uniform(0.3, 0.7) + np.array([*rng.normal(0.0, 0.25, 2), 0.0])
@@ -103,9 +103,9 @@ def floor(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 12
 def outward(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
     """Launches through the air from one place into all directions, 1 to 5 m/s."""
     launches = []
-    for k in range(runs + SEALED_RUNS):
+    for k in range(runs + HELD_OUT_RUNS):
         speed, rise = float(rng.uniform(1.0, 5.0)), float(rng.uniform(-0.4, 0.9))
-        heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + SEALED_RUNS) * 3.0
+        heading = 2.0 * np.pi * (k + rng.uniform(0.0, 1.0)) / (runs + HELD_OUT_RUNS) * 3.0
         made = _through_the_middle(rng, speed, heading, rise, float(rng.uniform(0.3, 2.0)))
         start = (*rng.normal(0.0, 0.2, 2), made.position[2])
         launches.append(Launch(start, made.velocity, made.spin))
@@ -115,18 +115,18 @@ def outward(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 
 def drops(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
     """Drops from rest, without spin, from 0.5 to 2.5 m."""
     launches = [
-        Launch((*rng.normal(0.0, 0.5, 2), rng.uniform(0.5, 2.5)), (0.0, 0.0, 0.0)) for _ in range(runs + SEALED_RUNS)
+        Launch((*rng.normal(0.0, 0.5, 2), rng.uniform(0.5, 2.5)), (0.0, 0.0, 0.0)) for _ in range(runs + HELD_OUT_RUNS)
     ]
     return _design("drops", rng, launches, runs, rate, friction=0.15)
 
 
 def one_speed(rng: np.random.Generator, *, runs: int = FITTED_RUNS, rate: float = 120.0) -> BallDesign:
-    """One throw, repeated: the same speed, heading, height and spin within a few per cent."""
+    """Return one throw, repeated: the same speed, heading, height and spin within a few per cent."""
     speed, heading = float(rng.uniform(2.0, 6.0)), float(rng.uniform(-np.pi, np.pi))
     rise, height = float(rng.uniform(0.0, 0.6)), float(rng.uniform(0.5, 2.0))
     spin = rng.normal(size=3) * 8.0
     launches = []
-    for _ in range(runs + SEALED_RUNS):
+    for _ in range(runs + HELD_OUT_RUNS):
         made = _through_the_middle(rng, speed * rng.uniform(0.98, 1.02), heading + rng.normal(0.0, 0.02), rise, height)
         launches.append(Launch(made.position, made.velocity, tuple(spin)))
     return _design("one_speed", rng, launches, runs, rate, friction=0.15)

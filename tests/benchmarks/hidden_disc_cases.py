@@ -25,7 +25,7 @@ Numbers = dict[str, float]
 
 FRICTION, RESTITUTION, THICKNESS = 0.15, 0.8, 0.05
 DURATION, RATE = 1.5, 60.0
-SEALED_RUNS = 2
+HELD_OUT_RUNS = 2
 SMALLEST, LARGEST = 0.03, 0.15
 ROUNDS = 7
 ATTEMPTS = 30
@@ -54,7 +54,7 @@ class DiscEffect:
 
     name: str
     apply: Callable[[Discs, float], Discs]
-    told: Callable[[float], Numbers]
+    true_values: Callable[[float], Numbers]
     guess: float
     most: float = np.inf
     place: Numbers | None = None
@@ -130,7 +130,7 @@ def restitution_error(rng: np.random.Generator, scene: Scene) -> DiscEffect:
 
 
 def mass_error(rng: np.random.Generator, scene: Scene) -> DiscEffect:
-    """One disc is heavier or lighter than told: only ratios of masses show."""
+    """One disc is heavier or lighter than stated: only ratios of masses show."""
     which, sign = int(rng.integers(len(scene.discs.masses))), float(rng.choice([-1.0, 1.0]))
 
     def apply(b: Discs, s: float) -> Discs:
@@ -215,7 +215,7 @@ class HiddenDiscs:
         """Noisy runs: name, stamps, positions (T, n, 3), orientations (T, n, 4)."""
         discs, fault = _laws(self.scene, self.effect, self.strength)
         sigma = self.case.noise * self.scene.path_scale
-        told = []
+        found = []
         for k in which:
             path = slide(discs, self.scene.starts[k], self.scene.stamps)
             positions = np.zeros((*path.shape[:2], 3))
@@ -224,12 +224,12 @@ class HiddenDiscs:
             turns = np.stack([np.cos(half), np.zeros_like(half), np.zeros_like(half), np.sin(half)], axis=-1)
             places, seen_turns = fault.seen(positions, turns)
             seen, turned, keep = noisy(places, seen_turns, rng, sigma=sigma, angle=self.case.noise, kind=self.case.kind)
-            seen[..., 2] = 0.0  # a camera above tells turns about the vertical, and no height
+            seen[..., 2] = 0.0  # a camera above shows turns about the vertical, and no height
             turned[..., 1:3] = 0.0
             turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
             turned[:, :] = turned if self.case.turns else np.nan
-            told.append((f"run{k}", self.scene.stamps[keep], seen[keep], turned[keep]))
-        return told
+            found.append((f"run{k}", self.scene.stamps[keep], seen[keep], turned[keep]))
+        return found
 
     @property
     def names(self) -> list[str]:
@@ -237,7 +237,7 @@ class HiddenDiscs:
         return [f"disc{i}" for i in range(len(self.scene.discs.masses))]
 
     def world_json(self) -> dict[str, Any]:
-        """The base world: what the solver is told."""
+        """Return the base world, given to the solver."""
         d, first = self.scene.discs, self.scene.starts[0]
         return {
             "objects": [
@@ -258,16 +258,16 @@ class HiddenDiscs:
         }
 
     def truth_json(self, seed: int) -> dict[str, Any]:
-        """What the scorer needs."""
+        """Return what the scorer needs."""
         effect = self.effect
-        told = (
+        effects = (
             []
             if effect is None
             else [
                 {
                     "name": effect.name,
                     "size": self.size,
-                    "numbers": {k: float(v) for k, v in effect.told(self.strength).items()},
+                    "numbers": {k: float(v) for k, v in effect.true_values(self.strength).items()},
                     "place": effect.place,
                     "form": None,
                 }
@@ -277,7 +277,7 @@ class HiddenDiscs:
         return {
             "case": self.case.to_dict(),
             "seed": seed,
-            "effects": told,
+            "effects": effects,
             "path_scale": self.scene.path_scale,
             "sigma": sigma,
         }
@@ -357,7 +357,7 @@ def _scene(rng: np.random.Generator, bodies: int, runs: int) -> Scene:
     masses = np.round(rng.uniform(0.3, 1.5, bodies), 2)
     discs = Discs(masses, radii, np.full(bodies, FRICTION), RESTITUTION)
     stamps = np.arange(round(DURATION * RATE) + 1) / RATE
-    starts = tuple(_start(rng, radii, bodies) for _ in range(runs + SEALED_RUNS))
+    starts = tuple(_start(rng, radii, bodies) for _ in range(runs + HELD_OUT_RUNS))
     paths = np.array([slide(discs, s, stamps, tolerance=1e-7)[..., :2] for s in starts])
     return Scene(discs, starts, runs, stamps, paths)
 

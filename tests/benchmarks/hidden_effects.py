@@ -38,7 +38,7 @@ ROOT = Path(__file__).parents[2]
 def chosen_cases(
     sections: list[str], effects: list[str] | None, count: int | None, quick: bool, seed: int
 ) -> list[Case]:
-    """The cases to run, in random order; `count` of each section where given."""
+    """Return the cases to run, in random order; `count` of each section where given."""
     rng = np.random.default_rng(seed)
     listed: list[Case] = []
     for section in sections:
@@ -79,7 +79,7 @@ def run(cases: list[Case], *, seed: int, jobs: int, until: float | None, folder:
 
 
 def _judge(public: Path, jobs: int, until: float | None, generator: subprocess.Popen[bytes] | None) -> None:
-    """Let the runners work through the cases, and tell them when the generator has ended."""
+    """Let the runners work through the cases, and notify them when the generator has ended."""
     command = [*_module("hidden_run"), "--public", str(public)]
     limit = [] if until is None else ["--until", str(until)]
     runners = [
@@ -128,8 +128,8 @@ def main() -> None:
     seconds = time.monotonic() - begin
     if chosen.json:
         rows = [row.to_dict() for row in table(outcomes)]
-        told = {"seed": seed, "seconds": seconds, "asked": len(cases), "table": rows, "outcomes": outcomes}
-        print(json.dumps(told))
+        payload = {"seed": seed, "seconds": seconds, "asked": len(cases), "table": rows, "outcomes": outcomes}
+        print(json.dumps(payload))
         return
     print(written(outcomes))
     print(f"\nseed {seed}; {len(outcomes)} of {len(cases)} cases judged in {seconds:.0f} s")

@@ -48,7 +48,7 @@ def write_runs(
 
 
 def read_runs(path: Path) -> list[tuple[str, tuple[str, ...], Array, Array, Array]]:
-    """Runs in their order: name, names of objects, stamps (T,), positions (T, n, 3), orientations (T, n, 4)."""
+    """Return runs in their order: name, names of objects, stamps (T,), positions (T, n, 3), orientations (T, n, 4)."""
     rows: dict[str, dict[str, list[list[float]]]] = {}
     with path.open(newline="") as file:
         for row in csv.DictReader(file):

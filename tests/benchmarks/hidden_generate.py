@@ -28,7 +28,7 @@ from tests.scenes.ball import Path as Motion
 
 
 def world_json(hidden: Hidden) -> dict[str, Any]:
-    """The base world: what the solver is told. The ball starts as the first launch does, as far as frames tell."""
+    """Return the base world, given to the solver. The ball starts as the first launch does, as far as frames show."""
     ball, first = hidden.design.ball, hidden.design.launches[0]
     return {
         "objects": [
@@ -49,7 +49,7 @@ def world_json(hidden: Hidden) -> dict[str, Any]:
 
 
 def truth_json(hidden: Hidden, seed: int, sigma: float) -> dict[str, Any]:
-    """What the scorer needs."""
+    """Return what the scorer needs."""
     return {
         "case": hidden.case.to_dict(),
         "seed": seed,
@@ -92,19 +92,19 @@ def generate(case: Case, seed: int, public: Path, private: Path) -> None:
         discs = draw_discs(case, seed)
         names, world, truth = discs.names, discs.world_json(), discs.truth_json(seed)
         data = discs.runs(rng, range(case.runs))
-        sealed = discs.runs(rng, range(case.runs, len(discs.scene.starts)))
+        held_out = discs.runs(rng, range(case.runs, len(discs.scene.starts)))
     else:
         hidden = draw_hidden(case, seed)
         names, world = ["ball"], world_json(hidden)
         truth = truth_json(hidden, seed, case.noise * hidden.design.path_scale)
         data = observed_runs(hidden, rng, range(hidden.design.fitted))
-        sealed = observed_runs(hidden, rng, range(hidden.design.fitted, len(hidden.design.launches)))
+        held_out = observed_runs(hidden, rng, range(hidden.design.fitted, len(hidden.design.launches)))
     public.mkdir(parents=True, exist_ok=True)
     private.mkdir(parents=True, exist_ok=True)
-    write_runs(public / "sealed.csv", names, sealed)
+    write_runs(public / "sealed.csv", names, held_out)
     write_runs(public / "data.csv", names, data)
     write_json(private / "truth.json", truth)
-    write_json(public / "world.json", world)  # the last: its presence tells the runner that the case is whole
+    write_json(public / "world.json", world)  # the last: its presence shows the runner that the case is whole
 
 
 def run_experiment(case: Case, seed: int, public: Path, asked: dict[str, Any]) -> None:
@@ -133,7 +133,7 @@ def run_experiment(case: Case, seed: int, public: Path, asked: dict[str, Any]) -
 
 
 def main() -> None:
-    """Write all cases of a list, in its order; what cannot be drawn is told and left out."""
+    """Write all cases of a list, in its order; what cannot be drawn is printed and left out."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=Path, required=True, help="JSON list of cases")
     parser.add_argument("--seed", type=int, required=True)
@@ -141,8 +141,8 @@ def main() -> None:
     parser.add_argument("--private", type=Path, required=True)
     parser.add_argument("--experiment", action="store_true")
     chosen = parser.parse_args()
-    for told in read_json(chosen.cases):
-        case = Case(**(told | {"effects": tuple(told["effects"])}))
+    for listed in read_json(chosen.cases):
+        case = Case(**(listed | {"effects": tuple(listed["effects"])}))
         public, private = chosen.public / case.name, chosen.private / case.name
         try:
             if not chosen.experiment:

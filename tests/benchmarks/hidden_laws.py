@@ -24,7 +24,7 @@ Numbers = dict[str, float]
 
 @dataclass(frozen=True)
 class Scenery:
-    """What a draw may look at: the base ball, and the base world's paths (runs, T, 3) over times (T,).
+    """Input of a draw: the base ball, and the base world's paths (runs, T, 3) over times (T,).
 
     Places are chosen by the first `fitted` paths: those that will be given.
     """
@@ -40,13 +40,13 @@ class Scenery:
 class Drawn:
     """One effect without its strength.
 
-    apply: (ball, strength) -> ball. fault: strength -> what the observer does. told: strength -> true values, under the
+    apply: (ball, strength) -> ball. fault: strength -> what the observer does. true_values: strength -> those under
     names the scorer knows. guess, most: a first strength and the largest. place: centre and extent for the scorer.
     fixed: there is no strength to set. least: share of the path scale below which the draw is not used.
     """
 
     name: str
-    told: Callable[[float], Numbers]
+    true_values: Callable[[float], Numbers]
     guess: float = 1.0
     most: float = np.inf
     apply: Callable[[Ball, float], Ball] = lambda ball, s: ball
@@ -57,7 +57,7 @@ class Drawn:
 
 
 def unit(rng: np.random.Generator, *, flat: bool = False) -> Array:
-    """A random direction, along the floor where `flat`."""
+    """Return a random direction, along the floor where `flat`."""
     v = rng.normal(size=3)
     if flat:
         v[2] = 0.0
@@ -69,7 +69,7 @@ def _sign(rng: np.random.Generator) -> float:
 
 
 def with_force(ball: Ball, law: Callable[[float, Array, Array, Array], Array], step: float = 0.1) -> Ball:
-    """The ball with one more force."""
+    """Return the ball with one more force."""
     return replace(ball, forces=(*ball.forces, law), longest_step=min(ball.longest_step, step))
 
 
@@ -227,7 +227,7 @@ def periodic_forcing(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def fan(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    """A jet that is Gaussian in space: F = s d exp(-|x - c|^2 / (2 width^2)); its centre lies near two paths."""
+    """Return a jet that is Gaussian in space: F = s d exp(-|x - c|^2 / (2 width^2)); its centre lies near two paths."""
     d, width = unit(rng), float(rng.uniform(0.4, 0.8))
     for _ in range(300):
         run = scenery.paths[rng.integers(scenery.fitted)]
@@ -324,7 +324,7 @@ def viscous_friction(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def friction_patch(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    """A disc of the floor, crossed by at least three launches, that is rougher or smoother than the rest."""
+    """Return a disc of the floor, crossed by at least three launches, that is rougher or smoother than the rest."""
     sign = _sign(rng)
     given = scenery.paths[: scenery.fitted]
     for _ in range(300):
@@ -348,7 +348,7 @@ def friction_patch(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def hidden_wall(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    """An upright plane that some launches run into, two at least of those given; all start on its free side."""
+    """Return an upright plane that some launches run into, two at least of those given; all start on its free side."""
     radius = scenery.ball.radius
     for _ in range(500):
         angle = float(rng.uniform(-np.pi, np.pi))
@@ -416,7 +416,7 @@ def observer_distortion(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def dropped_frames(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    """In one run some frames were lost, or recorded twice, at one moment; the stamps do not tell."""
+    """In one run some frames were lost, or recorded twice, at one moment; the stamps do not show it."""
     speeds = np.linalg.norm(np.diff(scenery.paths, axis=1), axis=-1).mean(axis=1)[: scenery.fitted]
     run = int(rng.choice(np.flatnonzero(speeds >= np.median(speeds))))  # a ball at rest would not show it
     lost = int(rng.integers(1, 7)) * int(_sign(rng))

@@ -6,7 +6,7 @@ Data come from SciPy or closed forms that share no code with the engine: a chain
 sheet that swings), a bar that rings along its length (a sheet, a soft block), a flat sheet that falls through air, a
 box that fills, honey that sinks between plates, water that sways in a box. What generator and world share are the
 scene's numbers and the laws of their material (springs that are linear in strain, Kelvin-Voigt damping, quadratic
-drag), and in the chains also the number of links: a rope of ten straight links is what is told, and what is true.
+drag), and in the chains also the number of links: a rope of ten straight links is what is given, and what is true.
 What is observed are markers on the bodies, or the centre of a fluid, with video-like noise. Where a marker sits on its
 body is known from a hundred frames before it is let go. The noise of fluids is above what their coarse grids err.
 
@@ -70,36 +70,36 @@ QUICK = (
 
 
 def solved(case: Case, rng: np.random.Generator) -> dict[str, Any]:
-    """The row of a case: its verdict, whether that is right, what it cost."""
-    data, sealed = case.recordings(rng)
+    """Return the row of a case: its verdict, whether that is right, what it cost."""
+    data, held_out = case.recordings(rng)
     offered = [catalogue()[n] for n in case.candidates]
     before, cpu = time.perf_counter(), time.process_time()
     settings = GapSettings(null_control=False, experiment=False)
-    report = find_gap(case.world, data, held_out=sealed, candidates=offered, settings=settings)
-    told = report.to_dict()
-    sets = [frozenset(names) for names in told["credible_set"]]
+    report = find_gap(case.world, data, held_out=held_out, candidates=offered, settings=settings)
+    summary = report.to_dict()
+    sets = [frozenset(names) for names in summary["credible_set"]]
     if case.truth is None:
-        right = told["verdict"] == "nothing_missing"
+        right = summary["verdict"] == "nothing_missing"
     else:
-        right = told["verdict"] in ("identified", "ambiguous") and any(s and s <= case.same for s in sets)
+        right = summary["verdict"] in ("identified", "ambiguous") and any(s and s <= case.same for s in sets)
     return {
         "case": case.name,
         "code": case.code,
-        "verdict": told["verdict"],
+        "verdict": summary["verdict"],
         "credible_set": [sorted(s) for s in sets],
         "truth": case.truth,
         "value": case.value,
-        "found": {k: [v["value"], *v["interval95"]] for e in told["effects"] for k, v in e["unknowns"].items()},
+        "found": {k: [v["value"], *v["interval95"]] for e in summary["effects"] for k, v in e["unknowns"].items()},
         "right": right,
-        "decisive_wrong": told["verdict"] == "identified" and not right,
-        "sealed": told["sealed"],
+        "decisive_wrong": summary["verdict"] == "identified" and not right,
+        "sealed": summary["sealed"],
         "seconds": time.perf_counter() - before,
         "cpu_seconds": time.process_time() - cpu,
     }
 
 
 def row(seed: int, index: int) -> dict[str, Any]:
-    """The row of one of `CASES`, drawn with a seed."""
+    """Return the row of one of `CASES`, drawn with a seed."""
     draw, truth = CASES[index]
     rng = np.random.default_rng([seed, index])
     found = solved(draw(rng, truth), rng)
@@ -108,19 +108,19 @@ def row(seed: int, index: int) -> dict[str, Any]:
 
 
 def rows(seed: int, chosen: Sequence[int], jobs: int) -> list[dict[str, Any]]:
-    """Rows of some of `CASES`, several at a time, told on the standard error as they come."""
+    """Return rows of some of `CASES`, several at a time, printed on the standard error as they come."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         return list(pool.map(row, [seed] * len(chosen), chosen))
 
 
 def _line(row: dict[str, Any]) -> str:
     closed = row["sealed"]["closed"] if row["sealed"] else None
-    told = " | ".join("+".join(s) or "nothing" for s in row["credible_set"]) or "-"
+    credible = " | ".join("+".join(s) or "nothing" for s in row["credible_set"]) or "-"
     found = ", ".join(f"{k} {v[0]:.4g} [{v[1]:.4g}, {v[2]:.4g}]" for k, v in row["found"].items())
     numbers = f"{found}; true {row['value']:.4g}" if row["truth"] else found
     share = "-" if closed is None else f"{100 * closed:.0f}%"
     return (
-        f"{'ok ' if row['right'] else 'NO '} {row['case']:<34} {row['verdict']:<16} {told} ({numbers}) sealed gap "
+        f"{'ok ' if row['right'] else 'NO '} {row['case']:<34} {row['verdict']:<16} {credible} ({numbers}) sealed gap "
         f"closed {share}, {row['seconds']:.0f} s, {row['cpu_seconds']:.0f} s CPU"
     )
 

@@ -1,4 +1,4 @@
-"""What a faulty and noisy observer makes of hidden motions: times, places and turns as they go into `data.csv`."""
+"""Observe hidden motions with faults and noise: times, places and turns as they go into `data.csv`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Fault:
     """Faults of the observer. scale, tilt (rotation vector of its axes), distortion: about the origin of the world.
 
     clock: its seconds per true second. lost: frames dropped (negative: repeated) in run lost_run before frame
-    lost_after without the stamps telling.
+    lost_after unseen in the stamps.
     """
 
     scale: float = 1.0

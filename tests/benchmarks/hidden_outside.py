@@ -36,7 +36,7 @@ class Form:
     allowed: tuple[tuple[str, ...], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return {
             "exponent": self.exponent,
             "direction": self.direction,
@@ -68,7 +68,7 @@ def drag_by_axis(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def shear(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    """A horizontal force that grows with the height."""
+    """Return a horizontal force that grows with the height."""
     d = unit(rng, flat=True)
     return Drawn(
         "shear",
@@ -79,7 +79,7 @@ def shear(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def decaying(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    """A force in a fixed direction that dies away, F = s d exp(-t / tau)."""
+    """Return a force in a fixed direction that dies away, F = s d exp(-t / tau)."""
     d, tau = unit(rng), float(rng.uniform(0.15, 0.5))
     return Drawn(
         "decaying",
@@ -113,7 +113,7 @@ def mujoco_lift(rng: np.random.Generator, scenery: Scenery) -> Drawn:
 
 
 def _in_fluid(ball: Ball, density: float, shape: str, coefficients: str) -> Ball:
-    """The ball in MuJoCo's fluid: its passive force and torque at the ball's state."""
+    """Return the ball in MuJoCo's fluid: its passive force and torque at the ball's state."""
     model, data = _fluid_model(ball.mass, ball.radius, shape, coefficients)
 
     def wrench(s: Array) -> Array:

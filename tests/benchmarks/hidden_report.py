@@ -18,7 +18,7 @@ SECONDS_BAR = 10.0
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
-    """95% interval of a share (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+    """Return the 95% interval of a share (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
     if count == 0:
         return 0.0, 1.0
     z2 = 1.959963984540054**2
@@ -32,22 +32,22 @@ class Row:
     """A line of the table. bar: ">= 0.99" and the like in words; value and met are None where nothing was run."""
 
     name: str
-    told: str
+    result: str
     bar: str
     met: bool | None
 
     def line(self) -> str:
         """As printed."""
         mark = {True: "met", False: "MISSED", None: "-"}[self.met]
-        return f"{self.name:<46} {self.told:<38} {self.bar:<16} {mark}"
+        return f"{self.name:<46} {self.result:<38} {self.bar:<16} {mark}"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return {"name": self.name, "told": self.told, "bar": self.bar, "met": self.met}
+        """Return JSON-ready values."""
+        return {"name": self.name, "result": self.result, "bar": self.bar, "met": self.met}
 
 
 def share_row(name: str, flags: Sequence[bool], *, least: float | None = None, most: float | None = None) -> Row:
-    """A share against a bar from below or above."""
+    """Return a share against a bar from below or above."""
     hits, count = sum(flags), len(flags)
     bar = f">= {least:.0%}" if least is not None else f"<= {most:.0%}" if most is not None else ""
     if least is not None and most is not None:
@@ -56,22 +56,22 @@ def share_row(name: str, flags: Sequence[bool], *, least: float | None = None, m
         return Row(name, "no case", bar, None)
     value, (low, high) = hits / count, wilson(hits, count)
     met = (least is None or value >= least - 1e-12) and (most is None or value <= most + 1e-12)
-    told = f"{hits}/{count} = {value:.1%} ({low:.1%} to {high:.1%})"
-    return Row(name, told, bar, met if bar else None)
+    result = f"{hits}/{count} = {value:.1%} ({low:.1%} to {high:.1%})"
+    return Row(name, result, bar, met if bar else None)
 
 
 def value_row(name: str, values: Sequence[float], bar: float, *, at_most: bool, form: str = "{:.1%}") -> Row:
-    """A median (or, `at_most`, the largest but one in ten) against a bar."""
+    """Return a median (or, `at_most`, the largest but one in ten) against a bar."""
     words = ("<= " if at_most else ">= ") + form.format(bar)
     if not len(values):
         return Row(name, "no case", words, None)
     value = float(np.quantile(values, 0.9)) if at_most else float(np.median(values))
-    told = f"{form.format(value)} of {len(values)}"
-    return Row(name, told, words, value <= bar if at_most else value >= bar)
+    result = f"{form.format(value)} of {len(values)}"
+    return Row(name, result, words, value <= bar if at_most else value >= bar)
 
 
 def table(outcomes: Sequence[Outcome]) -> list[Row]:
-    """All rows."""
+    """Return all rows."""
     by = {s: [o for o in outcomes if o["section"] == s] for s in dict.fromkeys(o["section"] for o in outcomes)}
     rows: list[Row] = []
     for section, rows_of in _SECTIONS.items():
@@ -100,9 +100,9 @@ def _one_effect(outcomes: list[Outcome]) -> list[Row]:
     rows.append(share_row("one effect, credible set covers", [o["covers"] for o in outcomes], least=0.99))
     sizes = [o["size"] for o in outcomes if o["size"]]
     mean = float(np.mean(sizes)) if sizes else 0.0
-    told, met = (f"{mean:.2f} of {len(sizes)}", mean <= 1.2) if sizes else ("no case", None)
-    rows.append(Row("one effect, mean size of the credible set", told, "<= 1.2", met))
-    rows += _sealed(outcomes)
+    result, met = (f"{mean:.2f} of {len(sizes)}", mean <= 1.2) if sizes else ("no case", None)
+    rows.append(Row("one effect, mean size of the credible set", result, "<= 1.2", met))
+    rows += _held_out_gap(outcomes)
     held = [h for o in outcomes for h in o["inside"].values()]
     rows.append(share_row("95% intervals hold the truth", held, least=0.90, most=0.98))
     placed = [o["place"] for o in outcomes if o["place"] is not None]
@@ -110,17 +110,17 @@ def _one_effect(outcomes: list[Outcome]) -> list[Row]:
     return rows
 
 
-def _sealed(outcomes: list[Outcome]) -> list[Row]:
+def _held_out_gap(outcomes: list[Outcome]) -> list[Row]:
     rows = []
     for noise, bar in CLOSED_BARS.items():
-        told = [o for o in _at(outcomes, noise) if o["closed"] is not None]
+        shown = [o for o in _at(outcomes, noise) if o["closed"] is not None]
         rows.append(
-            value_row(f"sealed gap closed, median, {SHARE[noise]}", [o["closed"] for o in told], bar, at_most=False)
+            value_row(f"sealed gap closed, median, {SHARE[noise]}", [o["closed"] for o in shown], bar, at_most=False)
         )
-        with_noise = [o["closed_with_noise"] for o in told]
+        with_noise = [o["closed_with_noise"] for o in shown]
         if with_noise:
             median = float(np.median(with_noise))
-            rows.append(Row("  the same with the noise in both gaps", f"{median:.1%} of {len(told)}", "", None))
+            rows.append(Row("  the same with the noise in both gaps", f"{median:.1%} of {len(shown)}", "", None))
     return rows
 
 
@@ -152,7 +152,7 @@ def _outside(outcomes: list[Outcome]) -> list[Row]:
         rows.append(share_row(f"outside the catalogue, unexplained, {SHARE[noise]}", good, least=bar))
     described = [o["form"] for o in outcomes if o["verdict"] == "unexplained" or o["right"]]
     rows.append(share_row("outside the catalogue, its form right", described, least=0.80))
-    rows.append(share_row("outside the catalogue, one name told", [o["decisive_wrong"] for o in outcomes]))
+    rows.append(share_row("outside the catalogue, one name given", [o["decisive_wrong"] for o in outcomes]))
     return rows
 
 
@@ -183,7 +183,7 @@ def _bodies(outcomes: list[Outcome], scene: str = "bodies") -> list[Row]:
     rows.append(share_row(f"{scene}, credible set covers", [o["covers"] for o in hidden], least=0.99))
     alarms = [o["verdict"] != "nothing_missing" for o in outcomes if not o["truth"]]
     rows.append(share_row(f"{scene}, nothing hidden: false alarms", alarms, most=0.01))
-    rows += _sealed(hidden)
+    rows += _held_out_gap(hidden)
     held = [h for o in hidden for h in o["inside"].values()]
     rows.append(share_row(f"{scene}, 95% intervals hold the truth", held, least=0.90, most=0.98))
     seconds = [o["cpu_seconds"] for o in outcomes if o["cpu_seconds"] is not None]
@@ -192,7 +192,7 @@ def _bodies(outcomes: list[Outcome], scene: str = "bodies") -> list[Row]:
 
 
 def _unturned(outcomes: list[Outcome]) -> list[Row]:
-    return _bodies(outcomes, "bodies, turns unseen")
+    return _bodies(outcomes, "bodies, turns unobserved")
 
 
 _SECTIONS: dict[str, Callable[[list[Outcome]], list[Row]]] = {
@@ -207,7 +207,7 @@ _SECTIONS: dict[str, Callable[[list[Outcome]], list[Row]]] = {
 
 
 def failed(o: Outcome) -> bool:
-    """Whether a case's verdict is not what it should be."""
+    """Return whether a case's verdict is not what it should be."""
     if o["verdict"] == "crashed":
         return True
     if not o["truth"]:
@@ -220,7 +220,7 @@ def failed(o: Outcome) -> bool:
 
 
 def failure_line(o: Outcome) -> str:
-    """One line a failure: case, truth, verdict."""
+    """Return one line a failure: case, truth, verdict."""
     truth = ", ".join(f"{n} ({s:.1%})" for n, s in zip(o["truth"], o["sizes"], strict=True)) or "nothing"
     found = " | ".join(" + ".join(s) for s in o["credible"]) or " + ".join(o["named"]) or "-"
     tail = ""

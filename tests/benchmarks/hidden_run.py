@@ -1,4 +1,4 @@
-"""The runner: the library's verdict on public files. It never sees the truth, and opens sealed runs at the very end.
+"""The runner: the library's verdict on public files. It never sees the truth, and opens held-out runs at the very end.
 
 `python -m tests.benchmarks.hidden_run --public DIR --share I/N [--until SECONDS]` takes every N-th case folder as it
 appears, in the order of `order.json`, until `complete` stands in the folder or the time is over; each verdict goes to
@@ -25,7 +25,7 @@ WAIT = 0.2
 
 
 def recording_of(*paths: Path) -> Recording:
-    """All runs of some files."""
+    """Return all runs of some files."""
     runs = [
         Run(name, objects, stamps, positions, orientations)
         for path in paths
@@ -35,25 +35,25 @@ def recording_of(*paths: Path) -> Recording:
 
 
 def judge(folder: Path, *data: str) -> dict[str, Any]:
-    """The report on a case folder, with the seconds it took by the clock and of work.
+    """Return the report on a case folder, with the seconds it took by the clock and of work.
 
-    The sealed runs are read once it stands.
+    The held-out runs are read once it stands.
     """
     world = World.model_validate(read_json(folder / "world.json"))
     recording = recording_of(*(folder / name for name in data))
     begin, worked = time.perf_counter(), time.process_time()
     report = find_gap(world, recording, settings=GapSettings(null_control=False))
-    told = report.to_dict()
-    told["seconds"], told["cpu_seconds"] = time.perf_counter() - begin, time.process_time() - worked
-    told["rollouts"] = report.context.rollouts
+    summary = report.to_dict()
+    summary["seconds"], summary["cpu_seconds"] = time.perf_counter() - begin, time.process_time() - worked
+    summary["rollouts"] = report.context.rollouts
     if (folder / "sealed.csv").exists() and report.world is not None:
         before = report.base.hypothesis.fitted_world(report.base.values)
-        told["sealed"] = held_out_gap(before, report.world, recording_of(folder / "sealed.csv")).to_dict()
-    return told
+        summary["sealed"] = held_out_gap(before, report.world, recording_of(folder / "sealed.csv")).to_dict()
+    return summary
 
 
 def judged(folder: Path, *data: str) -> dict[str, Any]:
-    """The report, or what went wrong."""
+    """Return the report, or what went wrong."""
     try:
         return judge(folder, *data)
     except Exception:
@@ -65,7 +65,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--public", type=Path, required=True)
     parser.add_argument("--share", required=True, help="I/N: cases I, I + N, ... of the order")
-    parser.add_argument("--until", type=float, help="no case is begun after this many seconds")
+    parser.add_argument("--until", type=float, help="no case is started after this many seconds")
     chosen = parser.parse_args()
     mine, shares = (int(v) for v in chosen.share.split("/"))
     cores = sorted(os.sched_getaffinity(0))

@@ -19,16 +19,16 @@ from tests.benchmarks.hidden_files import read_json, write_json
 
 EXPONENT_CLOSE = 0.3
 WALL_TURN, WALL_AWAY = np.cos(np.radians(15.0)), 0.15  # within which a wall found overlaps the true one
-GAPLESS = frozenset({"dropped_frames"})  # effects that the sealed runs do not show
+GAPLESS = frozenset({"dropped_frames"})  # effects that the held-out runs do not show
 
 
 @dataclass
 class Outcome:
-    """What one verdict was worth. None where a question does not arise.
+    """Score of one verdict. None where a question does not arise.
 
     right: the truth's class named alone. decisive_wrong: one name, and not the truth's. covers, size: of the credible
     set, counted in classes. cpu_seconds: work of the process, which other processes do not lengthen. closed: share of
-    the sealed gap beyond the noise, closed; closed_with_noise: the same with the noise in both gaps. inside: for each
+    the held-out gap beyond the noise, closed; closed_with_noise: the same with the noise in both gaps. inside: for each
     known parameter, whether its interval holds it. place: whether the place or onset found overlaps the true one.
     form: whether an unexplained force is described rightly.
     """
@@ -65,37 +65,37 @@ class Outcome:
 
 
 def classes(names: Iterable[str], section: str) -> frozenset[frozenset[str]]:
-    """A hypothesis, effects that cannot be told apart taken as one."""
+    """Return a hypothesis, indistinguishable effects taken as one."""
     return frozenset(same_class(n, section) for n in names)
 
 
-def hypotheses(told: dict[str, Any], section: str) -> list[frozenset[frozenset[str]]]:
-    """The credible set in classes, without repetitions."""
-    sets: Sequence[Sequence[str]] = told.get("credible_set") or []
-    if not sets and told["verdict"] == "identified":
-        sets = [[e["name"] for e in told["effects"]]]
+def hypotheses(report: dict[str, Any], section: str) -> list[frozenset[frozenset[str]]]:
+    """Return the credible set in classes, without repetitions."""
+    sets: Sequence[Sequence[str]] = report.get("credible_set") or []
+    if not sets and report["verdict"] == "identified":
+        sets = [[e["name"] for e in report["effects"]]]
     return list(dict.fromkeys(classes(s, section) for s in sets))
 
 
-def judge_names(told: dict[str, Any], truths: Sequence[Sequence[str]], section: str) -> tuple[bool, bool, bool, int]:
+def judge_names(report: dict[str, Any], truths: Sequence[Sequence[str]], section: str) -> tuple[bool, bool, bool, int]:
     """right, decisive_wrong, covers, size; `truths` holds every set of names that is right, none for a null case."""
     true = [classes(t, section) for t in truths]
-    if told["verdict"] not in ("identified", "ambiguous"):
-        return (not true and told["verdict"] == "nothing_missing"), False, False, 0
-    found = hypotheses(told, section)
+    if report["verdict"] not in ("identified", "ambiguous"):
+        return (not true and report["verdict"] == "nothing_missing"), False, False, 0
+    found = hypotheses(report, section)
     alone = len(found) == 1
     right = alone and found[0] in true
     return right, alone and not right, any(f in true for f in found), len(found)
 
 
 def score(public: Path, private: Path) -> Outcome:
-    """The outcome of one case."""
-    truth, told = read_json(private / "truth.json"), read_json(public / "verdict.json")
+    """Return the outcome of one case."""
+    truth, report = read_json(private / "truth.json"), read_json(public / "verdict.json")
     case = truth["case"]
     names = [e["name"] for e in truth["effects"]]
     outside = case["section"] == "outside"
     truths = truth["effects"][0]["form"]["allowed"] if outside else ([names] if names else [])
-    right, wrong, covers, size = judge_names(told, truths, case["section"])
+    right, wrong, covers, size = judge_names(report, truths, case["section"])
     found = Outcome(
         case=public.name,
         section=case["section"],
@@ -104,54 +104,56 @@ def score(public: Path, private: Path) -> Outcome:
         design=f"{case['design']}, {case['runs']} runs, {case['rate']:g} Hz",
         truth=names,
         sizes=[e["size"] for e in truth["effects"]],
-        verdict=told["verdict"],
-        named=sorted(e["name"] for e in told["effects"]),
-        credible=told.get("credible_set") or [],
+        verdict=report["verdict"],
+        named=sorted(e["name"] for e in report["effects"]),
+        credible=report.get("credible_set") or [],
         right=right,
         decisive_wrong=wrong,
         covers=covers,
         size=size,
-        seconds=told.get("seconds"),
-        cpu_seconds=told.get("cpu_seconds"),
+        seconds=report.get("seconds"),
+        cpu_seconds=report.get("cpu_seconds"),
         effects_count=len(names),
-        proposed=bool(told.get("experiment")),
-        error=told.get("error"),
+        proposed=bool(report.get("experiment")),
+        error=report.get("error"),
     )
     if found.proposed:
-        found.decides = told["experiment"].get("decides")
+        found.decides = report["experiment"].get("decides")
     more = public / "verdict_more.json"
     if more.exists():
         second = read_json(more)
         found.resolved = judge_names(second, truths, case["section"])[0]
         found.second_verdict, found.second_credible = second["verdict"], second.get("credible_set")
     if outside:
-        found.form = right or (told["verdict"] == "unexplained" and form_is_right(truth["effects"][0]["form"], told))
-        found.expression = (told.get("residual_force") or {}).get("written")
+        found.form = right or (
+            report["verdict"] == "unexplained" and form_is_right(truth["effects"][0]["form"], report)
+        )
+        found.expression = (report.get("residual_force") or {}).get("written")
     elif names and not GAPLESS & set(names):
-        found.closed, found.closed_with_noise = closed_shares(told)
+        found.closed, found.closed_with_noise = closed_shares(report)
     if right and names and not outside:
-        found.inside = intervals_hold(truth["effects"], told)
-        found.place = place_overlaps(truth["effects"], told)
+        found.inside = intervals_hold(truth["effects"], report)
+        found.place = place_overlaps(truth["effects"], report)
     return found
 
 
-def closed_shares(told: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
-    """Share of the sealed gap closed, beyond the noise and with it; a verdict without a world closes nothing.
+def closed_shares(report: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
+    """Return the share of the held-out gap closed, beyond the noise and with it; none by a verdict without a world.
 
-    None where the sealed runs show no gap beyond the noise.
+    None where the held-out runs show no gap beyond the noise.
     """
-    sealed = told.get("sealed")
-    if not sealed or sealed["gap_before"] is None or sealed["gap_after"] is None:
+    held_out = report.get("sealed")
+    if not held_out or held_out["gap_before"] is None or held_out["gap_after"] is None:
         return 0.0, 0.0
-    before, after, floor = sealed["gap_before"], sealed["gap_after"], sealed["noise_floor"]
+    before, after, floor = held_out["gap_before"], held_out["gap_after"], held_out["noise_floor"]
     if before <= 0.0:
         return None, None
     return 1.0 - after / before, 1.0 - float(np.hypot(after, floor) / np.hypot(before, floor))
 
 
-def form_is_right(form: dict[str, Any], told: dict[str, Any]) -> bool:
-    """Whether the residual force has the exponent, direction and dependence that it should."""
-    force = told.get("residual_force") or {}
+def form_is_right(form: dict[str, Any], report: dict[str, Any]) -> bool:
+    """Return whether the residual force has the exponent, direction and dependence that it should."""
+    force = report.get("residual_force") or {}
     directions = " ".join(force.get("direction") or [])
     if form["direction"] not in directions or form["expression"] not in (force.get("expression") or ""):
         return False
@@ -164,39 +166,39 @@ def form_is_right(form: dict[str, Any], told: dict[str, Any]) -> bool:
     )
 
 
-def intervals_hold(effects: Sequence[dict[str, Any]], told: dict[str, Any]) -> dict[str, bool]:
+def intervals_hold(effects: Sequence[dict[str, Any]], report: dict[str, Any]) -> dict[str, bool]:
     """For every parameter of which truth and interval are known, whether the one is in the other."""
     held: dict[str, bool] = {}
     for effect in effects:
-        for found in told["effects"]:
+        for found in report["effects"]:
             if found["name"] != effect["name"]:
                 continue
             for name, true in effect["numbers"].items():
-                told_number = found["unknowns"].get(name) or found["unknowns"].get(_short(name))
-                if told_number and told_number.get("interval95") and None not in told_number["interval95"]:
-                    low, high = told_number["interval95"]
+                reported = found["unknowns"].get(name) or found["unknowns"].get(_short(name))
+                if reported and reported.get("interval95") and None not in reported["interval95"]:
+                    low, high = reported["interval95"]
                     held[f"{effect['name']}.{name}"] = bool(low <= true <= high)
     return held
 
 
 def _short(name: str) -> str:
-    """gravity where gravity_z is not told apart."""
+    """Return gravity where gravity_z is not distinguished."""
     return name.removesuffix("_z")
 
 
-def place_overlaps(effects: Sequence[dict[str, Any]], told: dict[str, Any]) -> bool | None:
-    """Whether the places found overlap the true ones; None where there is none to find."""
+def place_overlaps(effects: Sequence[dict[str, Any]], report: dict[str, Any]) -> bool | None:
+    """Return whether the places found overlap the true ones; None where there is none to find."""
     answers = []
     for effect in effects:
         place = effect["place"]
-        found = next((e for e in told["effects"] if e["name"] == effect["name"]), None)
+        found = next((e for e in report["effects"] if e["name"] == effect["name"]), None)
         if place is None or found is None:
             continue
         values = {k: u["value"] for k, u in found["unknowns"].items()}
         if effect["name"] == "hidden_wall":
-            answers.append(_wall_overlaps(place, told))
+            answers.append(_wall_overlaps(place, report))
         elif effect["name"] == "dropped_frames":
-            run = ((told.get("world") or {}).get("observer") or {}).get("shift_run")
+            run = ((report.get("world") or {}).get("observer") or {}).get("shift_run")
             near = abs(values.get("shift_time", np.inf) - place["onset"]) <= 2.0 * place["extent"]
             answers.append(near and run in (None, f"run{int(place['run'])}"))
         else:
@@ -206,10 +208,10 @@ def place_overlaps(effects: Sequence[dict[str, Any]], told: dict[str, Any]) -> b
     return all(answers) if answers else None
 
 
-def _wall_overlaps(place: dict[str, float], told: dict[str, Any]) -> bool:
-    """Whether a plane, or upright wall, that was added stands where the true one does."""
+def _wall_overlaps(place: dict[str, float], report: dict[str, Any]) -> bool:
+    """Return whether a plane, or upright wall, that was added stands where the true one does."""
     true = np.array([place["normal_x"], place["normal_y"], 0.0])
-    for static in (told.get("world") or {}).get("statics", []):
+    for static in (report.get("world") or {}).get("statics", []):
         if static["name"] == "floor":
             continue
         shape, at = static["shape"], np.asarray(static.get("position") or (0.0, 0.0, 0.0), dtype=float)

@@ -37,11 +37,11 @@ class Strong:
     @property
     def numbers(self) -> dict[str, float]:
         """True parameter values."""
-        return {k: float(v) for k, v in self.drawn.told(self.strength).items()}
+        return {k: float(v) for k, v in self.drawn.true_values(self.strength).items()}
 
 
 def hidden_world(base: Ball, effects: Sequence[Strong]) -> tuple[Ball, Fault]:
-    """The ball and the observer with all of the effects."""
+    """Return the ball and the observer with all of the effects."""
     ball, fault = base, Fault()
     for effect in effects:
         ball = effect.drawn.apply(ball, effect.strength)
@@ -53,7 +53,7 @@ def hidden_world(base: Ball, effects: Sequence[Strong]) -> tuple[Ball, Fault]:
 def flights(
     design: BallDesign, ball: Ball, fault: Fault, runs: Sequence[int], *, tolerance: float = 1e-9
 ) -> list[Path]:
-    """The motions of some launches at the instants that the observer's frames show."""
+    """Return the motions of some launches at the instants that the observer's frames show."""
     paths = []
     for k in runs:
         instants = fault.instants(design.stamps, k)
@@ -66,7 +66,7 @@ def flights(
 
 
 def size_of(design: BallDesign, ball: Ball, fault: Fault, runs: Sequence[int]) -> float:
-    """What is left of the hidden laws after the launches are refitted, as a share of the path scale."""
+    """Return what is left of the hidden laws after a refit of the launches, as a share of the path scale."""
     squares = []
     for k, path in zip(runs, flights(design, ball, fault, runs, tolerance=1e-7), strict=True):
         seen, _ = fault.seen(path.positions, path.orientations)
@@ -75,7 +75,7 @@ def size_of(design: BallDesign, ball: Ball, fault: Fault, runs: Sequence[int]) -
 
 
 def make_strong(design: BallDesign, drawn: Drawn, target: float) -> Strong:
-    """The effect at the strength that leaves `target` of the path scale.
+    """Return the effect at the strength that leaves `target` of the path scale.
 
     An effect whose largest strength leaves less is taken at that one. Raises UnusableCase where even that leaves less
     than the effect's least, or the strength cannot be found.

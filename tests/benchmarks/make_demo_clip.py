@@ -72,7 +72,7 @@ BODIES: dict[str, dict[str, Any]] = {
 
 
 def scene(names: list[str]) -> str:
-    """The MuJoCo description of the table with some of the bodies."""
+    """Return the MuJoCo description of the table with some of the bodies."""
     bodies = "".join(_body(name, BODIES[name]) for name in names)
     marks = "".join(
         f'<geom type="cylinder" pos="{x} {y} 0.0001" size="0.008 0.0002" rgba="0.12 0.12 0.12 1" '
@@ -116,7 +116,7 @@ def _body(name: str, body: dict[str, Any]) -> str:
 
 
 def view_axes() -> NDArray[np.float64]:
-    """Rows right, down, forward of the camera in world axes."""
+    """Return rows right, down, forward of the camera in world axes."""
     forward = (TARGET - EYE) / np.linalg.norm(TARGET - EYE)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
@@ -124,7 +124,7 @@ def view_axes() -> NDArray[np.float64]:
 
 
 def camera() -> dict[str, Any]:
-    """The pinhole camera of the pictures; pixel (0, 0) is the centre of the first pixel."""
+    """Return the pinhole camera of the pictures; pixel (0, 0) is the centre of the first pixel."""
     rotation = view_axes()
     focal = HEIGHT / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2))
     return {
@@ -182,7 +182,7 @@ def simulate(names: list[str], pictures: bool) -> tuple[dict[str, Any], list[NDA
 
 
 def photograph(renderer: mujoco.Renderer, data: mujoco.MjData) -> NDArray[np.uint8]:
-    """The picture (BGR) of a scene, its outlines smooth as a lens gives them."""
+    """Return the picture (BGR) of a scene, its outlines smooth as a lens gives them."""
     # Rendered at twice the size and reduced.
     renderer.update_scene(data, camera="view")
     large = cv2.cvtColor(renderer.render(), cv2.COLOR_RGB2BGR)

@@ -50,7 +50,7 @@ OTHER_STARTS: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
 
 
 def scene(starts: dict[str, tuple[tuple[float, float], tuple[float, float]]]) -> str:
-    """The MuJoCo description of the table with the pucks at their starts."""
+    """Return the MuJoCo description of the table with the pucks at their starts."""
     pucks = "".join(
         f'<body name="{name}" pos="{x} {y} {HALF_HEIGHT}"><joint type="slide" axis="1 0 0"/>'
         f'<joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>'

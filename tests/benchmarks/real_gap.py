@@ -1,4 +1,4 @@
-"""The gap on measurements that nobody here made: verdict, parameters against published values, sealed data.
+"""The gap on measurements that nobody here made: verdict, parameters against published values, held-out data.
 
     python -m tests.benchmarks.real_gap [--data DIR] [--json] [NAME...]
 
@@ -31,11 +31,11 @@ ANNOTATED = 1e-4  # [m] last digit of the CLEVRER annotations: what is taken for
 
 @dataclass(frozen=True)
 class Measured:
-    """What a case is judged on. base: unknowns that every hypothesis fits."""
+    """Data on which a case is judged. base: unknowns that every hypothesis fits."""
 
     world: World
     recording: Recording
-    sealed: Recording
+    held_out: Recording
     base: tuple[Unknown, ...] = ()
 
 
@@ -49,7 +49,7 @@ class Case:
 
 
 def drops(balls: Sequence[str] = tuple(real_data.BALLS)) -> Measured:
-    """First drops of each ball; the second ones are sealed."""
+    """First drops of each ball; the second ones are held out."""
     world, recording = real_data.ball_drop(balls)
     first = tuple(r.name for r in recording.runs if r.name.endswith("-1"))
     second = tuple(r.name for r in recording.runs if r.name.endswith("-2"))
@@ -57,14 +57,14 @@ def drops(balls: Sequence[str] = tuple(real_data.BALLS)) -> Measured:
 
 
 def swings() -> Measured:
-    """Large, middle and small swings of 1.2 s at 50 Hz; the sealed ones lie between them and after."""
+    """Large, middle and small swings of 1.2 s at 50 Hz; the held-out ones lie between them and after."""
     world, recording = real_data.pendulum_swings((1.0, 10.0, 24.0), 1.2, every=2)
-    _, sealed = real_data.pendulum_swings((5.0, 17.0, 35.0), 1.2, every=2)
-    return Measured(world, recording, sealed)
+    _, held_out = real_data.pendulum_swings((5.0, 17.0, 35.0), 1.2, every=2)
+    return Measured(world, recording, held_out)
 
 
 def slides() -> Measured:
-    """Every third stretch between collisions in six scenes; every third other one is sealed. Friction is fitted.
+    """Every third stretch between collisions in six scenes; every third other one is held out. Friction is fitted.
 
     Paths are right to one unit of their last digit: sliding cubes bend by as much, which no law of this world does.
     """
@@ -78,28 +78,28 @@ def slides() -> Measured:
 
 
 def flights() -> Measured:
-    """Twelve tosses of 150 up to the first touch; six others are sealed."""
+    """Twelve tosses of 150 up to the first touch; six others are held out."""
     world, recording = real_data.cube_flight(tuple(range(0, 60, 5)))
-    _, sealed = real_data.cube_flight(tuple(range(2, 60, 10)))
-    return Measured(world, recording, sealed)
+    _, held_out = real_data.cube_flight(tuple(range(2, 60, 10)))
+    return Measured(world, recording, held_out)
 
 
 def flown_heights() -> Measured:
     """Heights alone of the same flights, as accurate as forty more tosses say."""
     world, recording = real_data.cube_flight(tuple(range(0, 60, 5)))
-    _, sealed = real_data.cube_flight(tuple(range(2, 60, 10)))
+    _, held_out = real_data.cube_flight(tuple(range(2, 60, 10)))
     _, others = real_data.cube_flight(tuple(range(60, 100)))
     accuracy = horizontal_accuracy(others)
-    return Measured(world, accurate_to(heights(recording), accuracy), accurate_to(heights(sealed), accuracy))
+    return Measured(world, accurate_to(heights(recording), accuracy), accurate_to(heights(held_out), accuracy))
 
 
 def accurate_to(recording: Recording, sigma: float) -> Recording:
-    """The same recording, which tells the accuracy [m] of its positions."""
+    """Return the same recording, which states the accuracy [m] of its positions."""
     return Recording(tuple(replace(run, sigma=sigma) for run in recording.runs))
 
 
 def heights(recording: Recording) -> Recording:
-    """The same recording, had nothing but z been measured."""
+    """Return the same recording, had nothing but z been measured."""
     runs = []
     for run in recording.runs:
         positions = run.positions.copy()
@@ -109,7 +109,7 @@ def heights(recording: Recording) -> Recording:
 
 
 def horizontal_accuracy(recording: Recording) -> float:
-    """Root mean square [m] of what the horizontal components of free flights, on which no force acts, are off
+    """Return the RMS [m] of what the horizontal components of free flights, on which no force acts, are off
     straight lines. Errors of a capture are smooth, and larger than the scatter from one sample to the next."""
     squares, count = 0.0, 0
     for run in recording.runs:
@@ -127,57 +127,61 @@ def _of_ball(ball: str) -> Callable[[], Measured]:
 
 CASES: Mapping[str, Case] = {
     "balls": Case("ball_drop", "quadratic drag, C_d of 0.3 to 0.7 (spheres at these Reynolds numbers)", drops),
-    **{f"ball_{ball}": Case("ball_drop", "too little to tell: ambiguous", _of_ball(ball)) for ball in real_data.BALLS},
+    **{
+        f"ball_{ball}": Case("ball_drop", "too little to decide: ambiguous", _of_ball(ball)) for ball in real_data.BALLS
+    },
     "pendulum": Case("pendulum", "damping: a rate of 0.055 1/s if viscous (the authors' model)", swings),
     "clevrer": Case("clevrer", "dv/dt = -0.04 v - 0.04 |v| v beside Coulomb friction of 0.0295", slides),
     "cube": Case("cube_toss", "flights bend sideways by 0.14 m/s^2, each its own way: unexplained", flights),
     "cube_heights": Case(
-        "cube_toss", "free fall of 9.61 m/s^2: gravity, scale or clock, which flight alone cannot tell", flown_heights
+        "cube_toss",
+        "free fall of 9.61 m/s^2: gravity, scale or clock, which flight alone cannot separate",
+        flown_heights,
     ),
 }
 
 
 def judge(case: Case) -> dict[str, Any]:
-    """The verdict on a case as plain data, with the seconds it took."""
+    """Return the verdict on a case as plain data, with the seconds it took."""
     measured = case.read()
     began = time.perf_counter()
     report = find_gap(
         measured.world,
         measured.recording,
-        held_out=measured.sealed,
+        held_out=measured.held_out,
         base=measured.base,
         settings=GapSettings(null_control=False),
     )
-    told = report.to_dict()
+    summary = report.to_dict()
     kept = (
         *("verdict", "checks", "set_aside", "stability", "plain_laws", "remainder", "effects", "credible_set"),
         *("runner_up", "noise", "goodness", "sealed", "base", "residual_force"),
     )
-    result = {key: told[key] for key in kept}
+    result = {key: summary[key] for key in kept}
     return result | {"published": case.published, "seconds": round(time.perf_counter() - began, 1)}
 
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> str:
-    """One block of lines for each case."""
+    """Return one block of lines for each case."""
     lines = []
-    for name, told in results.items():
-        sealed = told["sealed"]
-        lines.append(f"{name}: {told['verdict']}, {told['seconds']} s")
-        lines.append(f"  published: {told['published']}")
-        for effect in told["effects"]:
+    for name, summary in results.items():
+        held_out = summary["sealed"]
+        lines.append(f"{name}: {summary['verdict']}, {summary['seconds']} s")
+        lines.append(f"  published: {summary['published']}")
+        for effect in summary["effects"]:
             label = f" ({effect['label']})" if effect["label"] else ""
             lines.append(f"  {effect['name']}{label}: {_numbers(effect['unknowns'])}")
-        if told["base"]["unknowns"]:
-            lines.append(f"  base: {_numbers(told['base']['unknowns'])}")
-        lines.append(f"  credible: {'; '.join(' + '.join(names) for names in told['credible_set']) or 'none'}")
-        lines.append(f"  {told['goodness']['summary']}")
-        lines.append(f"  {told['noise']['summary']}")
-        if told["residual_force"] is not None:
-            lines.append(f"  residual force: {told['residual_force'].get('expression')}")
-        closed = "no gap" if sealed["closed"] is None else f"{100.0 * sealed['closed']:.0f}% closed"
+        if summary["base"]["unknowns"]:
+            lines.append(f"  base: {_numbers(summary['base']['unknowns'])}")
+        lines.append(f"  credible: {'; '.join(' + '.join(names) for names in summary['credible_set']) or 'none'}")
+        lines.append(f"  {summary['goodness']['summary']}")
+        lines.append(f"  {summary['noise']['summary']}")
+        if summary["residual_force"] is not None:
+            lines.append(f"  residual force: {summary['residual_force'].get('expression')}")
+        closed = "no gap" if held_out["closed"] is None else f"{100.0 * held_out['closed']:.0f}% closed"
         lines.append(
-            f"  sealed: {sealed['gap_before']:.3g} -> {sealed['gap_after']:.3g} {sealed['unit']}, "
-            f"noise {sealed['noise_floor']:.2g}: {closed}"
+            f"  sealed: {held_out['gap_before']:.3g} -> {held_out['gap_after']:.3g} {held_out['unit']}, "
+            f"noise {held_out['noise_floor']:.2g}: {closed}"
         )
     return "\n".join(lines)
 

@@ -27,7 +27,7 @@ HEADER = ("scene", "parameter", "hidden", "recovered", "error", "claimed", "roll
 
 
 def row(cells: Sequence[str]) -> str:
-    """A line of the table."""
+    """Return a line of the table."""
     return "  ".join(
         cell.ljust(width) if i < 2 else cell.rjust(width)
         for i, (cell, width) in enumerate(zip(cells, WIDTHS, strict=True))
@@ -53,10 +53,10 @@ def recover(scene: Scene, *, generations: int, population: int, seed: int) -> li
     lines = []
     for i, value in enumerate(best.values):
         hidden = scene.hidden[value.paths[0]]
-        told = (f"{rollouts}", f"{seconds:.1f}") if i == 0 else ("", "")
+        cost = (f"{rollouts}", f"{seconds:.1f}") if i == 0 else ("", "")
         error, claimed = value.value / hidden - 1.0, value.standard_error / hidden
         numbers = (f"{hidden:.4g}", f"{value.value:.4g}", f"{error:+.1%}", f"{claimed:.1%}")
-        lines.append(row((scene.name if i == 0 else "", f"{value.name} [{value.unit}]", *numbers, *told)))
+        lines.append(row((scene.name if i == 0 else "", f"{value.name} [{value.unit}]", *numbers, *cost)))
     lines.append(
         row(("", f"  loss {best.loss:.3g} (start {best.loss_start:.3g}){_open(best.undetermined)}", *[""] * 6))
     )

@@ -26,7 +26,7 @@ DIFFERENCES = (
 
 
 def scene(segments: int) -> World:
-    """The rope as a world."""
+    """Return the rope as a world."""
     rope = {
         "name": "rope",
         "representation": "rope",

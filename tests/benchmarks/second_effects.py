@@ -35,7 +35,7 @@ NEEDED = 80.0
 
 
 def judge(folder: Path, seconds: float) -> dict[str, Any]:
-    """The report on a case, or what went wrong, with the seconds it took."""
+    """Return the report on a case, or what went wrong, with the seconds it took."""
     world, recording, held_out = read_case(folder)
     settings = GapSettings(null_control=False, experiment=False, time_limit=seconds)
     begin, worked = time.perf_counter(), time.process_time()
@@ -56,7 +56,7 @@ def judge(folder: Path, seconds: float) -> dict[str, Any]:
 
 
 def outcome(found: dict[str, Any], truth: dict[str, Any]) -> dict[str, Any]:
-    """What a verdict is worth, by the truth."""
+    """Score of a verdict against the truth."""
     wanted = _accepted(truth)
     names = sorted(e["name"] for e in found["effects"]) if found["verdict"] in NAMED else []
     credible = [sorted(c) for c in found["credible_set"]] if found["verdict"] == "ambiguous" else [names]
@@ -95,7 +95,7 @@ def _noncentrality(truth: dict[str, Any], rows: int) -> float:
 
 
 def _accepted(truth: dict[str, Any]) -> list[list[str]]:
-    """All sets of names that are right."""
+    """Return all sets of names that are right."""
     accepted = truth["accepted"]
     if isinstance(accepted, list):
         return [sorted(item.split("+")) for item in accepted]
@@ -106,7 +106,7 @@ def _accepted(truth: dict[str, Any]) -> list[list[str]]:
 
 
 def table(outcomes: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row for each section and noise level (0.3% or less, up to 2%, above)."""
+    """Return one row for each section and noise level (0.3% or less, up to 2%, above)."""
     rows = []
     for section in SECTIONS:
         for level, low, high in (("0.1%", 0.0, 0.003), ("1%", 0.003, 0.02), ("3%", 0.02, 1.0)):

@@ -16,14 +16,14 @@ SUBSTEP = 0.002  # [s]
 
 
 def read_case(folder: Path) -> tuple[World, Recording, Recording]:
-    """The base world, the runs to fit and those held out."""
+    """Return the base world, the runs to fit and those held out."""
     scene = json.loads((folder / "scene.json").read_text())
     recording = read_runs(folder / "data.csv")
     return world_of(scene, recording), recording, read_runs(folder / "held_out.csv")
 
 
 def read_runs(path: Path) -> Recording:
-    """All runs of a table; blank cells were not measured."""
+    """Return all runs of a table; blank cells were not measured."""
     with path.open() as file:
         rows = list(csv.DictReader(file))
     by_run: dict[str, list[dict[str, str]]] = {}
@@ -49,7 +49,7 @@ def _run(name: str, rows: list[dict[str, str]]) -> Run:
 
 
 def world_of(scene: dict[str, Any], recording: Recording) -> World:
-    """The analyst's base model as a world; bodies start where the first run has them."""
+    """Return the analyst's base model as a world; bodies start where the first run has them."""
     first = recording.runs[0]
     table = scene.get("table")
     objects = [_object(item, first, table is not None) for item in scene["objects"]]

@@ -35,7 +35,7 @@ DIFFERENCES = (
 
 
 def scene(resolution: float, **more: Any) -> World:
-    """The block as a world, its left face held."""
+    """Return the block as a world, its left face held."""
     half = [a / 2 for a in SIZE]
     return World.model_validate(
         {
@@ -77,7 +77,7 @@ def polyworld_row(name: str, worlds: int, seconds: float, resolution: float = 2 
 
 
 def _sag(points: Any, start: Any) -> float:
-    """How far the free end's nodes have come down on average."""
+    """Return how far the free end's nodes have come down on average."""
     end = start[:, 0] > start[:, 0].max() - 0.1 * SPACING
     return float((start[end, 2] - points[end, 2]).mean())
 

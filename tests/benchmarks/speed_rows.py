@@ -28,7 +28,7 @@ class Row:
     check: float
 
     def text(self) -> str:
-        """One line of the table."""
+        """Return one line of the table."""
         steps = self.worlds * self.simulated / self.dt
         return (
             f"{self.name:34s} {self.elements:6d} {self.worlds:3d} {1e3 * self.dt:8.4f} "

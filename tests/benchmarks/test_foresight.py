@@ -1,4 +1,4 @@
-"""What the foresight benchmark counts and how it puts clips to the tools."""
+"""Counts of the foresight benchmark, and how it puts clips to the tools."""
 
 from __future__ import annotations
 

@@ -26,13 +26,13 @@ EXACT = 1e-3  # [m]; the engine steps by 2 ms, the generator from event to event
 FINE = 5e-4  # [s]: a collision that comes a hair later sends discs elsewhere
 
 
-def told_world(hidden: Hidden) -> dict[str, Any]:
-    """The base world with the true effect in it, as the engine describes it."""
-    told = world_json(hidden)
+def true_world(hidden: Hidden) -> dict[str, Any]:
+    """Return the base world with the true effect in it, as the engine describes it."""
+    document = world_json(hidden)
     (effect,) = hidden.effects
-    name, numbers, ball = effect.drawn.name, dict(effect.numbers), told["objects"][0]
+    name, numbers, ball = effect.drawn.name, dict(effect.numbers), document["objects"][0]
     if name == "gravity_error":
-        told["environment"]["gravity"][2] = numbers["gravity_z"]
+        document["environment"]["gravity"][2] = numbers["gravity_z"]
     elif name in ("restitution_error", "friction_error"):
         field = name.removesuffix("_error")
         ball[field] = numbers[field]
@@ -42,18 +42,18 @@ def told_world(hidden: Hidden) -> dict[str, Any]:
         place = effect.drawn.place
         assert place is not None
         shape = {"kind": "plane", "normal": [place["normal_x"], place["normal_y"], 0.0], "offset": place["offset"]}
-        told["statics"].append({"name": "wall", "shape": shape})
+        document["statics"].append({"name": "wall", "shape": shape})
     else:
-        told["effects"] = [{"name": name, "kind": KINDS.get(name, name), "parameters": numbers}]
-    return told
+        document["effects"] = [{"name": name, "kind": KINDS.get(name, name), "parameters": numbers}]
+    return document
 
 
 @pytest.mark.parametrize("name", [n for n in EFFECTS if not n.startswith("observer") and n != "dropped_frames"])
 def test_engine_moves_as_the_generator_does(name: str) -> None:
     hidden = draw_hidden(Case("one_effect", 0, 1, (name,), 0.01, design=EFFECTS[name][1][0]), 5)
     if name == "periodic_forcing":
-        pytest.skip("its phase and direction are not told")
-    told = told_world(hidden)
+        pytest.skip("its phase and direction are not given")
+    document = true_world(hidden)
     ball, fault = hidden_world(hidden.design.ball, hidden.effects)
     runs = (1, 2, 3)
     try:
@@ -64,7 +64,7 @@ def test_engine_moves_as_the_generator_does(name: str) -> None:
     for k, motion in zip(runs, motions, strict=True):
         launch = hidden.design.launches[k]
         start = {"position": launch.position, "velocity": launch.velocity, "angular_velocity": launch.spin}
-        world = World.model_validate(told | {"objects": [told["objects"][0] | start]})
+        world = World.model_validate(document | {"objects": [document["objects"][0] | start]})
         moved = simulator(world, hidden.design.stamps).run().positions[0, :, 0]
         worst.append(float(np.linalg.norm(moved - motion.positions, axis=1).max()))
     assert max(worst) < EXACT, worst
@@ -87,19 +87,19 @@ DISC_LAWS = [
 @pytest.mark.parametrize("name", DISC_LAWS)
 def test_engine_moves_colliding_discs_as_the_generator_does(name: str) -> None:
     drawn = draw_discs(Case("bodies", 0, 2, (name,) if name else (), 0.01, design="discs", runs=1, bodies=3), 7)
-    scene, told = drawn.scene, drawn.world_json()
+    scene, document = drawn.scene, drawn.world_json()
     discs = scene.discs if drawn.effect is None else drawn.effect.apply(scene.discs, drawn.strength)
-    for i, item in enumerate(told["objects"]):
+    for i, item in enumerate(document["objects"]):
         item |= {"mass": discs.masses[i], "friction": discs.frictions[i], "restitution": discs.restitution}
     if drawn.effect is not None and not name.endswith("_error"):
-        numbers = drawn.effect.told(drawn.strength)
-        told["effects"] = [{"name": name, "kind": KINDS.get(name, name), "parameters": numbers}]
-    told["time"]["substep"] = FINE
+        numbers = drawn.effect.true_values(drawn.strength)
+        document["effects"] = [{"name": name, "kind": KINDS.get(name, name), "parameters": numbers}]
+    document["time"]["substep"] = FINE
     for start in scene.starts:
-        for i, item in enumerate(told["objects"]):
+        for i, item in enumerate(document["objects"]):
             item["position"] = [*start.positions[i], 0.0]
             item["velocity"] = [*start.velocities[i], 0.0]
             item["angular_velocity"] = [0.0, 0.0, start.spins[i]]
-        moved = simulator(World.model_validate(told), scene.stamps).run().positions[0]
+        moved = simulator(World.model_validate(document), scene.stamps).run().positions[0]
         path = slide(discs, start, scene.stamps)
         np.testing.assert_allclose(moved[..., :2], path[..., :2], atol=EXACT)

@@ -14,24 +14,24 @@ from tests.benchmarks.hidden_score import closed_shares, form_is_right, judge_na
 
 
 def verdict(kind: str, *sets: list[str]) -> dict[str, object]:
-    """A verdict with a credible set."""
+    """Return a verdict with a credible set."""
     return {"verdict": kind, "credible_set": list(sets), "effects": [{"name": n} for n in (sets[0] if sets else [])]}
 
 
 def test_one_name_of_the_class_is_right() -> None:
-    told = verdict("identified", ["observer_scale"])
-    assert judge_names(told, [["buoyancy"]], "one_effect") == (True, False, True, 1)
+    report = verdict("identified", ["observer_scale"])
+    assert judge_names(report, [["buoyancy"]], "one_effect") == (True, False, True, 1)
 
 
 def test_several_names_of_one_class_count_as_one() -> None:
-    told = verdict("ambiguous", ["observer_scale"], ["gravity_error"])
-    assert judge_names(told, [["buoyancy"]], "one_effect") == (True, False, True, 1)
-    assert judge_names(told, [["tilt"]], "one_effect") == (False, True, False, 1)
+    report = verdict("ambiguous", ["observer_scale"], ["gravity_error"])
+    assert judge_names(report, [["buoyancy"]], "one_effect") == (True, False, True, 1)
+    assert judge_names(report, [["tilt"]], "one_effect") == (False, True, False, 1)
 
 
 def test_two_classes_cover_but_are_not_right() -> None:
-    told = verdict("ambiguous", ["linear_drag"], ["quadratic_drag"])
-    assert judge_names(told, [["quadratic_drag"]], "one_effect") == (False, False, True, 2)
+    report = verdict("ambiguous", ["linear_drag"], ["quadratic_drag"])
+    assert judge_names(report, [["quadratic_drag"]], "one_effect") == (False, False, True, 2)
 
 
 def test_half_of_a_pair_is_decisively_wrong() -> None:
@@ -39,9 +39,9 @@ def test_half_of_a_pair_is_decisively_wrong() -> None:
 
 
 def test_classes_depend_on_the_scene() -> None:
-    told = verdict("identified", ["viscous_friction"])
-    assert judge_names(told, [["linear_drag"]], "bodies")[0]
-    assert not judge_names(told, [["linear_drag"]], "one_effect")[0]
+    report = verdict("identified", ["viscous_friction"])
+    assert judge_names(report, [["linear_drag"]], "bodies")[0]
+    assert not judge_names(report, [["linear_drag"]], "one_effect")[0]
 
 
 def test_refusal_covers_nothing_and_is_not_wrong() -> None:
@@ -49,9 +49,9 @@ def test_refusal_covers_nothing_and_is_not_wrong() -> None:
     assert judge_names(verdict("nothing_missing"), [], "nothing") == (True, False, False, 0)
 
 
-def test_sealed_gap_is_told_with_and_without_the_noise() -> None:
-    told = {"sealed": {"gap_before": 0.04, "gap_after": 0.01, "noise_floor": 0.03}}
-    assert closed_shares(told) == (pytest.approx(0.75), pytest.approx(1.0 - 0.001**0.5 / 0.05))
+def test_held_out_gap_is_reported_with_and_without_the_noise() -> None:
+    report = {"sealed": {"gap_before": 0.04, "gap_after": 0.01, "noise_floor": 0.03}}
+    assert closed_shares(report) == (pytest.approx(0.75), pytest.approx(1.0 - 0.001**0.5 / 0.05))
     assert closed_shares({"sealed": {"gap_before": 0.0, "gap_after": 0.0, "noise_floor": 0.03}}) == (None, None)
 
 
@@ -68,11 +68,11 @@ def test_wall_overlaps_where_it_stands_turned() -> None:
     half = 0.5**0.5
     static = {"name": "w", "shape": {"kind": "plane", "normal": [1.0, 0.0, 0.0], "offset": 0.0}}
     static |= {"position": [0.0, -1.05, 0.0], "orientation": [half, 0.0, 0.0, half]}
-    told = {"effects": [{"name": "hidden_wall", "unknowns": {}}], "world": {"statics": [static]}}
+    report = {"effects": [{"name": "hidden_wall", "unknowns": {}}], "world": {"statics": [static]}}
     truth = [{"name": "hidden_wall", "place": place}]
-    assert place_overlaps(truth, told) is True
+    assert place_overlaps(truth, report) is True
     static["position"] = [0.0, -1.5, 0.0]
-    assert place_overlaps(truth, told) is False
+    assert place_overlaps(truth, report) is False
 
 
 def test_wilson_interval_of_no_alarm_in_three_hundred() -> None:
@@ -81,7 +81,7 @@ def test_wilson_interval_of_no_alarm_in_three_hundred() -> None:
     assert high == pytest.approx(0.01264, abs=2e-5)
 
 
-def test_generator_writes_the_same_case_again_and_tells_the_truth_apart(tmp_path: Path) -> None:
+def test_generator_writes_the_same_case_again_and_keeps_the_truth_apart(tmp_path: Path) -> None:
     case = next(c for c in SECTIONS["one_effect"](1) if c.effects == ("tilt",) and c.noise == 0.01)
     for n in "ab":
         generate(case, 1, tmp_path / n, tmp_path / f"{n}truth")

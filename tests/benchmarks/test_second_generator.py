@@ -339,7 +339,7 @@ def test_command_line_is_reproducible(tmp_path: Path) -> None:
             truth = json.loads((tmp_path / name / "private" / f"{c.name}.json").read_text())
             wanted = {"section", "effects", "parameters", "noise", "free_form", "strength_in_sigma", "detail"}
             assert wanted <= set(truth)
-            told = json.loads((c / "scene.json").read_text())
-            assert {"gravity", "objects", "floor", "walls", "conventions", "note"} <= set(told)
+            given = json.loads((c / "scene.json").read_text())
+            assert {"gravity", "objects", "floor", "walls", "conventions", "note"} <= set(given)
             assert (c / "held_out.csv").read_text().startswith("run,object,t,x,y,z")
     assert texts[0] == texts[1]

@@ -19,7 +19,7 @@ FOUND = 0.5  # mean IoU over a body's frames from which it was found
 
 @dataclass(frozen=True)
 class BodyScore:
-    """What became of one body.
+    """Outcome of one body.
 
     observed: the object it was found as, None where it was not. iou: mean over its frames. off: median distance of
     centroids, in diameters of a disc of its visible area. seen: share of its frames in which the object was there.
@@ -45,7 +45,7 @@ class ClipScore:
         return not self.ghosts and all(b.observed is not None for b in self.bodies)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
+        """Return JSON-ready values."""
         return {"complete": self.complete, "ghosts": list(self.ghosts), "bodies": [asdict(b) for b in self.bodies]}
 
 

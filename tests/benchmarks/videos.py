@@ -1,4 +1,4 @@
-"""What perception makes of rendered clips: `python -m tests.benchmarks.videos`.
+"""Measure perception of rendered clips: `python -m tests.benchmarks.videos`.
 
 Clips of moving bodies are drawn and rendered by MuJoCo (`tests.benchmarks.video_clips`, written without knowledge of
 the perception code): ten kinds of motion, fourteen kinds of looks. Every clip is observed as it is, without hints, and
@@ -60,7 +60,7 @@ def observe_plain(file: Path, _labels: Labels, _bodies: list[str]) -> ImageObser
 def observe_with(
     model: ModelFolder, agreement: bool, file: Path, _labels: Labels, _bodies: list[str]
 ) -> ImageObservation:
-    """What a segmentation model makes of a clip whose objects OpenCV points out to it."""
+    """Run a segmentation model on a clip whose objects OpenCV points out to it."""
     plain = observe(file)
     if not plain.objects:
         return plain

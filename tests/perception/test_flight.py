@@ -205,7 +205,7 @@ def cylinder_mask(camera: Camera, place: Floats, axis: Floats, solid: Cylinder) 
 
 
 @pytest.mark.parametrize("angle", [20.0, 75.0, 140.0])
-def test_a_cylinder_on_its_side_is_told_from_one_that_stands(angle: float) -> None:
+def test_a_cylinder_on_its_side_is_distinguished_from_one_that_stands(angle: float) -> None:
     solid = Cylinder(radius=0.1, half_height=0.07)
     axis = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 0.0])
     t = np.arange(20)[:, None] * FRAME

@@ -273,7 +273,7 @@ def test_points_along_a_rope_are_spaced_evenly_and_where_one_is_missing_they_are
     assert part.confidence.tolist() == [[0.0] * 4, [1.0, 1.0, 1.0, 0.0]]
 
 
-def test_series_of_numbers_are_told_apart_by_what_they_are_of(tmp_path: Path) -> None:
+def test_series_of_numbers_are_distinguished_by_what_they_are_of(tmp_path: Path) -> None:
     file = write(
         tmp_path / "levels.csv",
         "frame,object,quantity,value,sigma,container,at",

@@ -83,7 +83,7 @@ def test_two_objects_of_one_colour_stay_two_through_contact(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("second", [RED, BLUE])
-def test_objects_that_touch_from_the_first_frame_are_told_apart_from_the_first(
+def test_objects_that_touch_from_the_first_frame_are_separated_from_the_first(
     tmp_path: Path, second: tuple[float, float, float]
 ) -> None:
     discs = [
@@ -199,7 +199,7 @@ def test_limits_are_stated_not_silent(simple: Clip) -> None:
         observation.mask(observation.names[0], 24)
 
 
-def test_observation_can_be_cancelled_and_tells_how_far_it_is(simple: Clip) -> None:
+def test_observation_can_be_cancelled_and_reports_its_progress(simple: Clip) -> None:
     shares: list[float] = []
     observe(simple.path, progress=lambda share, _what: shares.append(share))
     assert shares == sorted(shares)

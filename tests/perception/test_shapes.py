@@ -122,7 +122,7 @@ def test_a_direction_in_which_the_image_ends_is_not_measured() -> None:
     assert np.all(outline.confidence[:, directions[:, 0] < -0.5] > 0.5)
 
 
-def test_occupancy_tells_areas_and_leaves_out_what_something_else_covers() -> None:
+def test_occupancy_reports_areas_and_leaves_out_what_something_else_covers() -> None:
     pool, post = canvas(), canvas()
     pool[100:150, 40:200] = 1
     post[60:180, 110:130] = 1

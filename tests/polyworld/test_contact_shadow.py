@@ -16,7 +16,7 @@ FLOOR = StaticObject(name="floor", shape=Plane(normal=(0.0, 0.0, 1.0), offset=0.
 
 
 def darkening(shape: Sphere | Box, height: float, statics: tuple[StaticObject, ...] = (FLOOR,)) -> np.ndarray:
-    """What share of a pixel's light the shadow of one object took, (H, W), and only where the floor is seen."""
+    """Return the share of a pixel's light (H, W) that one object's shadow takes; check that only the floor darkens."""
     world = World(objects=(RigidObject(name="it", shape=shape, position=(0.0, 0.0, height)),), statics=statics)
     at, turn = np.array([[0.0, 0.0, height]]), np.array([[1.0, 0.0, 0.0, 0.0]])
     picture = render(world, at, turn, CAMERA)

@@ -34,7 +34,7 @@ STATE = {
 
 
 def computed(text: str | tuple[str, str, str], parameters: dict[str, tuple[float, str]] | None = None) -> np.ndarray:
-    """What the engine makes of an expression at STATE."""
+    """Evaluate an expression at STATE by the engine."""
     given = parameters or {}
     written = (text,) if isinstance(text, str) else text
     program = compile_expression(Expression(written, tuple((n, u) for n, (_, u) in given.items())))

@@ -155,7 +155,7 @@ def test_the_default_stretch_begins_when_the_last_named_object_joins() -> None:
     assert not ask(Moving(object="late"), horizon=0.25).decided
 
 
-def test_contacts_tell_how_near_the_surfaces_come() -> None:
+def test_contacts_report_how_near_the_surfaces_come() -> None:
     """Blue's surface reaches x = 0.8 at 0.6 s, where the wall's face is at 1.0; late begins its way at (0, 5)."""
     free = ask(Collides(a="blue", b="wall"), (0.0, 0.6)).evidence["closest_approach"]
     assert free == {"gap_m": pytest.approx(0.2, abs=1e-6), "time": pytest.approx(0.6), "with": "wall"}

@@ -156,9 +156,9 @@ def test_deformation_is_the_largest_principal_strain_whatever_the_turn() -> None
     centre = np.array([0.0, -2.0, 1.0])
     stretch = 1.0 + 0.2 * T
     moved = centre + (REST["ball"] - centre) * np.concatenate([stretch, 1.0 / stretch, np.ones_like(T)], axis=2)
-    begun = ask(Deformed(object="ball", strain=0.1), "first", ball=moved)
-    assert begun.value == pytest.approx(0.5, abs=0.01)
-    assert begun.evidence["largest_strain"]["highest"] == pytest.approx(0.4, abs=1e-6)
+    onset = ask(Deformed(object="ball", strain=0.1), "first", ball=moved)
+    assert onset.value == pytest.approx(0.5, abs=0.01)
+    assert onset.evidence["largest_strain"]["highest"] == pytest.approx(0.4, abs=1e-6)
     assert ask(Deformed(object="rope", strain=2.0 * 1.9 / 1e4), "all", (0.0, 0.09)).value is True  # tension over EA
 
 

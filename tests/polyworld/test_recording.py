@@ -177,7 +177,7 @@ def test_measured_spins_stay_with_their_instants_and_objects() -> None:
     assert some.positions.shape == (2, 2, 3)
 
 
-def test_a_recording_has_runs_of_different_names_and_tells_them() -> None:
+def test_a_recording_has_runs_of_different_names_and_lists_them() -> None:
     with pytest.raises(ValueError, match="at least one run"):
         Recording(())
     with pytest.raises(ValueError, match="names of runs repeat"):

@@ -124,7 +124,7 @@ def test_bare_command_serves_and_leaves_with_its_client(tmp_path: Path) -> None:
         assert json.loads(line)["jsonrpc"] == "2.0"
 
 
-def test_version_is_told_without_a_server(capfd: pytest.CaptureFixture[str]) -> None:
+def test_version_is_printed_without_a_server(capfd: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capfd, "--version")
     assert code == 0
     assert out.startswith("atw-mcp ")

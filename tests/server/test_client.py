@@ -21,7 +21,7 @@ def test_lines_of_the_server_are_shown_but_for_the_missing_gpu(capfd: pytest.Cap
     assert capfd.readouterr().err == "something is wrong\n"
 
 
-class Told:
+class RecordedProgress:
     """Remembers the progress that was shown, and whether it was cleared last."""
 
     def __init__(self) -> None:
@@ -39,20 +39,20 @@ class Told:
 Work = Callable[[Session, str], Awaitable[None]]
 
 
-def with_session(store: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> Told:
-    """Run `work` with a session on a server that also has a slow tool; returns the progress that was told."""
+def with_session(store: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> RecordedProgress:
+    """Run `work` with a session on a server that also has a slow tool; returns the progress that was shown."""
     monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, SLOW))
-    told = Told()
+    progress = RecordedProgress()
 
     async def run() -> None:
         async with Client(server.build_server(store)) as client:
             tools = (await client.list_tools()).tools
-            session = Session(client, tools, told)
+            session = Session(client, tools, progress)
             opened = await session.call("OpenCase", {"video": str(FOLDER / "collision.mp4")})
             await work(session, opened.body["case"])
 
     anyio.run(run)
-    return told
+    return progress
 
 
 def test_work_that_outlives_its_call_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,9 +62,9 @@ def test_work_that_outlives_its_call_is_waited_for(tmp_path: Path, monkeypatch: 
         assert reply.body["status"] == "completed"
         assert reply.body["data"] == {"steps": 15}
 
-    told = with_session(tmp_path / "atw.db", work, monkeypatch)
-    assert any(total == 15 for _, total, _ in told.shown)
-    assert told.cleared
+    progress = with_session(tmp_path / "atw.db", work, monkeypatch)
+    assert any(total == 15 for _, total, _ in progress.shown)
+    assert progress.cleared
 
 
 def test_work_that_fails_after_its_call_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,7 +64,7 @@ def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, P
     assert findings(again) == findings(demo[0])
 
 
-def test_demo_of_the_gap_names_what_is_hidden_and_foretells_a_run_that_was_not_filmed(tmp_path: Path) -> None:
+def test_demo_of_the_gap_names_what_is_hidden_and_predicts_a_run_that_was_not_filmed(tmp_path: Path) -> None:
     text = printed(tmp_path, which="gap")
     assert "WRONG" not in text
     assert "identified, tilt; in truth tilt - right" in " ".join(text.split())
@@ -78,7 +78,7 @@ def test_demo_of_the_gap_names_what_is_hidden_and_foretells_a_run_that_was_not_f
     assert after < noise
     rows = re.findall(r"^ {3}(\w+_puck) +([\d.]+) +([\d.]+)$", text, re.M)
     assert len(rows) == 3
-    for name, without, foretold in rows:
-        assert float(foretold) < 12, name  # [mm]
+    for name, without, predicted in rows:
+        assert float(predicted) < 12, name  # [mm]
         assert float(without) > 60, name
     assert all(cv2.imread(str(path)) is not None for path in (tmp_path / "pictures").iterdir())

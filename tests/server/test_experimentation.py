@@ -61,7 +61,7 @@ def ask(app: App, rollout: str, predicate: dict[str, Any], **arguments: Any) -> 
     return querying.query_world(app, rollout, predicate, **arguments).data
 
 
-def test_rollout_tells_the_collision_and_covers_the_observed_stretch(roll: Callable[..., Answer]) -> None:
+def test_rollout_reports_the_collision_and_covers_the_observed_stretch(roll: Callable[..., Answer]) -> None:
     answer = roll()
     assert answer.interval == pytest.approx((0.0, END))
     collisions = [row for row in answer.data["timeline"] if row["what"] == "collision"]
@@ -155,7 +155,7 @@ def test_an_edit_may_name_what_an_earlier_one_added(roll: Callable[..., Answer])
     assert {row["object"]: row.get("start") for row in branch.data["objects"]}["third"][1] == pytest.approx(3.0)
 
 
-def test_what_lies_beyond_the_observed_frames_is_told_first(roll: Callable[..., Answer]) -> None:
+def test_what_lies_beyond_the_observed_frames_is_reported_first(roll: Callable[..., Answer]) -> None:
     """The target meets a fourth disc, 1.4 m ahead of it, after the 1.2 s that were observed."""
     fourth = {**THIRD, "name": "fourth", "position": [2.4 + 2 * RADIUS, 0.0, 0.05], "start_time": 0.0, "friction": 0}
     summary = roll([{"action": "add", "object": fourth}], horizon_seconds=3.0).summary

@@ -47,12 +47,12 @@ def test_json_of_the_command_names_the_hidden_drag(folder: Path) -> None:
         timeout=300,
     )
     assert made.returncode == 0, made.stderr
-    told = json.loads(made.stdout)
-    assert told["verdict"] == "identified"
-    assert [effect["name"] for effect in told["effects"]] == ["quadratic_drag"]
-    assert told["effects"][0]["unknowns"]["coefficient"]["value"] == pytest.approx(DRAG, rel=0.01)
-    assert told["sealed"]["closed"] > 0.95
-    assert told["world"]["effects"][0]["kind"] == "quadratic_drag"
+    result = json.loads(made.stdout)
+    assert result["verdict"] == "identified"
+    assert [effect["name"] for effect in result["effects"]] == ["quadratic_drag"]
+    assert result["effects"][0]["unknowns"]["coefficient"]["value"] == pytest.approx(DRAG, rel=0.01)
+    assert result["sealed"]["closed"] > 0.95
+    assert result["world"]["effects"][0]["kind"] == "quadratic_drag"
 
 
 def test_words_world_and_pictures_are_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -77,16 +77,16 @@ def test_errors_say_what_is_wrong_with_which_file(folder: Path, capsys: pytest.C
     assert "column t" in failure(capsys, *arguments(folder, "--data", str(timeless)))
     stranger = folder / "stranger.csv"
     stranger.write_text((folder / "ball.csv").read_text().replace("ball", "bell"))
-    told = failure(capsys, *arguments(folder, "--data", str(stranger)))
-    assert "bell" in told
-    assert "ball" in told
+    message = failure(capsys, *arguments(folder, "--data", str(stranger)))
+    assert "bell" in message
+    assert "ball" in message
     assert "quadratic_drag" in failure(capsys, *arguments(folder, "--effects", "dragg"))
     assert "restitution" in failure(capsys, *arguments(folder, "--fit", "objects.ball.restitutionn"))
     assert "r9" in failure(capsys, *arguments(folder, "--seal", "r9"))
     assert "nothing.csv" in failure(capsys, *arguments(folder, "--data", str(folder / "nothing.csv")))
 
 
-def test_wrong_usage_is_told_by_its_own_exit_code(folder: Path) -> None:
+def test_wrong_usage_has_its_own_exit_code(folder: Path) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["gap", "--data", str(folder / "ball.csv")])
     assert ended.value.code == 2

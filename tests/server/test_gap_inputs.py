@@ -100,9 +100,10 @@ def test_imported_spins_and_frames_stay_with_the_case(tmp_path: Path) -> None:
     rows = [f"a,ball,{f},{f},0,{10 * f},{60 * (f % 2)}" for f in range(30)]
     path.write_text("run,object,frame,x [mm],y [mm],z [mm],wz [rpm]\n" + "\n".join(rows) + "\na,other,0,1,1,1,\n")
     call("OpenCase", data=str(path), name="c")
-    told = call("ImportObservation", case="c", kind="recording", path=str(path), seconds_per_frame=0.01, sealed_runs=[])
-    assert told["data"]["runs"][0]["spins"] is True
-    assert told["data"]["runs"][0]["to"] == pytest.approx(0.29)
+    arguments = {"case": "c", "kind": "recording", "path": str(path), "seconds_per_frame": 0.01}
+    imported = call("ImportObservation", **arguments, sealed_runs=[])
+    assert imported["data"]["runs"][0]["spins"] is True
+    assert imported["data"]["runs"][0]["to"] == pytest.approx(0.29)
     app = App(tmp_path / "atw.db")
     kept = case_recording(app, app.case("c"), World.model_validate(world())).parts.fitted.runs[0]
     assert kept.names == ("ball",)

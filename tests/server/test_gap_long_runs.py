@@ -1,4 +1,4 @@
-"""What the gap tools compute of one long run, which is cut into parts: told, fitted, and compared before and after."""
+"""Gap tools on one long run, which is cut into parts: reported, fitted, and compared before and after."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def slide(count: int) -> Recording:
     return Recording((Run("slide", ("puck",), times, places, np.full((count, 1, 4), np.nan)),))
 
 
-def test_where_a_long_run_disagrees_is_told_with_the_caution_that_it_is_in_parts() -> None:
+def test_where_a_long_run_disagrees_is_reported_with_the_caution_that_it_is_in_parts() -> None:
     outcome = examine(TABLE, slide(1600), (), False, Progress())
     assert not outcome.data["explained"]
     (said,) = [c for c in shown_discrepancy(outcome.data)["cautions"] if "parts" in c]

@@ -52,27 +52,27 @@ def added(call: Session, proposals: dict[str, Any]) -> dict[str, Any]:
     return call("AddEffect", case="ball", proposal=proposals["evidence"], **WAIT)
 
 
-def test_a_recording_tells_its_runs_and_which_are_sealed(call: Session, table: Path) -> None:
-    told = call("ImportObservation", case="ball", kind="recording", path=str(table))
-    assert [row["run"] for row in told["data"]["runs"]] == ["r0", "r1", "r2", "r3"]
-    assert [row["sealed"] for row in told["data"]["runs"]] == [False, False, False, True]
-    assert told["data"]["objects"] == ["ball"]
+def test_a_recording_lists_its_runs_and_which_are_sealed(call: Session, table: Path) -> None:
+    imported = call("ImportObservation", case="ball", kind="recording", path=str(table))
+    assert [row["run"] for row in imported["data"]["runs"]] == ["r0", "r1", "r2", "r3"]
+    assert [row["sealed"] for row in imported["data"]["runs"]] == [False, False, False, True]
+    assert imported["data"]["objects"] == ["ball"]
 
 
 def test_runs_to_seal_can_be_chosen(tmp_path: Path) -> None:
     call = Session(tmp_path / "atw.db")
     table = write_table(tmp_path / "ball.csv", flown())
     call("OpenCase", data=str(table), name="c")
-    told = call("ImportObservation", case="c", kind="recording", path=str(table), sealed_runs=["r1"])
-    assert [row["run"] for row in told["data"]["runs"] if row["sealed"]] == ["r1"]
-    told = call("ImportObservation", case="c", kind="recording", path=str(table), sealed_runs=[])
-    assert not any(row["sealed"] for row in told["data"]["runs"])
+    imported = call("ImportObservation", case="c", kind="recording", path=str(table), sealed_runs=["r1"])
+    assert [row["run"] for row in imported["data"]["runs"] if row["sealed"]] == ["r1"]
+    imported = call("ImportObservation", case="c", kind="recording", path=str(table), sealed_runs=[])
+    assert not any(row["sealed"] for row in imported["data"]["runs"])
     refused = call.refused("ImportObservation", case="c", kind="recording", path=str(table), sealed_runs=["r9"])
     assert "r9" in refused
     assert "r0" in refused
 
 
-def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
+def test_columns_that_are_not_used_are_reported(tmp_path: Path) -> None:
     call = Session(tmp_path / "atw.db")
     table = write_table(tmp_path / "ball.csv", flown(), "run,object,t,x,y,depth")
     call("OpenCase", data=str(table), name="c")
@@ -185,7 +185,7 @@ def test_refusals_name_the_valid_choices_and_the_next_step(call: Session) -> Non
     assert "restitution" in call.refused("FindDiscrepancy", case="ball", base=["objects.ball.restitutionn"])
 
 
-def test_a_case_without_measurements_is_told_how_to_bring_them_in(tmp_path: Path) -> None:
+def test_a_case_without_measurements_is_refused_with_how_to_bring_them_in(tmp_path: Path) -> None:
     call = Session(tmp_path / "atw.db")
     table = write_table(tmp_path / "ball.csv", flown())
     call("OpenCase", data=str(table), name="c")

@@ -1,4 +1,4 @@
-"""What is told of the experiment that would decide: only one that can."""
+"""The experiment that would decide, in words: only one that can is described."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ def experiment(sigmas: float) -> dict[str, Any]:
     }
 
 
-def test_an_experiment_that_decides_is_told_with_what_to_expect() -> None:
+def test_an_experiment_that_decides_is_described_with_what_to_expect() -> None:
     text = experiment_text(experiment(9.0))
     assert text.startswith("To decide: start ball")
     assert "1.4 if viscous_friction" in text
@@ -36,5 +36,5 @@ def test_laws_that_are_the_same_motion_get_no_experiment(sigmas: float) -> None:
     assert "start ball" not in text
 
 
-def test_one_that_may_not_decide_is_told_as_such() -> None:
+def test_one_that_may_not_decide_is_described_as_such() -> None:
     assert "may not decide" in experiment_text(experiment(2.0))

@@ -30,24 +30,24 @@ def case(session: Session, tmp_path: Path) -> str:
 
 
 def built(session: Session, case: str, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What was told of a world, and its document."""
-    told = session("BuildWorld", case=case, floor="none", **arguments)
-    return told["data"], json.loads(session.store_document(told["source"]["world"]))
+    """Build a world; return what BuildWorld reports of it, and its document."""
+    report = session("BuildWorld", case=case, floor="none", **arguments)
+    return report["data"], json.loads(session.store_document(report["source"]["world"]))
 
 
 def test_what_swings_in_view_may_be_damped_and_turns_across_the_view(session: Session, case: str) -> None:
-    told, world = built(session, case, motion_plane=SIDE_VIEW, objects=[BOB], parts=[{**PIVOT, "damping": 0.001}])
-    assert told["representation"] == "spatial"
+    report, world = built(session, case, motion_plane=SIDE_VIEW, objects=[BOB], parts=[{**PIVOT, "damping": 0.001}])
+    assert report["representation"] == "spatial"
     assert [joint["axis"] for joint in world["joints"]] == [[0, -1, 0]]
-    assert any("turn about the motion plane's normal" in note for note in told["assumed"])
-    assert any("representation='planar'" in note for note in told["assumed"])
+    assert any("turn about the motion plane's normal" in note for note in report["assumed"])
+    assert any("representation='planar'" in note for note in report["assumed"])
 
 
 def test_an_axis_that_was_given_stays(session: Session, case: str) -> None:
     tilted = {**PIVOT, "axis": [0, 1, 0.5]}
-    told, world = built(session, case, motion_plane=SIDE_VIEW, objects=[BOB], parts=[tilted])
+    report, world = built(session, case, motion_plane=SIDE_VIEW, objects=[BOB], parts=[tilted])
     assert [joint["axis"] for joint in world["joints"]] == [[0, 1, 0.5]]
-    assert not any("normal" in note for note in told["assumed"])
+    assert not any("normal" in note for note in report["assumed"])
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def test_value_that_was_never_inferred_is_not_called_fitted(app: App) -> None:
     assert rows[1]["undetermined"] == ["only the ratio of the masses shows"]
 
 
-def test_edited_value_is_told_from_the_inherited_ones(app: App) -> None:
+def test_edited_value_is_distinguished_from_the_inherited_ones(app: App) -> None:
     child = fitted_world(app)
     edited = branch(child, [SetParameter(path="objects.striker.friction", value=0.1)])
     app.keep_world(app.case("discs"), edited, how="intervention", parent=child, detail={"edits": ["x"]})

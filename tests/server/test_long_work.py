@@ -1,4 +1,4 @@
-"""Work that outlives its call: told, joined, cancelled, and failed when its process is gone."""
+"""Work that outlives its call: reported, joined, cancelled, and failed when its process is gone."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def body(result: Any) -> dict[str, Any]:
     return loaded
 
 
-def test_work_within_its_patience_returns_its_result_and_tells_progress(store: Path) -> None:
-    told: list[tuple[float, float | None]] = []
+def test_work_within_its_patience_returns_its_result_and_reports_progress(store: Path) -> None:
+    reported: list[tuple[float, float | None]] = []
 
     async def hear(progress: float, total: float | None, _message: str | None) -> None:
-        told.append((progress, total))
+        reported.append((progress, total))
 
     async def session(client: Client) -> None:
         async with client:
@@ -54,13 +54,13 @@ def test_work_within_its_patience_returns_its_result_and_tells_progress(store: P
 
     with connection("memory", store, "auto") as client:
         anyio.run(session, client)
-    assert told
-    assert all(total == 5 for _, total in told)
-    assert [progress for progress, _ in told] == sorted(progress for progress, _ in told)
+    assert reported
+    assert all(total == 5 for _, total in reported)
+    assert [progress for progress, _ in reported] == sorted(progress for progress, _ in reported)
 
 
 @pytest.mark.parametrize("transport", ["memory", "stdio", "http"])
-def test_work_beyond_its_patience_is_told_joined_and_read_when_done(transport: str, store: Path) -> None:
+def test_work_beyond_its_patience_is_reported_joined_and_read_when_done(transport: str, store: Path) -> None:
     async def session(client: Client) -> None:
         async with client:
             call = {"case": "c", "seconds": 2.5, "patience_seconds": 0.2}

@@ -83,7 +83,7 @@ def test_hints_are_read_from_names() -> None:
     assert Known("teal_thing", CAN).colour == "cyan"
 
 
-def test_equal_objects_are_doubted_until_a_pixel_tells_them_apart() -> None:
+def test_equal_objects_are_doubted_until_a_pixel_distinguishes_them() -> None:
     seen = {"t1": (track("t1", "red", "sphere", left=10), BALL), "t2": (track("t2", "red", "sphere", left=90), BALL)}
     known = [Known("a", BALL, "red"), Known("b", BALL, "red")]
     doubted = match(known, seen)

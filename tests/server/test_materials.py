@@ -160,26 +160,26 @@ def test_object_that_was_not_observed_needs_a_place(session: Session, case: str)
 
 
 def test_kinds_of_parts_are_described_one_by_one(session: Session) -> None:
-    told = session("DescribeTool", tool="BuildWorld", argument="parts.rope")["data"]
-    lines = {line["argument"]: line for line in told["fields"]}
+    data = session("DescribeTool", tool="BuildWorld", argument="parts.rope")["data"]
+    lines = {line["argument"]: line for line in data["fields"]}
     assert lines["points"]["required"]
     assert lines["linear_density"]["default"] == 0.05
     assert "[kg/m]" in lines["linear_density"]["description"]
     assert "no part 'string'" in session.refused("DescribeTool", tool="BuildWorld", argument="parts.string")
 
 
-def test_inspection_tells_nodes_parameters_and_what_can_be_asked(session: Session, case: str) -> None:
+def test_inspection_lists_nodes_parameters_and_what_can_be_asked(session: Session, case: str) -> None:
     session("BuildWorld", case=case, parts=[ROPE, HOOK, JELLY])
-    told = session("InspectWorld", case=case, fields=["shape", "parameters", "nodes"])["data"]
-    cord, jelly = told["objects"]
+    data = session("InspectWorld", case=case, fields=["shape", "parameters", "nodes"])["data"]
+    cord, jelly = data["objects"]
     assert cord["nodes"]["of"] == 13
     assert cord["nodes"]["place"][-1] == pytest.approx([0.6, 0.0, 1.5])
     assert jelly["parameters"]["youngs_modulus"]["unit"] == "Pa"
-    assert {"taut", "slack", "deformed", "occupies"} <= set(told["capabilities"]["predicates"])
-    assert not {"folded", "holds"} & set(told["capabilities"]["predicates"])
-    assert "release" in told["capabilities"]["edits"]
-    assert "youngs_modulus" in told["capabilities"]["parameters"]["objects.jelly"]
-    assert told["attachments"][0]["name"] == "hook"
+    assert {"taut", "slack", "deformed", "occupies"} <= set(data["capabilities"]["predicates"])
+    assert not {"folded", "holds"} & set(data["capabilities"]["predicates"])
+    assert "release" in data["capabilities"]["edits"]
+    assert "youngs_modulus" in data["capabilities"]["parameters"]["objects.jelly"]
+    assert data["attachments"][0]["name"] == "hook"
 
 
 def test_properties_of_materials_are_read_by_their_names(session: Session, case: str) -> None:
@@ -225,15 +225,15 @@ def test_rope_is_read_along_its_line_and_by_its_nodes(pendulum: tuple[Session, s
     assert "is read off cloth or soft" in refusal
 
 
-def test_released_rope_falls_freely_and_the_comparison_tells(pendulum: tuple[Session, str, str]) -> None:
+def test_released_rope_falls_freely_and_the_comparison_says_so(pendulum: tuple[Session, str, str]) -> None:
     session, case, rollout = pendulum
     edits = [{"action": "release", "attachment": "hook"}]
     other = session("Rollout", case=case, horizon_seconds=0.4, edits=edits)
     end = session("ReadTrajectory", rollout=other["data"]["rollout"], object="cord")["data"]["rows"][-1]
     assert end[4] == pytest.approx(1.5 - 0.5 * 9.81 * 0.4**2, abs=0.005)
-    told = session("CompareWorlds", base=rollout, edited=other["data"]["rollout"])["data"]["objects"][0]
-    assert told["moves_differently"]
-    assert told["largest_shape_distance"] > told["final_distance"]
+    data = session("CompareWorlds", base=rollout, edited=other["data"]["rollout"])["data"]["objects"][0]
+    assert data["moves_differently"]
+    assert data["largest_shape_distance"] > data["final_distance"]
 
 
 def test_edits_of_what_is_not_there_are_refused(pendulum: tuple[Session, str, str]) -> None:
@@ -258,9 +258,9 @@ def test_pictures_show_the_rope_and_its_fastening(pendulum: tuple[Session, str, 
     shown = anyio.run(look)
     kinds = [part.type for part in shown.content]
     assert kinds.count("image") == 2
-    told = json.loads(shown.content[0].text)["data"]
-    assert "fastenings" in told["legend"]
-    assert told["objects"][0]["name"] == "cord"
+    data = json.loads(shown.content[0].text)["data"]
+    assert "fastenings" in data["legend"]
+    assert data["objects"][0]["name"] == "cord"
 
 
 def test_horizon_is_bounded_by_the_number_of_points(session: Session, case: str) -> None:
@@ -295,7 +295,7 @@ def test_walls_ahead_of_and_behind_the_plane_leave_the_water_in_a_planar_tank(se
     assert any("tank_front, tank_back left out" in note for note in built["data"]["assumed"])
 
 
-def test_water_that_solids_or_grid_sides_take_is_told_and_none_left_is_refused(session: Session, case: str) -> None:
+def test_water_that_solids_or_grid_sides_take_is_reported_and_none_left_is_refused(session: Session, case: str) -> None:
     rock = {"name": "rock", "shape": {"kind": "box", "half_extents": [0.05, 0.1, 0.2]}, "position": [0, 0, 0.1]}
     built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, parts=[POOL, BASIN], obstacles=[rock])
     assert any("25% of its volume 1 is left out, covered by rock" in note for note in built["data"]["assumed"])
@@ -314,7 +314,7 @@ def test_a_body_over_a_closed_grid_without_a_bottom_is_warned_of(session: Sessio
     assert not any(wanted in note for note in held["data"]["assumed"])
 
 
-def test_a_motion_plane_that_a_compound_overrules_is_told(session: Session, case: str) -> None:
+def test_a_motion_plane_that_a_compound_overrules_is_reported(session: Session, case: str) -> None:
     pail = {**BUCKET, "position": [0, 0, 0.3]}
     built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, objects=[pail])
     assert built["data"]["representation"] == "spatial"
@@ -339,8 +339,8 @@ def test_density_of_a_body_points_at_its_mass(session: Session, case: str) -> No
 
 
 def test_the_shape_of_cloth_says_that_results_depend_on_its_resolution(session: Session) -> None:
-    told = session("DescribeTool", tool="BuildWorld", argument="parts.cloth.geometry")
-    assert "resolution" in json.dumps(told["data"])
+    answer = session("DescribeTool", tool="BuildWorld", argument="parts.cloth.geometry")
+    assert "resolution" in json.dumps(answer["data"])
 
 
 def test_a_compound_in_a_planar_world_is_refused_in_words_of_the_tool(session: Session, case: str) -> None:

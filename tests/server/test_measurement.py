@@ -1,4 +1,4 @@
-"""What CalibrateCamera tells of how well the camera is known."""
+"""CalibrateCamera reports how well the camera is known."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def session(tmp_path: Path) -> Session:
     return Session(tmp_path / "atw.db")
 
 
-def test_rms_and_the_largest_error_are_told_and_four_points_are_called_unchecked(
+def test_rms_and_the_largest_error_are_reported_and_four_points_are_called_unchecked(
     session: Session, tmp_path: Path
 ) -> None:
     """The fifth of the pixels is 4 px off; without it the four leave nothing over to see that by."""

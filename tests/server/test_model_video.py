@@ -138,7 +138,7 @@ def test_cancelling_it_cancels_the_step_that_runs_and_keeps_those_before(session
 
 
 @needs("clevrer")
-def test_a_clevrer_video_is_modelled_with_its_objects_told_apart(session: Session) -> None:
+def test_a_clevrer_video_is_modelled_with_its_objects_distinguished(session: Session) -> None:
     folder = FOLDER / "clevrer"
     kinds = {"sphere": {"kind": "sphere", "radius": 0.2}, "cube": {"kind": "box", "half_extents": [0.2, 0.2, 0.2]}}
     kinds["cylinder"] = {"kind": "cylinder", "radius": 0.2, "half_height": 0.2}

@@ -1,4 +1,4 @@
-"""What is told of a rollout: blows out of touches, rows out of series."""
+"""Readouts of a rollout: blows out of touches, rows out of series."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_standing_on_the_floor_is_left_out_and_a_wall_is_not() -> None:
     assert not readouts.floor_contacts_included(world(), result)
 
 
-def test_landing_on_the_floor_after_flight_is_told_and_slow_touches_after_it_are_not() -> None:
+def test_landing_on_the_floor_after_flight_is_reported_and_slow_touches_after_it_are_not() -> None:
     landing = touch(0.2, 0.21, 1.0, ("a", "floor"), speed=0.05)
     slow, fast = (touch(t, t + 0.01, 1.0, ("a", "floor"), speed=v) for t, v in ((0.5, 0.05), (0.7, 0.3)))
     rows = readouts.timeline(world(), rollout(*landing, *slow, *fast), SPAN)
@@ -84,7 +84,7 @@ def test_collision_that_never_ends_lasts_to_the_end_of_the_rollout() -> None:
     (row,) = readouts.timeline(world(), result, Span(0.5, 0.6, FRAME))
     assert (row["time"], row["until"], row["touches"]) == (0.1, 1.0, 2)
     assert row["still_touching"]
-    assert row["impulse_Ns"] is None  # that of the touch that goes on is not told
+    assert row["impulse_Ns"] is None  # that of the touch that goes on is not reported
 
 
 @pytest.mark.parametrize("limit", [2, 3, 7, 24, 99, 100, 101])
@@ -100,4 +100,4 @@ def test_thinned_rows_are_evenly_spaced_up_to_the_last(limit: int) -> None:
 
 def test_summary_says_how_much_it_leaves_out() -> None:
     rows = readouts.timeline(world(), rollout(*(e for k in range(9) for e in touch(0.1 * k, 0.1 * k, 1.0))), SPAN)
-    assert readouts.told(rows, most=2).endswith("; and 7 more")
+    assert readouts.in_words(rows, most=2).endswith("; and 7 more")

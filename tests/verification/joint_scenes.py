@@ -77,7 +77,7 @@ def momentum(world: World, motion: BatchTrajectory) -> tuple[Array, Array]:
 
 
 def body(name: str, shape: Any, position: Any, **fields: Any) -> RigidObject:
-    """A body of 1 kg unless told otherwise."""
+    """A body of 1 kg by default."""
     fields.setdefault("mass", 1.0)
     vectors = {k: tuple(map(float, v)) if np.ndim(v) else v for k, v in fields.items()}
     return RigidObject(name=name, shape=shape, position=tuple(map(float, position)), **vectors)

@@ -25,7 +25,7 @@ def disc(radius: float = 0.2) -> Cylinder:
 
 
 def body(name: str, shape: Any, position: tuple[float, float, float], **fields: Any) -> RigidObject:
-    """A planar object, frictionless unless told otherwise."""
+    """A planar object, frictionless by default."""
     return RigidObject(
         name=name, representation="rigid_planar", shape=shape, position=position, **{"friction": 0.0, **fields}
     )

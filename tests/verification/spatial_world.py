@@ -26,7 +26,7 @@ def slope(angle: float) -> StaticObject:
 
 
 def body(name: str, shape: Any, position: Any, **fields: Any) -> RigidObject:
-    """A spatial object of 1 kg unless told otherwise."""
+    """A spatial object of 1 kg by default."""
     fields.setdefault("mass", 1.0)
     vectors = {k: tuple(map(float, v)) if np.ndim(v) else v for k, v in fields.items()}
     return RigidObject(name=name, shape=shape, position=tuple(map(float, position)), **vectors)

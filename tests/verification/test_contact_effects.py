@@ -24,7 +24,7 @@ KINDS = ("rigid_planar", "rigid_spatial")
 
 
 def ball(representation: Any = "rigid_spatial", name: str = "ball", **fields: Any) -> RigidObject:
-    """A ball of 1 kg a metre up, frictionless and elastic unless told otherwise."""
+    """A ball of 1 kg a metre up, frictionless and elastic by default."""
     given = {"position": (0.0, 0.0, 1.0), "friction": 0.0, "restitution": 1.0, "mass": 1.0, **fields}
     return RigidObject(name=name, representation=representation, shape=fields.pop("shape", Sphere(radius=R)), **given)
 

@@ -127,7 +127,7 @@ def _bucket() -> World:
 
 
 def test_light_bucket_held_by_a_support_bears_the_water_in_it() -> None:
-    """What holds the bucket holds the water: it is lent the water's push, so that the support can answer it.
+    """A bucket's support carries the water too: the water's push is predicted, so that the support can resist it.
 
     The support sets the bucket's velocity to zero, as a joint or a contact would in the rigid step. The water stays,
     and the support's force becomes the weight of both; 3%.
@@ -138,7 +138,7 @@ def test_light_bucket_held_by_a_support_bears_the_water_in_it() -> None:
     mass = 1.0 / bodies["inverse_mass"][0, 0]
     forces = []
     for _ in range(300):
-        run.fluid.lend(run.clock)
+        run.fluid.apply_prediction(run.clock)
         bodies["v"] += run.step * run.gravity
         forces.append(-mass * bodies["v"][0, 0, 2] / run.step)
         bodies["v"][:], bodies["w"][:] = 0.0, 0.0

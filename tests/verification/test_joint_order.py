@@ -50,7 +50,7 @@ def swing(times: Array, angle: float) -> Array:
 
 @pytest.mark.parametrize(("substep", "error"), [(0.02, 0.02), (0.005, 2e-4), (0.002, 5e-6)])
 def test_a_small_bob_on_a_long_arm_swings_as_in_scipy_however_coarse_the_step(substep: float, error: float) -> None:
-    """5 s from 1.6 rad. The bob is so easily turned that a wrong first guess of the hinge's pull sends it astray."""
+    """5 s from 1.6 rad. The bob is so easily turned that a wrong first guess of the hinge's pull would diverge."""
     motion = moved(bob_on_an_arm(1.6, substep), 5.0, step=0.02)
     x = motion.positions[0, :, 0]
     found = np.unwrap(np.arctan2(x[:, 0], -x[:, 2]))

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from polyworld import geometry
 from polyworld.representations.rigid import RigidObject
 from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
-from polyworld.solver.passing import passed
+from polyworld.solver.references import by_reference
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.separation import separating_direction, separation
@@ -69,7 +69,7 @@ def _ours(first: str, second: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
         wp.array(ra.as_matrix(), dtype=wp.mat33d, device="cpu"),
         wp.array(rb.as_matrix(), dtype=wp.mat33d, device="cpu"),
     ]
-    wp.launch(measure, dim=COUNT, inputs=[passed(g, Geometry), 0, 1, *arrays, gap, direction], device="cpu")
+    wp.launch(measure, dim=COUNT, inputs=[by_reference(g, Geometry), 0, 1, *arrays, gap, direction], device="cpu")
     return gap.numpy(), direction.numpy()
 
 

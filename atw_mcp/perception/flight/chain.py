@@ -226,7 +226,7 @@ class Chain:
         return min(0.5 * (max(speeds[1] - speeds[0], 0.0) / self._settings.gain) ** 2, self._settings.struck)
 
     def _contact(self, one: Part, two: Part) -> list[Equations]:
-        """What may hold where one part ends and another begins: landing, a rebound, or that both merely meet there."""
+        """Return what may hold between two parts: landing, a rebound, or that both merely meet there."""
         settings = self._settings
         before, after = self._seen.times[one.end - 1], self._seen.times[two.begin]
         middle = 0.5 * (before + after)
@@ -248,7 +248,7 @@ class Chain:
         return found
 
     def _cuts(self, part: Part) -> range:
-        """Where a part is tried to be cut: about eight places, or as many as it has."""
+        """Return where a part is tried to be cut: about eight places, or as many as it has."""
         least = self._settings.cut
         return range(part.begin + least, part.end - least + 1, max(1, (part.end - part.begin) // 8))
 

@@ -1,4 +1,4 @@
-"""What holds where one stretch of a body's motion ends and the next begins: equations in the unknowns of both.
+"""Conditions between two stretches of a body's motion: equations in the unknowns of both.
 
 The time of a contact is unknown within the interval between two frames, which makes the place uncertain along the
 change of velocity, and along nothing else. From a floor a body rebounds with a part of its normal velocity, and loses
@@ -36,7 +36,7 @@ class Side:
 
     @classmethod
     def of(cls, motion: Motion, unknowns: Floats, time: float) -> Side:
-        """A motion with unknowns (6,) at a time."""
+        """Return a motion with unknowns (6,) at a time."""
         at = np.array([time])
         still = motion.velocities(at, np.zeros((1, 6)))[0]
         return cls(
@@ -86,7 +86,7 @@ def joined(one: Side, two: Side, interval: float, price: float, settings: Flight
 def landed(
     one: Side, two: Side, interval: float, surface: Surface, usual: float, settings: FlightSettings
 ) -> Equations:
-    """A flight ends on a surface, on which the body goes on with most of its tangential velocity.
+    """Return equations of a flight that ends on a surface, where the body keeps most of its tangential velocity.
 
     usual [m/s]: standard deviation of velocities where nothing is known of them.
     """

@@ -92,7 +92,7 @@ def _cheapest(
     lift: float,
     settings: FlightSettings,
 ) -> tuple[list[Part], list[Part]]:
-    """The cheapest divisions of all frames, without and with what contacts add in favour of flights."""
+    """Return the cheapest divisions of all frames, without and with what contacts add in favour of flights."""
     count, times = len(seen.rows), seen.times
     cost, unknowns = [], []
     first, last = np.triu_indices(count + 1, 1)
@@ -120,7 +120,7 @@ def _cheapest(
 
 
 def _division(cost: Sequence[Floats], unknowns: Sequence[Floats], settings: FlightSettings) -> list[Part]:
-    """The division of the least cost (dynamic programming over where stretches end).
+    """Return the division of the least cost (dynamic programming over where stretches end).
 
     cost: prices (K, K + 1) of stretches [i, j) for each motion; unknowns (K, K + 1, 7) of these.
     """
@@ -146,7 +146,7 @@ def _division(cost: Sequence[Floats], unknowns: Sequence[Floats], settings: Flig
 
 
 def _is_met(face: Surface, seen: Sightings, camera: Camera, lift: float, settings: FlightSettings) -> bool:
-    """Whether rays meet a face where a body's centre can be on it, in as many frames as a stretch needs."""
+    """Check whether rays meet a face where a body's centre can be on it, in as many frames as a stretch needs."""
     height = (face.point + lift * face.normal - camera.centre) @ face.normal
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = height / (seen.directions @ face.normal)

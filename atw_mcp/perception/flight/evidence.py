@@ -1,4 +1,4 @@
-"""How well each stretch of a body's sightings is explained by free flight, and by motion on a surface.
+"""Misfit of each stretch of a body's sightings by free flight, and by motion on a surface.
 
 Either motion is linear in what is unknown of it: a flight X = p + v t + g t^2 / 2 in its start and velocity, motion on
 a plane in place, velocity and a constant acceleration. Each sighting gives three linear equations, two across the line

@@ -30,7 +30,7 @@ SETTINGS = FlightSettings()
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What bodies fly and move on: gravity [m/s^2], the floor's height [m], corners (n, 3) of fixed convex solids."""
+    """Surroundings of the bodies: gravity [m/s^2], the floor's height [m], corners (n, 3) of fixed convex solids."""
 
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     floor: float = 0.0
@@ -80,7 +80,7 @@ def with_flights(
 
 
 def _leaves(parts: Divided, rows: NDArray[np.int64], radius: float) -> bool:
-    """Whether a body is seen off the floor in places that are known: from above, a flight looks like motion below."""
+    """Check whether a body is seen off the floor in known places: from above, a flight looks like motion below."""
     for part in parts.stretches:
         own = parts.covariance[(rows >= part.first) & (rows <= part.last)]
         sigma = np.sqrt(np.einsum("kii->k", own) / 3.0)
@@ -144,7 +144,7 @@ def _in_flight(
 
 
 def _rest(seen: ImageObservation, camera: Camera, name: str, solid: Solid, parts: Divided) -> dict[str, SolidKind]:
-    """Whether a cylinder stands or lies, by its outline on all surfaces together; empty for other solids."""
+    """Check whether a cylinder stands or lies, by its outline on all surfaces together; empty for other solids."""
     if not isinstance(solid, Cylinder):
         return {}
     costs: dict[SolidKind, list[Floats]] = {}

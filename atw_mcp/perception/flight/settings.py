@@ -1,4 +1,4 @@
-"""What is expected of bodies between contacts, and of how well masks tell where they are."""
+"""Settings: how bodies are expected to move between contacts, and how well masks locate them."""
 
 from __future__ import annotations
 

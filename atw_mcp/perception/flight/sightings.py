@@ -1,4 +1,4 @@
-"""Where a body of known size is seen: direction and distance of its centre from the camera, frame by frame."""
+"""Sightings of a body of known size: direction and distance of its centre from the camera, frame by frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bodies move on: the floor and the faces of fixed convex solids, and where these hide the floor."""
+"""Surfaces that bodies move on: the floor and the faces of fixed convex solids, and where these hide the floor."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def surfaces_of(floor: float, fixtures: Mapping[str, Floats], steepest: float) -
 
 
 def allowed(places: Floats, surfaces: Sequence[Surface], k: int, lift: float, sink: Floats) -> NDArray[np.bool_]:
-    """Whether the ends (S, 2, 3) of stretches are where motion k can be: on its own face, or above the floor.
+    """Check whether the ends (S, 2, 3) of stretches are where motion k can be: on its own face, or above the floor.
 
     sink (S, 2) [m]: depth below the floor that is taken for an error.
     """
@@ -64,7 +64,7 @@ def allowed(places: Floats, surfaces: Sequence[Surface], k: int, lift: float, si
 
 
 def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
-    """Whether places (..., 3) are above a face, or beside it by less than `lift` [m]."""
+    """Check whether places (..., 3) are above a face, or beside it by less than `lift` [m]."""
     inside = np.ones(places.shape[:-1], dtype=bool)
     if face.corners is None:
         return inside
@@ -77,7 +77,7 @@ def within(places: Floats, face: Surface, lift: float) -> NDArray[np.bool_]:
 def is_covered(
     directions: Floats, centre: Floats, floor: Surface, lift: float, fixtures: Mapping[str, Floats]
 ) -> NDArray[np.bool_]:
-    """Whether rays (K, 3) from a camera's centre meet a fixed solid before a body that is `lift` [m] above the floor.
+    """Check whether rays (K, 3) from a camera meet a fixed solid before a body that is `lift` [m] above the floor.
 
     What is seen there cannot be on the floor: it is in front of the solid, or on it.
     """

@@ -55,7 +55,7 @@ def uncovered(
 
 
 def _as_usual(frame: Frames, background: Background) -> NDArray[np.float32]:
-    """A frame under the background's lighting."""
+    """Return a frame under the background's lighting."""
     gain = (background.image + 1.0) / (background.relit(frame) + 1.0)
     usual: NDArray[np.float32] = (frame * gain).astype(np.float32)
     return usual

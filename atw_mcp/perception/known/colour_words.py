@@ -1,4 +1,4 @@
-"""What a colour's name says of pixels: how likely each colour is of a body that is called so, under any shading.
+"""Likelihood of each colour for a body of a named colour, under any shading.
 
 Shading multiplies a body's colour and leaves hue and saturation; the name says those, and brightness roughly. What
 people call by a name is taken from the XKCD colour survey (2010) of 222,500 sessions, as matplotlib has it: the colour

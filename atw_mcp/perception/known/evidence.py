@@ -1,4 +1,4 @@
-"""How likely the pixels of a frame are where no known body is: the background, a shadow on it, or what nobody named.
+"""Likelihood of the pixels of a frame where no known body is: the background, a shadow on it, or what nobody named.
 
 Log likelihoods are relative to a typical body's colours, as those of `appearance`.
 """

@@ -1,4 +1,4 @@
-"""Where in a frame a known body may be: places where pixels that are likely its gather in its size."""
+"""Candidate places of a known body in a frame: places where pixels that are likely its gather in its size."""
 
 from __future__ import annotations
 

@@ -56,31 +56,31 @@ def observe_known(
     inputs give equal observations.
     """
     words = [_word(body) for body in bodies]
-    tell = progress or (lambda _share, _what: None)
+    report = progress or (lambda _share, _what: None)
 
     def stop() -> None:
         if cancelled is not None and cancelled():
             raise PerceptionCancelled("observation cancelled")
 
-    tell(0.0, "reading the video")
+    report(0.0, "reading the video")
     info, full = load(path, stride=stride)
     frames = reduced(full)
     motion = camera_motion(frames, stop)
     if motion is not None:
         frames = stabilised(frames, motion)
-    tell(0.1, "modelling the background")
+    report(0.1, "modelling the background")
     said = [_said(body, stride, len(frames), frames.shape[2] / camera.width) for body in bodies]
     shape = (frames.shape[1], frames.shape[2])
     sizes = [sizes_of(body, camera, places, shape, floor) for body in bodies]
     search = _Search(frames, words, sizes, fixture_depths(fixtures, camera, shape), said)
     rounds = SETTINGS.rounds
     for turn in range(rounds):
-        tell(0.15 + 0.7 * turn / rounds, f"looking for {len(bodies)} bodies, round {turn + 1} of {rounds}")
+        report(0.15 + 0.7 * turn / rounds, f"looking for {len(bodies)} bodies, round {turn + 1} of {rounds}")
         search.look(stop)
         if turn < rounds - 1:
             search.uncover()
             search.learn()
-    tell(0.85, "outlining")
+    report(0.85, "outlining")
     masks = search.outlined()
     if motion is not None:
         masks = {k: [as_filmed(m, own) if m.any() else m for m, own in zip(series, motion, strict=True)]
@@ -96,7 +96,7 @@ def observe_known(
     warnings = list(info.warnings) + [f"{name} ({_of(bodies, name)}) was not found" for name in missing]
     if motion is not None:
         warnings.append("the camera moves a little: frames were aligned to the first before bodies were looked for")
-    tell(1.0, f"{len(found)} of {len(bodies)} bodies")
+    report(1.0, f"{len(found)} of {len(bodies)} bodies")
     return ImageObservation(
         info,
         tuple(range(0, stride * len(full), stride)),
@@ -119,7 +119,7 @@ def _word(body: KnownBody) -> str:
 
 @dataclass(frozen=True)
 class _Said:
-    """Where a body was pointed at (x, y) [px of the reduced frames]: by row, or in the first row that shows it."""
+    """Points on a body that were given (x, y) [px of the reduced frames]: by row, or in the first row that shows it."""
 
     rows: dict[int, tuple[float, float]]
     first: tuple[float, float] | None
@@ -145,7 +145,7 @@ def _said(body: KnownBody, stride: int, count: int, scale: float) -> _Said:
 
 
 class _Search:
-    """What is found of each body, and what is known of its colours. fixtures (H, W): distances [m] of what may hide
+    """Findings and known colours of each body. fixtures (H, W): distances [m] of what may hide
     them."""
 
     def __init__(
@@ -257,7 +257,7 @@ def _exchanged(places: list[list[Candidate | None]], which: dict[int, int]) -> l
 
 
 def _described(k: int, masks: list[Mask], frames: Frames, search: _Search, white: float) -> ObservedObject | None:
-    """The body as an object, with a confidence that follows how clearly its pixels are its own."""
+    """Return the body as an object, with a confidence that follows how clearly its pixels are its own."""
     clarity = [
         0.0 if place is None else float(1.0 / (1.0 + np.exp(-(place.score - SETTINGS.half))))
         for place in search.places[k]

@@ -49,7 +49,7 @@ def around(place: Candidate, reach: float, shape: tuple[int, int]) -> tuple[Wind
 
 
 def _whole(mask: Mask) -> Mask:
-    """A mask without specks and holes; pieces much smaller than the largest are left out."""
+    """Return a mask without specks and holes; pieces much smaller than the largest are left out."""
     byte = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3)))
     byte = cv2.morphologyEx(byte, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(byte, connectivity=4)

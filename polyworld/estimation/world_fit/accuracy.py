@@ -39,7 +39,7 @@ class Accuracy:
     shape_score: float
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values, NaN as None."""
+        """Return JSON-ready values, NaN as None."""
         found: dict[str, Any] = {
             "position_rmse": self.position,
             "rotation_rmse": self.rotation,

@@ -42,13 +42,13 @@ def alternative_minima(
     draws = np.repeat(start[None], settings.draws, axis=0)
     draws[:, drawn] = _from_priors(problem, settings.draws, rng)[:, drawn]
     losses = problem.losses(draws, problem.samples)
-    begun = _slippery_and_rough(problem, start)
+    starts = _slippery_and_rough(problem, start)
     for row in np.argsort(losses, kind="stable")[: settings.descents]:
         if np.isfinite(losses[row]):
-            begun.append(draws[row])
+            starts.append(draws[row])
     found: list[FitResult] = []
     ends = [start]
-    for begin in begun:
+    for begin in starts:
         at, history, status = descend(
             problem,
             begin,
@@ -66,7 +66,8 @@ def alternative_minima(
 
 
 def _slippery_and_rough(problem: FitProblem, start: Array) -> list[Array]:
-    """Candidates (P,) with every friction two deviations of its prior below and above its mean, and no unlikely spin.
+    """Return candidates (P,) with every friction two deviations of its prior below and above its mean, and no unlikely
+    spin.
 
     Below the one every contact slides, above the other none does: what a bounce does with a spin differs in kind.
     """
@@ -84,7 +85,7 @@ def _slippery_and_rough(problem: FitProblem, start: Array) -> list[Array]:
 
 
 def _from_priors(problem: FitProblem, count: int, rng: np.random.Generator) -> Array:
-    """Draws (count, P) of all unknowns, by their priors or evenly within their bounds, in search coordinates."""
+    """Return draws (count, P) of all unknowns, by their priors or evenly within their bounds, in search coordinates."""
     space = problem.space
     found = rng.uniform(space.lower, space.upper, (count, len(space.lower)))
     for i, u in enumerate(space.unknowns):
@@ -93,6 +94,6 @@ def _from_priors(problem: FitProblem, count: int, rng: np.random.Generator) -> A
     return found
 
 
-def _near(problem: FitProblem, a: Array, b: Array, drawn: NDArray[np.bool_], apart: float) -> bool:
-    """Whether two candidates differ in none of what is drawn by more than a share of its typical deviation."""
-    return bool(np.all(np.abs(a - b)[drawn] <= apart * problem.space.sd[drawn]))
+def _near(problem: FitProblem, a: Array, b: Array, drawn: NDArray[np.bool_], same: float) -> bool:
+    """Return whether two candidates differ in none of what is drawn by more than a share of its typical deviation."""
+    return bool(np.all(np.abs(a - b)[drawn] <= same * problem.space.sd[drawn]))

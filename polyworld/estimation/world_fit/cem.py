@@ -61,7 +61,7 @@ class CemState:
 
     @classmethod
     def start(cls, mean: Array, sd: Array, seed: int) -> CemState:
-        """The state before the first generation."""
+        """Return the state before the first generation."""
         p = len(mean)
         return cls(
             generation=0,
@@ -84,7 +84,7 @@ def generation(
     *,
     free: NDArray[np.bool_] | None = None,
 ) -> CemState:
-    """One generation: sample, project, evaluate, select, update; returns the next state.
+    """Run one generation: sample, project, evaluate, select, update; return the next state.
 
     evaluate: candidates (N, P) -> losses (N,). floor (P,): smallest standard deviations. free (P,):
     parameters that take part (default all); the others keep their mean in every candidate and their proposal.

@@ -136,7 +136,7 @@ def states_at_rest(shown: Shown, fitted: Collection[str]) -> list[Unknown]:
 
 
 def _known(world: World, path: str, sd: float) -> Unknown:
-    """An unknown with a Gaussian prior about the world's value."""
+    """Return an unknown with a Gaussian prior about the world's value."""
     spec, value = specification(world, path), read_parameter(world, path) or 0.0
     sd = max(sd, 1e-9)
     name = path.removeprefix("objects.")
@@ -161,7 +161,7 @@ def _check_fields(shared: Sequence[str], each: Sequence[str], materials: Sequenc
 
 
 def _physical(shown: Shown, field: str, shared: bool) -> list[Unknown]:
-    """Unknowns of one object parameter, one for all objects that show it or one for each."""
+    """Return unknowns of one object parameter, one for all objects that show it or one for each."""
     world = shown.world
     having = [o.name for o in world.objects if _has(o.shape.kind, field)]
     since = {n: t for n, t in shown.begins.items() if n in having}  # when each value begins to show
@@ -188,7 +188,7 @@ def _has(kind: str, field: str) -> bool:
 
 
 def _searched(world: World, paths: tuple[str, ...], begin: float = 0.0, *, name: str | None = None) -> Unknown:
-    """An unknown searched over its usual range, from the world's value where that lies inside.
+    """Return an unknown searched over its usual range, from the world's value where that lies inside.
 
     On a logarithmic scale where the range spans more than a decade above zero.
     """
@@ -211,7 +211,7 @@ def _searched(world: World, paths: tuple[str, ...], begin: float = 0.0, *, name:
 
 
 def _within(world: World, path: str, factor: float, sd: float, begin: float = 0.0) -> Unknown:
-    """An unknown searched within a factor of the world's value, with a standard deviation of its logarithm."""
+    """Return an unknown searched within a factor of the world's value, with a standard deviation of its logarithm."""
     spec, value = specification(world, path), read_parameter(world, path) or 1.0
     name = path.removeprefix("objects.").removeprefix("time.")
     lower, upper = max(spec.lower, value / factor), min(spec.upper, value * factor)
@@ -242,7 +242,7 @@ def _axes(world: World) -> str:
 
 
 def _state(world: World, name: str, field: str, deviation: float, least: float, begin: float) -> Unknown:
-    """A component of an initial state, searched around the world's value."""
+    """Return a component of an initial state, searched around the world's value."""
     path = f"objects.{name}.{field}"
     spec, start = specification(world, path), read_parameter(world, path) or 0.0
     sd = deviation if np.isfinite(deviation) and deviation > 0.0 else least
@@ -253,7 +253,7 @@ def _state(world: World, name: str, field: str, deviation: float, least: float, 
 
 
 def _material(world: World, item: Deformable) -> tuple[str, ...]:
-    """Parameters of a deformable object fitted by default."""
+    """Return parameters of a deformable object fitted by default."""
     kind = item.representation.removesuffix("_planar")
     fluids = [d for d in world.deformables if d.representation.startswith("fluid")]
     # Densities enter as ratios: that of the first fluid is their unit.

@@ -1,4 +1,4 @@
-"""What tracks can show and what not: who moves, who meets whom and when, and reasons in words for what they cannot."""
+"""Find what tracks can determine: who moves, who meets whom and when, and reasons for what they cannot determine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from polyworld.world import World
 
 @dataclass(frozen=True)
 class Shown:
-    """What the tracks of a world's objects show of their interactions."""
+    """Interactions of a world's objects that their tracks show."""
 
     world: World
     tracks: ObservedTracks
@@ -82,8 +82,8 @@ def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, st
     for item in world.objects:
         head = f"objects.{item.name}"
         if item.name not in shown.begins:
-            unseen = item.name not in shown.states
-            still = f"{item.name} {'was not observed' if unseen else 'never moves in the observed frames'}"
+            unobserved = item.name not in shown.states
+            still = f"{item.name} {'was not observed' if unobserved else 'never moves in the observed frames'}"
             for field in ("friction", "linear_damping", "angular_damping", "rolling_resistance", "torsional_radius"):
                 reasons[f"{head}.{field}"] = still
         if item.name not in shown.touched:

@@ -91,5 +91,5 @@ def multistart(
 
 
 def in_order(starts: Iterable[Start]) -> tuple[Start, ...]:
-    """Starts by their best loss, lowest first."""
+    """Return starts by their best loss, lowest first."""
     return tuple(sorted(starts, key=lambda start: start.best.loss))

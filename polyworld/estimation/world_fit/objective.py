@@ -81,11 +81,11 @@ class Objective:
         return replace(rotations, sigma=sigma)
 
     def weight(self, samples: int) -> float:
-        """Sum of confidences times components over the first `samples` sample times: the loss's normaliser."""
+        """Sum confidences times components over the first `samples` sample times: the loss's normaliser."""
         return float(sum(e.weight[: e.before(samples)].sum() * e.components for e in self.entries))
 
     def losses(self, batch: BatchTrajectory) -> Array:
-        """Loss (W,) of every world over the samples the batch holds.
+        """Return the loss (W,) of every world over the samples the batch holds.
 
         Diverged worlds get `DIVERGED` times the share of the horizon they did not reach, plus `DIVERGED`.
         """
@@ -112,7 +112,7 @@ class Objective:
         return np.where(batch.diverged[:, None], np.nan, np.concatenate(parts, axis=1))
 
     def huber_weights(self, batch: BatchTrajectory) -> Array:
-        """Weights (W, r) min(1, k / r) by which iterated least squares reproduces Huber's loss."""
+        """Return weights (W, r) min(1, k / r) by which iterated least squares reproduces Huber's loss."""
         parts = []
         for residual, _ in self._standardised(batch):
             size = np.linalg.norm(residual, axis=-1, keepdims=True)
@@ -120,7 +120,7 @@ class Objective:
         return np.minimum(1.0, np.concatenate(parts, axis=1))
 
     def series(self, samples: int) -> list[tuple[Ints, Ints, Ints]]:
-        """What each object shows of each kind: places (n, d) in the residual vector, sample and column (n,) of each."""
+        """Return, by object and kind, places (n, d) in the residual vector, and sample and column (n,) of each."""
         found, offset = [], 0
         for e in self.entries:
             count = e.before(samples)

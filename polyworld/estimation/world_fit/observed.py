@@ -51,7 +51,7 @@ class Entries:
     spread: Array | None = None
 
     def before(self, samples: int) -> int:
-        """How many entries belong to the first `samples` sample times."""
+        """Return how many entries belong to the first `samples` sample times."""
         return int(np.searchsorted(self.sample, samples, side="left"))
 
     def differences(self, batch: BatchTrajectory) -> Array:
@@ -59,7 +59,7 @@ class Entries:
         return self.compare(batch, self.before(batch.positions.shape[1]))
 
     def standardised(self, batch: BatchTrajectory) -> Array:
-        """The same over their standard deviations; `ABSENT` where the rollout has nothing."""
+        """Return the same over their standard deviations; `ABSENT` where the rollout has nothing."""
         difference = self.differences(batch)
         residual = difference / self.sigma[: difference.shape[1], None]
         if self.spread is not None:
@@ -67,7 +67,7 @@ class Entries:
         return np.where(np.isfinite(residual), residual, ABSENT)
 
     def _shortened(self, residual: Array) -> Array:
-        """Residuals (W, n, c) over sigma, shortened along the direction in which there is more to deviate."""
+        """Return residuals (W, n, c) over sigma, shortened along the direction in which there is more to deviate."""
         assert self.spread is not None
         spread = self.spread[: residual.shape[1]]
         length = np.linalg.norm(spread, axis=1)
@@ -102,14 +102,14 @@ def observed_entries(world: World, tracks: ObservedTracks) -> tuple[Entries, ...
 
 
 def _present(world: World, tracks: ObservedTracks, names: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Which objects have joined at each frame (T, n); none that the world lacks. Fluids are there at once."""
+    """Return which objects have joined at each frame (T, n); none that the world lacks. Fluids are there at once."""
     starts = [getattr(world.item(n), "start_time", 0.0) if n in world.moving_names else np.inf for n in names]
     present: NDArray[np.bool_] = sample_times(world, tracks)[:, None] >= np.array(starts) - 1e-9  # a frame's, rounded
     return present
 
 
 def _tracks(world: World, tracks: ObservedTracks) -> tuple[Entries, Entries]:
-    """Positions, and rotations from observed to simulated orientation, whose sigma is that of the position.
+    """Return positions, and rotations from observed to simulated orientation, whose sigma is that of the position.
 
     Planar: the angle about the plane's normal, folded into the object's symmetry of order n. Spatial: the rotation
     vector, the smallest over the n turns about the body's z axis that look alike; for order 0 the turn about that axis
@@ -189,7 +189,7 @@ def _shape(world: World, tracks: ObservedTracks, series: ShapeSeries) -> Entries
 
 
 def _nearer_direction(series: ShapeSeries, forward: Array, backward: Array) -> Array:
-    """Differences (W, T, n, c) along the direction of a line that is nearer, frame by frame."""
+    """Return differences (W, T, n, c) along the direction of a line that is nearer, frame by frame."""
     weight = np.nan_to_num(series.confidence[: forward.shape[-3]])
     cost = [((np.nan_to_num(d) ** 2).sum(axis=-1) * weight).sum(axis=-1) for d in (forward, backward)]
     return np.where((cost[1] < cost[0])[..., None, None], backward, forward)

@@ -23,7 +23,7 @@ class Outlying:
 def outlying_frames(
     problem: FitProblem, result: FitResult, settings: OutlyingSettings | None = None
 ) -> tuple[Outlying, ...]:
-    """Frames, by object, of which at most a share `settings.most` of its positions exceeds Huber's threshold."""
+    """Return frames, by object, of which at most a share `settings.most` of its positions exceeds Huber's threshold."""
     most = (settings or OutlyingSettings()).most
     batch = problem.run_one(result)
     if batch.diverged[0]:

@@ -127,7 +127,7 @@ def joint_unknowns(world: World, tracks: ObservedTracks, settings: OrdinarySetti
 
 
 def _forbidden(unknown: Unknown, on: dict[str, Support]) -> bool:
-    """Whether an unknown is a component of a state that a level support fixes."""
+    """Return whether an unknown is a component of a state that a level support fixes."""
     parts = unknown.paths[0].split(".")
     if parts[0] != "objects" or len(parts) != 4:
         return False
@@ -142,7 +142,7 @@ def _forbidden(unknown: Unknown, on: dict[str, Support]) -> bool:
 
 
 def _guided(world: World, unknown: Unknown) -> bool:
-    """Whether an unknown is a component of a velocity that a slider to the world takes up at once."""
+    """Return whether an unknown is a component of a velocity that a slider to the world takes up at once."""
     parts = unknown.paths[0].split(".")
     if parts[0] != "objects" or len(parts) != 4 or parts[2] not in ("velocity", "angular_velocity"):
         return False
@@ -152,7 +152,7 @@ def _guided(world: World, unknown: Unknown) -> bool:
 
 
 def with_prior(world: World, unknown: Unknown, settings: OrdinarySettings | None = None) -> Unknown:
-    """The unknown with what is ordinary of a contact parameter or a mass as its prior."""
+    """Return the unknown with what is ordinary of a contact parameter or a mass as its prior."""
     if unknown.prior is not None or len(unknown.paths) != 1 or not unknown.paths[0].startswith("objects."):
         return unknown
     settings = settings or OrdinarySettings()

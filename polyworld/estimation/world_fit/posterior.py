@@ -62,7 +62,7 @@ class PosteriorSample:
         return {path: self.values[:count, i] for i, u in enumerate(self.unknowns) for path in u.paths}
 
     def to_dict(self) -> dict[str, Any]:
-        """All but the values, as JSON-ready values."""
+        """Return all but the values, as JSON-ready values."""
         about = {"from_bounds": list(self.from_bounds), "minima": self.minima, "seed": self.seed}
         about |= {"until": self.until}
         about |= {"tempering": self.tempering, "effective": self.effective, "candidates": self.candidates}
@@ -116,7 +116,7 @@ def sample_posterior(
     candidates = np.concatenate([a.draw(int(n), rng) for a, n in zip(approximations, counts, strict=True)])
 
     def log_ratio(x: Array, own: NDArray[np.int64]) -> Array:
-        """Log-posterior (N,) over that of the linearisation from which each candidate comes."""
+        """Return the log-posterior (N,) over that of the linearisation from which each candidate comes."""
         residuals = problem.residuals(x)
         misfit = 0.5 * np.where(np.isfinite(residuals), residuals, 0.0) ** 2 @ minima[0].weight
         expected = np.zeros(len(x))
@@ -139,11 +139,11 @@ def sample_posterior(
     free = [u.name for u, open_ in zip(space.unknowns, minima[0].undetermined, strict=True) if open_]
     if more:
         other = SearchSpace(problem.world, more)
-        unseen = other.values(rng.uniform(other.lower, other.upper, (count, len(more))))
+        unobserved = other.values(rng.uniform(other.lower, other.upper, (count, len(more))))
         for i, u in enumerate(more):
             if u.prior is not None:
-                unseen[:, i] = np.clip(rng.normal(*u.prior, count), u.lower, u.upper)
-        values = np.concatenate([values, unseen], axis=1)
+                unobserved[:, i] = np.clip(rng.normal(*u.prior, count), u.lower, u.upper)
+        values = np.concatenate([values, unobserved], axis=1)
     for unknown in still:
         assert unknown.prior is not None
         own = np.clip(rng.normal(*unknown.prior, count), unknown.lower, unknown.upper)
@@ -162,7 +162,7 @@ def sample_posterior(
 
 
 def _minima(problem: FitProblem, results: Sequence[FitResult]) -> list[_Minimum]:
-    """The best minimum, and others that are neither in its basin nor much worse."""
+    """Return the best minimum, and others that are neither in its basin nor much worse."""
     found: list[_Minimum] = []
     for result in results:
         if result.loss >= DIVERGED or len(found) == MOST_MINIMA:
@@ -206,12 +206,12 @@ def _masses(minima: Sequence[_Minimum], width: Array) -> Array:
 
 
 def _varies_states(fitted: Collection[str]) -> bool:
-    """Whether a fit varies initial states: else they are given."""
+    """Return whether a fit varies initial states: else they are given."""
     return any(".position." in path or ".shift." in path for path in fitted)
 
 
 def _unfitted(problem: FitProblem, fitted: Collection[str], known: Collection[str]) -> tuple[Unknown, ...]:
-    """Unknowns of the contact parameters and masses that were not fitted because the tracks cannot show them."""
+    """Return unknowns of the contact parameters and masses that were not fitted because the tracks cannot show them."""
     shown = Shown(problem.world, problem.window)
     unit = next((f"objects.{o.name}.mass" for o in problem.world.objects if o.name in shown.met), None)
     paths = [

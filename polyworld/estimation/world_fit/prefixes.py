@@ -91,7 +91,7 @@ def _stages(problem: FitProblem, shares: Sequence[float]) -> list[int]:
 
 
 def of_contact(path: str) -> bool:
-    """Whether a path is of what contacts depend on, rather than of an initial state."""
+    """Return whether a path is of what contacts depend on, rather than of an initial state."""
     return path.rsplit(".", 1)[1] in ("friction", "restitution", "rolling_resistance", "mass") or (
         ".angular_velocity." in path
     )

@@ -74,7 +74,7 @@ class FitProblem:
         self.begin()
 
     def with_unknowns(self, unknowns: Sequence[Unknown], world: World) -> FitProblem:
-        """The same problem with other unknowns, in `world`, which may have more effects."""
+        """Return the same problem with other unknowns, in `world`, which may have more effects."""
         return FitProblem(
             world,
             self.tracks,
@@ -96,7 +96,7 @@ class FitProblem:
         self._started = time.perf_counter()
 
     def losses(self, candidates: Array, samples: int) -> Array:
-        """Loss (N,) of candidates (N, P) over the first `samples` sample times.
+        """Return the loss (N,) of candidates (N, P) over the first `samples` sample times.
 
         With the prior: D + R, where R is the sum of squared prior residuals over the same normaliser as the data's, so
         that the minimum is the most probable value.
@@ -107,7 +107,7 @@ class FitProblem:
         return total
 
     def loss(self, at: Array) -> float:
-        """Loss of one candidate (P,) over the full horizon."""
+        """Return the loss of one candidate (P,) over the full horizon."""
         return float(self.losses(at[None], self.samples)[0])
 
     def residuals(self, candidates: Array, samples: int | None = None) -> Array:
@@ -119,7 +119,7 @@ class FitProblem:
         return np.concatenate([data, self.space.prior_residuals(candidates)], axis=1)
 
     def huber_weights(self, at: Array, samples: int | None = None) -> Array:
-        """Weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""
+        """Return weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""
         data = self._over(at[None], samples or self.samples, self.objective.huber_weights)[0]
         return np.concatenate([data, np.ones(self.space.prior_residuals(at[None]).shape[1])])
 
@@ -200,7 +200,7 @@ class FitProblem:
         return errors(entries, batch, 0, fitted), rest
 
     def run_one(self, result: FitResult) -> BatchTrajectory:
-        """The fitted world's motion at the fitted frames."""
+        """Return the fitted world's motion at the fitted frames."""
         return self._rollout(result.world, self.window)
 
     def _rollout(self, world: World, tracks: ObservedTracks) -> BatchTrajectory:

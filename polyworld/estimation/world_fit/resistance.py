@@ -56,7 +56,7 @@ class Tested:
 def laws_of_resistance(
     world: World, tracks: ObservedTracks, taken: set[str], settings: ResistanceSettings | None = None
 ) -> list[Law]:
-    """Laws that a spatial world of rigid bodies may have beside friction and rolling resistance.
+    """Return laws that a spatial world of rigid bodies may have beside friction and rolling resistance.
 
     taken: paths that are fitted already.
     """
@@ -181,7 +181,7 @@ def _fitted(
 
 
 def _predicted(problem: FitProblem, best: _Fitted, laws: Sequence[Law], step: float) -> list[float]:
-    """Falls of chi-square by the score test of each law at zero, in units of the noise that the fit leaves."""
+    """Return falls of chi-square by the score test of each law at zero, in units of the noise that the fit leaves."""
     if not laws:
         return []
     base, at = best.problem, best.at

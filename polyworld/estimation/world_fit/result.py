@@ -1,4 +1,4 @@
-"""What a fit returns: the fitted world, how well it follows the data, and how well the data determine it."""
+"""Result of a fit: the fitted world, how well it follows the data, and how well the data determine it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class FitResult:
     unmodelled: tuple[str, ...]
 
     def value(self, name: str) -> FittedValue:
-        """A fitted value by parameter name; raises KeyError naming the choices."""
+        """Return a fitted value by parameter name; raises KeyError naming the choices."""
         for candidate in self.values:
             if candidate.name == name:
                 return candidate
@@ -95,7 +95,7 @@ class FitResult:
         return {value.name: value.value for value in self.values}
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values; the world by its id only."""
+        """Return JSON-ready values; the world by its id only."""
         found = dict(vars(self)) | {"world": self.world.id}
         for key in ("values", "undetermined", "history"):
             found[key] = [vars(item) for item in found[key]]

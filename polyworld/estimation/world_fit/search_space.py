@@ -56,7 +56,7 @@ class SearchSpace:
         return width
 
     def values(self, coordinates: Array) -> Array:
-        """Values (..., P) of search coordinates (..., P), within their bounds."""
+        """Return values (..., P) of search coordinates (..., P), within their bounds."""
         bounded = np.clip(coordinates, self.lower, self.upper)
         values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, bounded, 0.0)), bounded)
         inside: Array = np.clip(values, self._least, self._most)  # exp(log(x)) may miss a bound by one rounding
@@ -72,8 +72,8 @@ class SearchSpace:
         return self._searched(np.clip([values[u.name] for u in self.unknowns], self._least, self._most))
 
     def prior_residuals(self, coordinates: Array) -> Array:
-        """(value - prior mean) / prior sd of candidates (N, P), one column for each unknown with a prior, and those of
-        the constraints."""
+        """Return (value - prior mean) / prior sd of candidates (N, P), one column for each unknown with a prior, and
+        those of the constraints."""
         values = self.values(coordinates)
         columns = [(values[:, i] - u.prior[0]) / u.prior[1] for i, u in enumerate(self.unknowns) if u.prior is not None]
         priors = np.stack(columns, axis=1) if columns else np.zeros((len(values), 0))
@@ -81,7 +81,7 @@ class SearchSpace:
         return np.concatenate([priors, *(c.residuals(by_path, len(values)) for c in self.constraints)], axis=1)
 
     def entered(self, horizon: float) -> NDArray[np.bool_]:
-        """Which unknowns (P,) can show in observations up to `horizon` [s]."""
+        """Return which unknowns (P,) can show in observations up to `horizon` [s]."""
         return np.array([u.enters <= horizon for u in self.unknowns])
 
     def _searched(self, values: Array) -> Array:

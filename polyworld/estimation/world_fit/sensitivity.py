@@ -95,13 +95,14 @@ def sensitivity(problem: FitProblem, optimum: Array) -> Sensitivity:
 
 
 def _sizes(options: Array, weights: Array) -> Array:
-    """Sizes (n, P) of the columns of Jacobians (n, r, P); infinite for zeros, which are of rollouts that diverged."""
+    """Return sizes (n, P) of the columns of Jacobians (n, r, P); infinite for zeros, which are of rollouts that
+    diverged."""
     sizes = np.sqrt((weights[None, :, None] * options**2).sum(axis=1))
     return np.where(sizes > 0.0, sizes, np.inf)
 
 
 def _differ(options: Array, weights: Array) -> NDArray[np.bool_]:
-    """Which parameters' columns (P,) of Jacobians (n, r, P) differ in size by more than `ROUGH`, zeros aside."""
+    """Return which parameters' columns (P,) of Jacobians (n, r, P) differ in size by more than `ROUGH`, zeros aside."""
     sizes = _sizes(options, weights)
     differ: NDArray[np.bool_] = np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0) > ROUGH * sizes.min(axis=0)
     return differ
@@ -137,7 +138,7 @@ def _noise(problem: FitProblem, weighted: Array, parameters: int) -> tuple[float
 
 
 def _correlation_time(values: Array, sample: Ints, column: Ints) -> float:
-    """1 + 2 times the sum of the autocorrelations of values (n, d) up to the first negative one, in samples.
+    """Return 1 + 2 times the sum of the autocorrelations of values (n, d) up to the first negative one, in samples.
 
     sample, column (n,): when and of which of the values at one instant; instants at which nothing was seen are left
     out.

@@ -115,7 +115,7 @@ class SupportSettings:
 
 @dataclass(frozen=True)
 class OrdinarySettings:
-    """What is ordinary of contacts, masses and spins: means and standard deviations of priors.
+    """Means and standard deviations of priors of contacts, masses and spins.
 
     friction, restitution: dry contacts of wood, plastic, rubber, metal and felt mostly lie within two deviations.
     most_friction: rubber on rubber. rolling: of the radius, mean and deviation of the lever arm of rolling resistance,

@@ -76,7 +76,7 @@ def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | N
 
 
 def with_supports(world: World, tracks: ObservedTracks, settings: SupportSettings | None = None) -> World:
-    """The world with supported bodies in contact with what supports them, without velocity along its normal.
+    """Return the world with supported bodies in contact with what supports them, without velocity along its normal.
 
     Bodies that lie on a face turn about the normal alone; balls, and cylinders on their side, begin to roll without
     slip, as what has moved on a floor for a while does.
@@ -138,7 +138,7 @@ def _on(
     normal: Array,
     settings: SupportSettings,
 ) -> Support | None:
-    """A body's support by one face, None where it is off it, leaves it or stands on an edge."""
+    """Return a body's support by one face, None where it is off it, leaves it or stands on an edge."""
     seen = np.asarray(item.orientation if state.orientation is None else state.orientation)
     lain = _lain(item, seen, normal, settings.flat)
     if lain is None:
@@ -160,7 +160,8 @@ def _on(
 def _lain(
     item: RigidObject, orientation: Array, normal: Array, flat: float
 ) -> tuple[Array, float, Array | None, bool] | None:
-    """How a body lies on a face: its orientation turned flat, the height of its centre, the axis about which it rolls.
+    """Return how a body lies on a face: its orientation turned flat, the height of its centre, the axis about which it
+    rolls.
 
     None for shapes that lie in no simple way, or that stand on an edge.
     """
@@ -188,8 +189,8 @@ def _lain(
 
 
 def _turned_to(orientation: Array, direction: Array, goal: Array, flat: float) -> Array | None:
-    """An orientation turned the short way so that a world direction comes to lie along another; None if its cosine is
-    below `flat`."""
+    """Return an orientation turned the short way so that a world direction comes to lie along another; None if its
+    cosine is below `flat`."""
     cosine = float(direction @ goal)
     if cosine < flat:
         return None

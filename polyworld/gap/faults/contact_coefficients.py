@@ -15,7 +15,7 @@ from polyworld.recording import Recording
 from polyworld.world import World
 
 if TYPE_CHECKING:
-    from polyworld.estimation.trial import FitContext, FittedHypothesis
+    from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 
 MOST_GROUPS = 4  # different values among bodies that are fitted independently; more would be a refit, not an effect
 OTHERS = (0.4, 2.5)  # times a friction that fits begin at, too
@@ -26,7 +26,8 @@ ROUND = ("sphere", "cylinder", "capsule")
 
 
 def _surface(world: World, field: str, sized: Callable[[float], Mapping[str, float]]) -> list[Variant]:
-    """Ways in which a coefficient of contacts may be wrong: that of the bodies, or that of one of the statics."""
+    """Return ways in which a coefficient of contacts may be wrong: that of the bodies, or that of one of the
+    statics."""
     of_bodies = by_value(world, [f"objects.{o.name}.{field}" for o in world.objects], field, sized)
     made: list[Variant] = []
     if 0 < len(of_bodies) <= MOST_GROUPS:
@@ -68,7 +69,9 @@ def _friction(world: World, recording: Recording) -> tuple[Variant, ...]:
     return tuple(made)
 
 
-def _other_frictions(_bench: FitContext, _trial: FittedHypothesis, variant: Variant) -> tuple[Mapping[str, float], ...]:
+def _other_frictions(
+    _context: FitContext, _trial: FittedHypothesis, variant: Variant
+) -> tuple[Mapping[str, float], ...]:
     """Start at much less and much more: where an impact or a roll grips, the slope by friction is zero."""
     return tuple(
         {u.name: float(np.clip(times * u.start, u.lower, u.upper)) for u in variant.unknowns} for times in OTHERS
@@ -106,7 +109,7 @@ CANDIDATES = (
         name="friction_error",
         group="base",
         law="|F_t| <= mu' F_n, another mu' than the world's",
-        signature="deceleration while sliding that does not depend on the speed, or a kick along an oblique impact",
+        signature="deceleration while sliding that does not depend on the speed, or an impulse along an oblique impact",
         reference="Coulomb (1785), Theorie des machines simples",
         variants=_friction,
         plain=True,

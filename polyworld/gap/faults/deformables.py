@@ -30,7 +30,7 @@ class Field:
 
 
 def _variants(world: World, fields: Sequence[Field]) -> tuple[Variant, ...]:
-    """A variant for each field; objects of equal value share one unknown."""
+    """Return a variant for each field; objects of equal value share one unknown."""
     owners = [[d.name for d in world.deformables if d.representation in f.representations] for f in fields]
     several = sum(map(bool, owners)) > 1
     made: list[Variant] = []
@@ -54,7 +54,7 @@ def _of(*fields: Field) -> Callable[[World, Recording], tuple[Variant, ...]]:
 
 
 def _bending(world: World, recording: Recording) -> tuple[Variant, ...]:
-    """Where nothing bends stiffly yet: what bends a rope's own weight back over a tenth of its length."""
+    """Return where nothing bends stiffly yet: what bends a rope's own weight back over a tenth of its length."""
     del recording
     weights = [0.0]
     g = float(np.linalg.norm(world.environment.gravity)) or 9.81

@@ -62,7 +62,8 @@ def _floor(world: World) -> float | None:
 
 
 def _lies(world: World, kink: Kink, floor: float) -> bool:
-    """Whether what was struck may have lain on the floor: as large as the body itself, and beside or below it."""
+    """Return whether what was struck may have lain on the floor: as large as the body itself, and beside or below
+    it."""
     radius = reach(world, world.object(kink.name))
     return bool(kink.place[2] - floor < 3.0 * radius and kink.direction[2] > -0.3)
 
@@ -74,7 +75,7 @@ def _where(world: World, kink: Kink, radius: float) -> Array:
 
 
 def _free_body(world: World, found: Conditions, struck: Sequence[Kink], floor: float | None) -> Variant:
-    """A ball at rest, as large as what struck it, that is free to move."""
+    """Return a ball at rest, as large as what struck it, that is free to move."""
     item = world.object(struck[0].name)
     radius, mass = reach(world, item), object_mass(item)
     places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
@@ -103,7 +104,7 @@ def _free_body(world: World, found: Conditions, struck: Sequence[Kink], floor: f
 
 
 def _fixed_body(world: World, found: Conditions, struck: Sequence[Kink]) -> Variant:
-    """A ball that does not move, as large as what struck it."""
+    """Return a ball that does not move, as large as what struck it."""
     radius = reach(world, world.object(struck[0].name))
     places = [_where(world, k, radius) for k in struck[:MOST_STARTS]]
     x, y, z = (float(c) for c in places[0])
@@ -118,7 +119,7 @@ def _free_name(world: World) -> str:
 
 
 def _placed(child: World, head: str, axes: Sequence[int], place: Array, found: Conditions) -> list[Unknown]:
-    """Coordinates of a body as unknowns, up to the size of the region visited beyond it."""
+    """Return coordinates of a body as unknowns, up to the size of the region visited beyond it."""
     made = []
     for a in axes:
         low, high = float(found.lower[a]) - found.size, float(found.upper[a]) + found.size
@@ -128,7 +129,7 @@ def _placed(child: World, head: str, axes: Sequence[int], place: Array, found: C
 
 
 def _struck_mass(world: World, kink: Kink, mass: float) -> float:
-    """Mass of a body at rest that throws another back as seen: m u (1 + e) / (m + M) = jump / M."""
+    """Return the mass of a body at rest that throws another back as seen: m u (1 + e) / (m + M) = jump / M."""
     approach = float(-kink.before @ kink.direction)
     restitution = world.object(kink.name).restitution
     share = float(np.linalg.norm(kink.jump)) / max((1.0 + restitution) * approach, 1e-9)

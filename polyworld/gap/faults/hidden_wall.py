@@ -76,7 +76,8 @@ def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 
 def _axes(world: World, found: Conditions) -> list[int]:
-    """The world axes along which walls may be seen to turn paths back; none on a plane of motion that is oblique."""
+    """Return the world axes along which walls may be seen to turn paths back; none on a plane of motion that is
+    oblique."""
     if not world.planar:
         return list(found.axes)
     normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
@@ -84,7 +85,7 @@ def _axes(world: World, found: Conditions) -> list[int]:
 
 
 def _turn(normal: Array, first: Array) -> Array:
-    """The rotation vector (3,) that turns one unit vector (3,), `first`, to another."""
+    """Return the rotation vector (3,) that turns one unit vector (3,), `first`, to another."""
     across = np.cross(first, normal)
     size = float(np.linalg.norm(across))
     if size < 1e-12:
@@ -94,7 +95,7 @@ def _turn(normal: Array, first: Array) -> Array:
 
 
 def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[tuple[Array, float]]:
-    """Planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the surest first."""
+    """Return planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the surest first."""
     points, radii = [], []
     for track in tracks(world, recording):
         seen = np.all(np.isfinite(track.places[:, list(axes)]), axis=1)
@@ -120,7 +121,7 @@ def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[tupl
 
 
 def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tuple[Array, Kink]]:
-    """Normals (3,) that walls may have, and a hit that shows where each stands.
+    """Return normals (3,) that walls may have, and a hit that shows where each stands.
 
     Places of several hits lie on the wall: through all of them, then through each two, the farthest apart first; then
     of single hits, along the jump of the velocity, or bent from it by friction, which acts against the motion along
@@ -156,8 +157,8 @@ def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tupl
 
 
 def _upright(world: World, normal: Array) -> list[Array]:
-    """A normal (3,) made level, where it nearly is: most walls stand upright, and friction against a fall or a spin
-    bends jumps off them upwards."""
+    """Return a normal (3,) made level, where it nearly is: most walls stand upright, and friction against a fall or a
+    spin bends jumps off them upwards."""
     gravity = np.asarray(world.environment.gravity, dtype=float)
     if world.planar or not gravity.any():
         return []
@@ -168,7 +169,8 @@ def _upright(world: World, normal: Array) -> list[Array]:
 
 
 def _through(hits: Sequence[Kink], inside: Array) -> tuple[Array | None, float]:
-    """The normal (3,) of the plane through the places of hits that is nearest to their jumps, and their spread [m]."""
+    """Return the normal (3,) of the plane through the places of hits that is nearest to their jumps, and their spread
+    [m]."""
     places = np.array([k.place for k in hits]) * inside
     about = places - places.mean(axis=0)
     _, size, ways = np.linalg.svd(about, full_matrices=False)

@@ -10,7 +10,7 @@ from polyworld.effects.absence import WIDE
 from polyworld.effects.conditions import SHARE, Conditions
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start, with_parts
-from polyworld.gap.conditions import conditions, lever
+from polyworld.gap.conditions import conditions, moment_arm
 from polyworld.parameters import parameter_paths
 from polyworld.recording import Recording
 from polyworld.representations.joint import Hinge, Motor, Slider
@@ -20,12 +20,12 @@ SLOW = 0.3  # delay of a servo that is still ordinary [s]
 
 
 def _resisting(world: World, found: Conditions, field: str) -> tuple[Variant, ...]:
-    """A resistance of every joint that can have one: one value for all, or each joint by itself."""
+    """Return a resistance of every joint that can have one: one value for all, or each joint by itself."""
     paths = parameter_paths(world)
     joints = [j for j in world.joints if f"joints.{j.name}.{field}" in paths and j.kind != "spring"]
     if not joints:
         return ()
-    arms = {j.name: lever(world, j) for j in joints}
+    arms = {j.name: moment_arm(world, j) for j in joints}
 
     def variant(names: Sequence[str], label: str) -> Variant:
         efforts = [found.force * arms[n] for n in names]
@@ -56,7 +56,7 @@ def _damping(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 
 def _motor(world: World, recording: Recording) -> tuple[Variant, ...]:
-    """A constant effort, one way or the other, at each joint that has no motor."""
+    """Return a constant effort, one way or the other, at each joint that has no motor."""
     found = conditions(world, recording)
     if world.planar and not world.coupled:
         return ()  # hinges of planar worlds turn freely
@@ -64,7 +64,7 @@ def _motor(world: World, recording: Recording) -> tuple[Variant, ...]:
     for joint in world.joints:
         if not isinstance(joint, Hinge | Slider) or joint.motor is not None:
             continue
-        typical = found.force * lever(world, joint)
+        typical = found.force * moment_arm(world, joint)
         for reverse in (False, True):
             driven = joint.model_copy(update={"motor": Motor(limit=0.0, reverse=reverse)})
             child = with_parts(world, joints=tuple(driven if j is joint else j for j in world.joints))

@@ -9,7 +9,7 @@ import numpy as np
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import of_path, one_start, with_parts
-from polyworld.gap.dropped_frames import dropped_frame_leads
+from polyworld.gap.dropped_frames import score_test_dropped_frames
 from polyworld.observer import MARGIN, Observer
 from polyworld.recording import Recording, Run
 from polyworld.world import World
@@ -21,24 +21,24 @@ _TIMED = frozenset({"periodic_forcing", "expression"})
 
 
 def observed(world: World, **faults: Any) -> World:
-    """A child world whose observer has some fields replaced; one without faults where there was none."""
+    """Return a child world whose observer has some fields replaced; one without faults where there was none."""
     return with_parts(world, observer=(world.observer or Observer()).model_copy(update=faults))
 
 
 def of_observer(world: World, field: str, name: str, typical: float, **limits: float) -> Unknown:
-    """A field of a world's observer as an unknown from its value on. limits: as `of_path` takes them."""
+    """Return a field of a world's observer as an unknown from its value on. limits: as `of_path` takes them."""
     assert world.observer is not None
     path = f"observer.{field}"
     return of_path(world, (path,), name, world.observer.values[path], typical, **limits)
 
 
 def measured_axes(recording: Recording) -> list[int]:
-    """Axes of which positions were measured."""
+    """Return axes of which positions were measured."""
     return [a for a in range(3) if any(np.isfinite(run.positions[..., a]).any() for run in recording.runs)]
 
 
 def is_bare(world: World) -> bool:
-    """Whether nothing in the world has a place or a size that data could be held against."""
+    """Return whether nothing in the world has a place or a size that data could be held against."""
     return not (world.statics or world.joints or world.deformables or world.effects)
 
 
@@ -57,7 +57,7 @@ def _scale(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 
 def _scale_about_own_point(world: World, recording: Recording) -> Variant:
-    """A scale about a point that is fitted, too: statics have a place, and what stays there shows."""
+    """Return a scale about a point that is fitted, too: statics have a place, and what stays there shows."""
     places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])
     axes = measured_axes(recording)
     middle = np.zeros(3)
@@ -82,7 +82,7 @@ def _interval(run: Run) -> float:
 
 
 def _limits(interval: float) -> dict[str, float]:
-    """Bounds of a shift of time, whose ordinary size is an interval between frames."""
+    """Return bounds of a shift of time, whose ordinary size is an interval between frames."""
     return {"lower": -MARGIN * interval, "upper": MARGIN * interval, "plausible": FRAMES * interval}
 
 
@@ -177,6 +177,6 @@ CANDIDATES = (
             "fan": "the jump is a displacement along the velocity, with no change of velocity",
             "observer_clock": "the delay does not grow",
         },
-        leads=dropped_frame_leads,
+        score_test=score_test_dropped_frames,
     ),
 )

@@ -31,7 +31,8 @@ def _tilt(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 
 def _tilt_shows(world: World, recording: Recording, axis: int) -> bool:
-    """Whether axes turned about this one change what is seen, to first order, beyond what initial states take up."""
+    """Return whether axes turned about this one change what is seen, to first order, beyond what initial states take
+    up."""
     others = {0, 1, 2} - {axis}
     if not others <= set(measured_axes(recording)):
         return False
@@ -51,7 +52,7 @@ def _tilt_shows(world: World, recording: Recording, axis: int) -> bool:
 
 
 def _level(static: StaticObject, up: Array) -> bool:
-    """Whether a static is a plane across a direction."""
+    """Return whether a static is a plane across a direction."""
     if not isinstance(static.shape, Plane):
         return False
     normal = geometry.quaternion_matrix(np.asarray(static.orientation)) @ np.asarray(static.shape.normal)

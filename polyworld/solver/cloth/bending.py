@@ -127,9 +127,9 @@ def find_bend(
     bending.share[w, e] = share
     bending.bend[w, e] = wp.vec2d(share * hinge + angle, (one - share) * hinge - angle)
     if materials[w, surface.cloth[a]].bend_delay > zero:
-        turn = wp.dot(bending.turning[w, b] - bending.turning[w, a], along) * inverse
+        rotation = wp.dot(bending.turning[w, b] - bending.turning[w, a], along) * inverse
         rate = bending.rate[w, e]
-        bending.bend_rate[w, e] = wp.vec2d(share * turn + rate, (one - share) * turn - rate)
+        bending.bend_rate[w, e] = wp.vec2d(share * rotation + rate, (one - share) * rotation - rate)
 
 
 @wp.kernel
@@ -149,7 +149,7 @@ def find_bends(
 
 @wp.func
 def of_side(values: wp.array2d[wp.vec2d], w: int, edges: wp.vec3i) -> wp.vec3d:
-    """A triangle's own of the two values at each of its edges."""
+    """Return a triangle's own of the two values at each of its edges."""
     return wp.vec3d(
         values[w, edges[0] >> 1][edges[0] & 1],
         values[w, edges[1] >> 1][edges[1] & 1],

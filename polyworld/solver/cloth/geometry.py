@@ -21,7 +21,7 @@ class ClothGeometry:
     nodes (k, 3), node_area (k,). corners (T, 3). edges (T, 3): 2 e + s, s = 0 in the first triangle at edge e.
     area (T,). inverse_rest (T, 2, 2): of the matrix with the rest edges 0-1 and 0-2 in material axes as columns.
     curvature (T, 3, 3): bend angles to (k_11, k_22, k_12). rest_curvature (T, 3). normal (T, 3). ends (E, 2).
-    slots (E, 2): 4 t + k, its place in the first and in the second triangle, -1 for none. softness (E,): inverse
+    slots (E, 2): 4 t + k, its position in the first and in the second triangle, -1 for none. softness (E,): inverse
     stiffness of a director for D = 1.
     """
 
@@ -87,7 +87,7 @@ def hinge_angles(x: Array, normal: Array, ends: Ints, slots: Ints) -> Array:
 
 
 def _material_axes(item: Cloth, x: Array, normal: Array) -> tuple[Array, Array]:
-    """The first along a sheet's u, or along a mesh's longest extent, laid into each triangle; the second across it."""
+    """Return the axes of each triangle: the first along a sheet's u, or a mesh's longest extent; the second across."""
     if isinstance(item.geometry, Sheet):
         choices = [np.asarray(item.geometry.edge_u, dtype=float)]
     else:

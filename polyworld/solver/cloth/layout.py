@@ -16,7 +16,7 @@ FLATTEST = wp.constant(wp.float64(1.0e-9))  # area ratio below which a triangle 
 
 @wp.struct
 class Surface:
-    """What does not vary: T triangles and E edges of all cloths.
+    """Constants: T triangles and E edges of all cloths.
 
     corners (T,): nodes. edges (T,): 2 e + s of each of its edges, s = 0 for the first triangle at edge e. cloth (T,):
     index of its object. area (T,): rest area [m^2]. inverse_rest (T,): inverse of the matrix of its rest edges 0-1
@@ -94,7 +94,7 @@ class Damping:
     nodes (n,): the node; corners (T,): of the triangles, counted among these. stages (W,): number of stages. first,
     second (W, T): rest axes as they lie now, F; stretch (W, T): u_11, u_22, u_12 of U. start, push, rate (W, n):
     velocity before, acceleration by other forces, change by a part of the step there. last, other (W, n): velocities
-    of the stages by turns. force (W, n) [N].
+    of the stages, alternating. force (W, n) [N].
     """
 
     nodes: wp.array[wp.int32]

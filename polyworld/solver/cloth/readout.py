@@ -1,4 +1,4 @@
-"""What can be read of a cloth besides its points: strain, curvature and elastic energy."""
+"""Readouts of a cloth besides its points: strain, curvature and elastic energy."""
 
 from __future__ import annotations
 

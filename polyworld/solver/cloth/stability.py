@@ -93,9 +93,9 @@ def _curvature_operator(g: ClothGeometry) -> sparse.csr_matrix:
     side = np.stack([x[:, (k + 2) % 3] - x[:, (k + 1) % 3] for k in range(3)], axis=1)  # (T, edge, 3)
     unit = side / np.linalg.norm(side, axis=2, keepdims=True)
     # Turning of a triangle about its edge j per displacement of corner i, along the normal.
-    turn = -np.einsum("tix,tjx->tji", side, unit) / (2.0 * g.area)[:, None, None]
+    rotation = -np.einsum("tix,tjx->tji", side, unit) / (2.0 * g.area)[:, None, None]
     t, k = len(x), len(g.nodes)
-    values = (turn[:, :, :, None] * g.normal[:, None, None, :]).reshape(-1)
+    values = (rotation[:, :, :, None] * g.normal[:, None, None, :]).reshape(-1)
     rows = np.broadcast_to((g.edges >> 1)[:, :, None, None], (t, 3, 3, 3)).reshape(-1)
     columns = np.broadcast_to((3 * g.corners[:, :, None] + np.arange(3))[:, None], (t, 3, 3, 3)).reshape(-1)
     hinge = sparse.csr_matrix((values, (rows, columns)), shape=(len(g.ends), 3 * k))

@@ -166,7 +166,7 @@ def _given(value: float | None) -> float:
 def _fixed(world: World, name: str, geometry: ClothGeometry) -> NDArray[np.int32]:
     """1 for the triangles (T,) that one attachment holds to a rigid body, all three corners and for good.
 
-    Those held to the world are found while it runs, by the inverse mass of their nodes, so that they may be let go.
+    Those held to the world are found while it runs, by the inverse mass of their nodes, so that they may be released.
     """
     fixed = np.zeros(len(geometry.corners), dtype=np.int32)
     mesh = DeformableMesh(geometry.nodes, geometry.node_area, geometry.node_area, triangles=geometry.corners)

@@ -1,4 +1,4 @@
-"""What a shard is made of: nodes, clock, the stages of its materials."""
+"""Parts of a shard: nodes, clock, the stages of its materials."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def allocate_nodes(
 
 
 def clock_of(w: int) -> Clock:
-    """The clock of w worlds, at time 0."""
+    """Return the clock of w worlds, at time 0."""
 
     def seconds() -> Any:
         return wp.zeros((w,), dtype=wp.float64, device="cpu")
@@ -66,7 +66,7 @@ def clock_of(w: int) -> Clock:
 
 
 def stages_of(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
-    """The stages of the materials that the world has; only their kernels are compiled."""
+    """Return the stages of the materials that the world has; only their kernels are compiled."""
     stages: list[MaterialStage] = []
     kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
     if "cloth" in kinds:
@@ -88,7 +88,7 @@ def stages_of(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
 
 
 def fluid_of(world: World, n_worlds: int, horizon: float) -> FluidSolver | None:
-    """The solver of the world's fluids, None where it has none."""
+    """Return the solver of the world's fluids, None where it has none."""
     if not any(d.representation in ("fluid", "fluid_planar") for d in world.deformables):
         return None
     from polyworld.solver.fluid.solver import FluidSolver
@@ -97,7 +97,7 @@ def fluid_of(world: World, n_worlds: int, horizon: float) -> FluidSolver | None:
 
 
 def write_in_place(holder: Any, name: str, values: Any) -> bool:
-    """Write values into holder.name in place; allocate anew, and return True, where the shape differs."""
+    """Write values into holder.name in place; reallocate, and return True, where the shape differs."""
     kept = getattr(holder, name)
     if kept is not None and kept.shape == values.shape:
         kept.numpy()[:] = values.numpy()

@@ -101,7 +101,7 @@ class Attachments:
         return motion
 
     def hold(self, inverse_mass: Array) -> Array:
-        """Inverse masses (R, N) with 0 for the nodes held to the world; W rows where they may be let go."""
+        """Return inverse masses (R, N), 0 for the nodes held to the world; W rows where they may be released."""
         if not self._to_world.node:
             return inverse_mass
         rows = self._w if self._breakable else len(inverse_mass)
@@ -128,7 +128,7 @@ class Attachments:
                 self._body_place.numpy()[:, rows] = np.einsum("wji,wkj->wki", state["rotation"][:, body], arms)
 
     def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
-        """Launch what opens a coupling step: forces of the last one, and what lets go."""
+        """Launch the start of a coupling step: forces of the last one, and releases."""
         if not self.attachments:
             return
         _launch(
@@ -249,7 +249,7 @@ class Attachments:
         }
 
     def events(self, w: int) -> tuple[Event, ...]:
-        """When attachments of world w let go."""
+        """Return the releases of attachments of world w."""
         released, when = self.fastenings.released.numpy()[w], self.fastenings.when.numpy()[w]
         return tuple(
             Event("release", float(when[k]), (a.object,) if a.to is None else (a.object, a.to))

@@ -6,7 +6,7 @@ from polyworld.solver.spatial.layout import OPTIONS, Body
 
 wp.set_module_options(OPTIONS)
 
-DRIFT_SHARE = wp.constant(wp.float64(0.1))  # of a node's distance from its place, removed in an inner step
+DRIFT_SHARE = wp.constant(wp.float64(0.1))  # of a node's distance from its target, removed in an inner step
 SWEEPS = 20
 CONVERGED = wp.constant(wp.float64(1.0e-9))  # largest velocity change in a sweep that counts as none [m/s]
 
@@ -15,7 +15,7 @@ CONVERGED = wp.constant(wp.float64(1.0e-9))  # largest velocity change in a swee
 class Fastenings:
     """Attachments (A,) and what they hold, element arrays (W, m) or (m,).
 
-    released (W, A): 1 after it let go, at `when` [s]. impulse (W, A): given to the deformable object in this
+    released (W, A): 1 after its release, at `when` [s]. impulse (W, A): given to the deformable object in this
     coupling step; force: mean of the last one. release (A,): NaN for never; strength: negative for unbreakable.
     """
 
@@ -61,7 +61,7 @@ def displaced(motion: Motion, a: int, time: wp.float64) -> wp.vec3d:
 def begin_step(
     time: wp.array[wp.float64], h: wp.array[wp.float64], last_h: wp.array[wp.float64], f: Fastenings
 ) -> None:
-    """Mean forces of the coupling step that ended; those let go whose time has come or whose strength is passed."""
+    """Compute mean forces of the last coupling step; release attachments at their time or beyond their strength."""
     w, a = wp.tid()
     if h[w] <= wp.float64(0.0):
         return
@@ -131,7 +131,7 @@ def hold_to_world(
     inner: wp.array[wp.int32],
     node: wp.array[wp.int32],
     attachment: wp.array[wp.int32],
-    place: wp.array2d[wp.vec3d],
+    position: wp.array2d[wp.vec3d],
     motion: Motion,
     mass: wp.array2d[wp.float64],
     active: wp.array2d[wp.int32],
@@ -151,7 +151,7 @@ def hold_to_world(
         a = attachment[k]
         if f.released[w, a] == 1 or active[w, i] == 0:
             continue
-        u = (place[w, k] + displaced(motion, a, now) - x[w, i]) / t
+        u = (position[w, k] + displaced(motion, a, now) - x[w, i]) / t
         m = mass[w % mass.shape[0], i]
         f.impulse[w, a] += (u - v[w, i]) * m - reaction[w, i]
         reaction[w, i] = wp.vec3d()
@@ -210,7 +210,7 @@ def push_on_nodes(
     last: wp.array2d[wp.vec3d],
     f: Fastenings,
 ) -> None:
-    """The same for nodes held to other nodes."""
+    """Add the same for nodes held to other nodes."""
     w = wp.tid()
     if dt[w] <= wp.float64(0.0):
         return
@@ -235,7 +235,7 @@ def hold_to_bodies(
     first: wp.array[wp.int32],
     node: wp.array[wp.int32],
     attachment: wp.array[wp.int32],
-    place: wp.array2d[wp.vec3d],
+    position: wp.array2d[wp.vec3d],
     mass: wp.array2d[wp.float64],
     inverse_mass: wp.array2d[wp.float64],
     active: wp.array2d[wp.int32],
@@ -245,9 +245,9 @@ def hold_to_bodies(
     last: wp.array2d[wp.vec3d],
     f: Fastenings,
 ) -> None:
-    """Body and nodes held to it move on as one rigid body, with the linear and angular momentum they have together.
+    """Move a body and the nodes held to it as one rigid body, with their total linear and angular momentum.
 
-    That is the exact solution of all the fastenings at once. Nodes off their places approach them meanwhile, and
+    That is the exact solution of all the fastenings at once. Nodes off their targets approach them meanwhile, and
     the momentum of that is taken from the others.
     """
     w, g = wp.tid()
@@ -262,7 +262,7 @@ def hold_to_bodies(
     inertia = rotation * bodies[w, b].inertia * wp.transpose(rotation) * m
     momentum = bodies[w, b].v * m
     spin = inertia * bodies[w, b].w
-    lever = wp.vec3d()
+    first_moment = wp.vec3d()
     held = wp.int32(0)
     for k in range(first[g], first[g + 1]):
         i = node[k]
@@ -272,19 +272,19 @@ def hold_to_bodies(
             continue
         m = mass[w % mass.shape[0], i]
         arm = x[w, i] - centre
-        drift = (rotation * place[w, k] - arm) * (DRIFT_SHARE / t)
+        drift = (rotation * position[w, k] - arm) * (DRIFT_SHARE / t)
         p = (v[w, i] - drift) * m
         momentum += p
         spin += wp.cross(arm, p)
         total += m
-        lever += arm * m
+        first_moment += arm * m
         inertia += inertia_of(arm, m)
         held += 1
     if held == 0:
         return
-    inertia -= inertia_of(lever, wp.float64(1.0) / total)
-    turning = wp.inverse(inertia) * (spin - wp.cross(lever, momentum) / total)
-    velocity = (momentum - wp.cross(turning, lever)) / total
+    inertia -= inertia_of(first_moment, wp.float64(1.0) / total)
+    turning = wp.inverse(inertia) * (spin - wp.cross(first_moment, momentum) / total)
+    velocity = (momentum - wp.cross(turning, first_moment)) / total
     bodies[w, b].v = velocity
     bodies[w, b].w = turning
     for k in range(first[g], first[g + 1]):
@@ -294,7 +294,7 @@ def hold_to_bodies(
         if inverse_mass[w % inverse_mass.shape[0], i] == wp.float64(0.0):
             continue
         arm = x[w, i] - centre
-        u = velocity + wp.cross(turning, arm) + (rotation * place[w, k] - arm) * (DRIFT_SHARE / t)
+        u = velocity + wp.cross(turning, arm) + (rotation * position[w, k] - arm) * (DRIFT_SHARE / t)
         last[w, k] += (u - v[w, i]) * mass[w % mass.shape[0], i]
         f.impulse[w, attachment[k]] += last[w, k]
         v[w, i] = u
@@ -302,7 +302,7 @@ def hold_to_bodies(
 
 @wp.func
 def offset_of(x: wp.array2d[wp.vec3d], w: int, n: wp.vec3i, local: wp.vec3d) -> wp.vec3d:
-    """An offset kept in the axes of a triangle, in world axes; of a segment (third node negative) in world axes."""
+    """Return in world axes an offset kept in a triangle's, or for a segment (third node negative) in the world's."""
     if n[2] < 0:
         return local
     along = wp.normalize(x[w, n[1]] - x[w, n[0]])
@@ -347,8 +347,8 @@ def hold_to_nodes(
             if ease <= zero:
                 continue
             if sweep == 0:
-                place = x[w, n[0]] * b[0] + x[w, n[1]] * b[1] + x[w, third] * b[2] + offset_of(x, w, n, offset[k])
-                wanted[w, k] = (place - x[w, i]) * (DRIFT_SHARE / t)
+                position = x[w, n[0]] * b[0] + x[w, n[1]] * b[1] + x[w, third] * b[2] + offset_of(x, w, n, offset[k])
+                wanted[w, k] = (position - x[w, i]) * (DRIFT_SHARE / t)
             u = v[w, i] - v[w, n[0]] * b[0] - v[w, n[1]] * b[1] - v[w, third] * b[2]
             change = (wanted[w, k] - u) / ease
             last[w, k] += change

@@ -1,4 +1,4 @@
-"""What the tension of a rope, which its own solver finds, adds to the forces that attachments to the world take."""
+"""Forces on attachments to the world by the tension of ropes, which their own solver finds."""
 
 import warp as wp
 
@@ -19,7 +19,7 @@ def resist_tensions(
     active: wp.array2d[wp.int32],
     f: Fastenings,
 ) -> None:
-    """The links on both sides of a held node pull at it; the attachment takes that."""
+    """Add the tensions of the links on both sides of a held node to its attachment's force."""
     w, k = wp.tid()
     i = node[k]
     a = attachment[k]

@@ -59,7 +59,7 @@ def held_nodes(meshes: dict[str, DeformableMesh], attachment: Attachment) -> Int
 
 
 def held_by_rope_stage(attachment: Attachment, world: World) -> bool:
-    """Whether the rope's own solver holds it: the end of a rope on a rigid object."""
+    """Check whether the rope's own solver holds it: the end of a rope on a rigid object."""
     return attachment.end is not None and any(o.name == attachment.to for o in world.objects)
 
 
@@ -68,9 +68,9 @@ def nearest_on(mesh: DeformableMesh, p: Array) -> tuple[Ints, Array, Array]:
     x = mesh.nodes
     if len(mesh.triangles) == 0:
         a, b = x[mesh.segments[:, 0]], x[mesh.segments[:, 1]]
-        way = b - a
-        t = np.clip(((p - a) * way).sum(axis=1) / (way**2).sum(axis=1), 0.0, 1.0)
-        points = a + t[:, None] * way
+        edge = b - a
+        t = np.clip(((p - a) * edge).sum(axis=1) / (edge**2).sum(axis=1), 0.0, 1.0)
+        points = a + t[:, None] * edge
         k = int(np.argmin(((points - p) ** 2).sum(axis=1)))
         nodes = np.array([*mesh.segments[k], -1], dtype=np.int32)
         return nodes, np.array([1.0 - t[k], t[k], 0.0]), p - points[k]
@@ -98,9 +98,9 @@ def _closest_weights(corners: Array, p: Array) -> Array:
     inside = (best >= 0).all(axis=1)
     nearest = np.where(inside, ((r - s[:, None] * u - t[:, None] * v) ** 2).sum(1), np.inf)
     for i, j in ((0, 1), (1, 2), (2, 0)):
-        start, way = corners[:, i], corners[:, j] - corners[:, i]
-        f = np.clip(((p - start) * way).sum(1) / (way**2).sum(1), 0.0, 1.0)
-        distance = ((start + f[:, None] * way - p) ** 2).sum(1)
+        start, side = corners[:, i], corners[:, j] - corners[:, i]
+        f = np.clip(((p - start) * side).sum(1) / (side**2).sum(1), 0.0, 1.0)
+        distance = ((start + f[:, None] * side - p) ** 2).sum(1)
         closer = distance < nearest
         edge = np.zeros_like(best)
         edge[:, i], edge[:, j] = 1 - f, f

@@ -1,4 +1,4 @@
-"""What deformable objects do as a whole: centre of mass, mean rotation, mean angular velocity."""
+"""Motion of deformable objects as a whole: centre of mass, mean rotation, mean angular velocity."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ def centre_motion(
 def _rotation(weight: Array, before: Array, after: Array) -> Array:
     """Quaternion w x y z of the rotation that best takes one set of arms (k, 3) into another."""
     u, s, vt = np.linalg.svd((weight[:, None] * after).T @ before)
-    if s[1] <= 1e-9 * s[0]:  # a straight line: the least rotation that turns one direction into the other
+    if s[1] <= 1e-9 * s[0]:  # a straight line: the least rotation from one direction to the other
         a, b = vt[0], u[:, 0]
         axis, cosine = np.cross(a, b), float(a @ b)
         if cosine < 0.0:
             axis, cosine = np.cross(a, -b), -cosine
         sine = float(np.linalg.norm(axis))
-        turn = Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)) if sine > 1e-12 else Rotation.identity()
+        rotation = Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)) if sine > 1e-12 else Rotation.identity()
     else:
         d = np.sign(np.linalg.det(u @ vt))
-        turn = Rotation.from_matrix(u @ np.diag([1.0, 1.0, d]) @ vt)
-    x, y, z, w = turn.as_quat(canonical=True)
+        rotation = Rotation.from_matrix(u @ np.diag([1.0, 1.0, d]) @ vt)
+    x, y, z, w = rotation.as_quat(canonical=True)
     return np.array([w, x, y, z])

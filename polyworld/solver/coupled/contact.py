@@ -26,7 +26,7 @@ from polyworld.solver.coupled.contact_search import (
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface import SurfacePairs
-from polyworld.solver.passing import passed
+from polyworld.solver.references import by_reference
 from polyworld.solver.spatial.layout import Body, Geometry
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
@@ -70,7 +70,7 @@ class Contacts:
             self.obstacles = build_obstacles(rigid.geometry)
             rigid.reset()
             excluded = excluded_bodies(world, meshes, nodes, self._solid, self.obstacles, self._bodies)
-        self._geometry = passed(self._solid, Geometry)
+        self._geometry = by_reference(self._solid, Geometry)
         self.surface = build_surface(world, meshes, nodes.first, excluded)
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)
@@ -89,7 +89,7 @@ class Contacts:
         self.found.kept_count = _zeros((w,), wp.int32)
         self.found.latest = wp.full((w, n), -1, dtype=wp.int32, device="cpu")
         self.found.count = _zeros((w,), wp.int32)
-        self.found.crowded = _zeros((w,), wp.int32)
+        self.found.overflowed = _zeros((w,), wp.int32)
         self.found.falling = wp.ones((w, n), dtype=wp.float64, device="cpu")
         self.found.reaction = _zeros((w, n), wp.vec3d)
         bodies = [o.name for o in (*world.objects, *world.statics)]
@@ -100,7 +100,7 @@ class Contacts:
     def reset(self) -> None:
         """Forget all contacts."""
         self.found.count.numpy()[:] = 0
-        self.found.crowded.numpy()[:] = 0
+        self.found.overflowed.numpy()[:] = 0
         self.found.reaction.numpy()[:] = 0.0
         self.found.kept_count.numpy()[:] = 0
         self.found.latest.numpy()[:] = -1
@@ -120,9 +120,9 @@ class Contacts:
         """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""
         return self._log.events(w, end, self.world.time.substep)
 
-    def crowded(self) -> NDArray[np.bool_]:
+    def overflowed(self) -> NDArray[np.bool_]:
         """Worlds (W,) that had more contacts than there is room for."""
-        return self.found.crowded.numpy() > 0
+        return self.found.overflowed.numpy() > 0
 
     @property
     def room(self) -> int:

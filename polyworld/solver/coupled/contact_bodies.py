@@ -13,7 +13,7 @@ import warp as wp
 from polyworld.solver.coupled.nodes import Clock
 from polyworld.solver.spatial.constraints import world_inverse_inertia
 from polyworld.solver.spatial.layout import OPTIONS, Body
-from polyworld.solver.spatial.motion import turned
+from polyworld.solver.spatial.motion import rotated
 
 wp.set_module_options(OPTIONS)
 
@@ -144,7 +144,7 @@ def carry_bodies(
         carried.before[w, i] = bodies[w, i].v - carried.acceleration[w, i] * t
         carried.before_turning[w, i] = bodies[w, i].w - carried.turning[w, i] * t
     bodies[w, i].x = bodies[w, i].x + (bodies[w, i].v + carried.before[w, i]) * half
-    q = turned(bodies[w, i].q, (bodies[w, i].w + carried.before_turning[w, i]) * half)
+    q = rotated(bodies[w, i].q, (bodies[w, i].w + carried.before_turning[w, i]) * half)
     bodies[w, i].q = q
     bodies[w, i].rotation = wp.quat_to_matrix(q)
 
@@ -167,8 +167,8 @@ def put_back_bodies(
     b = bodies[w, i]
     half = wp.float64(0.5) * h[w]
     b.shift = b.x - (carried.x[w, i] + (carried.v[w, i] + b.v) * half)
-    off = b.q * wp.quat_inverse(turned(carried.q[w, i], (carried.w[w, i] + b.w) * half))
-    b.turn = wp.vec3d(off[0], off[1], off[2]) * (wp.float64(2.0) * wp.sign(off[3]))
+    off = b.q * wp.quat_inverse(rotated(carried.q[w, i], (carried.w[w, i] + b.w) * half))
+    b.rotation_shift = wp.vec3d(off[0], off[1], off[2]) * (wp.float64(2.0) * wp.sign(off[3]))
     gained = b.v - carried.v[w, i] - carried.acceleration[w, i] * h[w]
     turned_by = b.w - carried.w[w, i] - carried.turning[w, i] * h[w]
     b.x = carried.x[w, i]

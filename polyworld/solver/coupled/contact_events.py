@@ -66,7 +66,7 @@ class ContactLog:
         self._open: Any = wp.zeros(tally.impulse.shape, dtype=wp.int32, device="cpu")
 
     def reset(self) -> None:
-        """No contact has begun."""
+        """Clear the log: no contact has started."""
         self._tally.impulse.numpy()[:] = 0.0
         self._open.numpy()[:] = -1
         self._count.numpy()[:] = 0

@@ -16,7 +16,7 @@ ON_SIDE = 5  # in a plane: a node on the outline of a soft slice
 class Contact:
     """One possible contact, found by the search and followed until the next one.
 
-    weight: of the nodes n0 to n3 in the relative velocity, their signs telling the two sides apart; the sum is 1
+    weight: of the nodes n0 to n3 in the relative velocity, of opposite signs on the two sides; the sum is 1
     where a body is on the other side, else 0. body: row of the bodies, -1 for none. part: row of the parts, of the
     corners, or of a mesh's faces. owner, other: whose contact it is, for events; other counts bodies first, then
     deformables. reach: sum of the radii [m]. side: 1 or -1, the side of a face that is touched. last: time at which
@@ -37,14 +37,14 @@ class Contact:
     side: wp.float64
     friction: wp.float64
     restitution: wp.float64
-    grip: wp.float64  # friction coefficient in this inner step
+    step_friction: wp.float64  # friction coefficient in this inner step
     normal: wp.vec3d
     arm: wp.vec3d  # from the body's centre of mass to the point
     t1: wp.vec3d
     wait: int  # inner steps for which it cannot touch
     gap: wp.float64
     approach: wp.float64
-    rebound: wp.float64  # way from where the step would end to where a rebound within it ends [m]
+    rebound: wp.float64  # distance from where the step would end to where a rebound within it ends [m]
     target: wp.float64
     k: wp.float64  # velocity per impulse, along the normal
     k11: wp.float64
@@ -57,7 +57,7 @@ class Contact:
 
 @wp.struct
 class Part:
-    """A convex piece of a body: rows of Geometry.shapes, of the bodies, of the corners; its place in body axes."""
+    """A convex piece of a body: rows of Geometry.shapes, of the bodies, of the corners; its position in body axes."""
 
     shape: int
     body: int
@@ -80,7 +80,7 @@ class Obstacles:
 
 @wp.struct
 class Surface:
-    """What of the nodes may touch: edges (E, 2) and triangles (T, 3) as node rows; sides (S, 2): outlines of slices in
+    """Nodes and faces that may touch: edges (E, 2), triangles (T, 3) as node rows; sides (S, 2): outlines of slices in
     a plane, their inside on the left seen against the plane's unit normal `across`.
 
     exposed (N,): 1 for nodes that may touch. one_sided (D,): 1 for a deformable object with an inside. yielding
@@ -131,7 +131,7 @@ class Kept:
 class Found:
     """Contacts (W, C) of each world, how many there are (W,), those that act in this inner step (W, C).
 
-    crowded (W,): 1 where one found no room. falling (W, N): 1, and 0 while a node that rests on something is being
+    overflowed (W,): 1 where the buffer is full. falling (W, N): 1, and 0 while a node that rests on something is being
     looked at. reaction (W, N): impulses on nodes that are held, since they were last read [N s]. kept (W, K): what
     acted before the search, of which nodes, kept_count (W,), latest (W, N): the last one of a node, or -1.
     """
@@ -139,7 +139,7 @@ class Found:
     contacts: wp.array2d[Contact]
     count: wp.array[wp.int32]
     acting: wp.array2d[wp.int32]
-    crowded: wp.array[wp.int32]
+    overflowed: wp.array[wp.int32]
     falling: wp.array2d[wp.float64]
     reaction: wp.array2d[wp.vec3d]
     kept: wp.array2d[Kept]
@@ -150,7 +150,7 @@ class Found:
 
 @wp.struct
 class Tally:
-    """What pairs of a deformable object and another (W, D, B + D) went through in this coupling step."""
+    """Contacts of pairs of a deformable object and another (W, D, B + D) in this coupling step."""
 
     impulse: wp.array3d[wp.float64]
     first_impulse: wp.array3d[wp.float64]

@@ -15,7 +15,7 @@ from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
 from polyworld.solver.coupled.nodes import Nodes
-from polyworld.solver.passing import passed
+from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.world import World
 
@@ -28,11 +28,11 @@ Ints = NDArray[np.int32]
 
 
 def build_obstacles(geometry: layout.Geometry) -> Obstacles:
-    """The pieces of all bodies, in the order of their shapes."""
+    """Build the pieces of all bodies, in the order of their shapes."""
     shapes = geometry.shapes.numpy()
     vertices = geometry.vertices.numpy()
     first = geometry.first_shape.numpy()
-    offset, turn = geometry.offset.numpy(), geometry.turn.numpy()
+    offset, rotation = geometry.offset.numpy(), geometry.rotation.numpy()
     rows = np.zeros(int(first[-1]), dtype=Part.numpy_dtype())
     points: list[Array] = []
     owners: list[int] = []
@@ -43,9 +43,9 @@ def build_obstacles(geometry: layout.Geometry) -> Obstacles:
             row = rows[s]
             row["shape"], row["body"] = s, body
             row["first_corner"], row["corners"] = len(points), len(corners)
-            row["position"], row["rotation"] = offset[s], turn[s]
+            row["position"], row["rotation"] = offset[s], rotation[s]
             row["bound"] = 0.0 if shapes[s]["kind"] == layout.PLANE else shapes[s]["bound"]
-            points.extend(np.asarray(turn[s]) @ c + offset[s] for c in corners)
+            points.extend(np.asarray(rotation[s]) @ c + offset[s] for c in corners)
             owners.extend([body] * len(corners))
             radii.extend([radius] * len(corners))
     obstacles = Obstacles()
@@ -73,7 +73,7 @@ def _corners(shape: Any, vertices: Array) -> tuple[list[Array], float]:
 
 
 def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[str, int], excluded: Ints) -> Surface:
-    """What of the nodes may touch. excluded (N, B): 1 where a node must not touch a body."""
+    """Build the nodes, edges and faces that may touch. excluded (N, B): 1 where a node must not touch a body."""
     nodes = excluded.shape[0]
     exposed = np.zeros(nodes, dtype=np.int32)
     edges: list[Ints] = [np.zeros((0, 2), dtype=np.int32)]
@@ -131,7 +131,7 @@ def excluded_bodies(
     obstacles: Obstacles,
     bodies: Any,
 ) -> Ints:
-    """Which nodes must not touch which bodies (N, B): those held to a body, those that lie in it at the start and
+    """Find which nodes must not touch which bodies (N, B): those held to a body, those that lie in it at the start and
     belong to an object that is fastened to it, and ropes that run over a pulley it carries.
     """
     names = [o.name for o in world.objects]
@@ -149,17 +149,17 @@ def excluded_bodies(
             excluded[first : first + nodes.count[pulley.rope], names.index(pulley.object)] = 1
     if not linked.any():
         return excluded
-    places = np.concatenate([meshes[name].nodes for name in nodes.first])
+    positions = np.concatenate([meshes[name].nodes for name in nodes.first])
     marked: Any = wp.array(excluded, dtype=wp.int32, device="cpu")
     wp.launch(
         mark_overlaps,
         dim=(nodes.x.shape[1], obstacles.parts.shape[0]),
         inputs=[
-            wp.array(places, dtype=wp.vec3d, device="cpu"),
+            wp.array(positions, dtype=wp.vec3d, device="cpu"),
             nodes.radius,
             nodes.owner,
             wp.array(linked, dtype=wp.int32, device="cpu"),
-            passed(geometry, layout.Geometry),
+            by_reference(geometry, layout.Geometry),
             obstacles,
             bodies,
             marked,

@@ -22,7 +22,7 @@ from polyworld.solver.spatial.separation import triangle_weights
 
 wp.set_module_options(OPTIONS)
 
-OWN_SHARE = wp.constant(wp.float64(1.2))  # of a node's own way in the step; it may get faster meanwhile,
+OWN_SHARE = wp.constant(wp.float64(1.2))  # of a node's own path in the step; it may get faster meanwhile,
 OBJECT_SHARE = wp.constant(wp.float64(0.3))  # by this share of its object's highest speed
 LEAST_SAGITTA = wp.constant(wp.float64(2.0e-4))  # an edge touches between its nodes where it is this much closer
 BISECTIONS = 16
@@ -59,7 +59,7 @@ def part_position(bodies: wp.array2d[Body], w: int, part: Part) -> wp.vec3d:
 
 @wp.func
 def swept(bodies: wp.array2d[Body], w: int, part: Part, h: wp.float64) -> wp.float64:
-    """How far a point of a piece may move in the step."""
+    """Compute how far a point of a piece may move in the step."""
     return h * (
         wp.length(bodies[w, part.body].v) + wp.length(bodies[w, part.body].w) * (part.bound + wp.length(part.position))
     )
@@ -76,7 +76,7 @@ def near_parts(
     surface: Surface,
     bounds: Bounds,
 ) -> None:
-    """Which pieces come near the box around each deformable object."""
+    """Find which pieces come near the box around each deformable object."""
     w, d, s = wp.tid()
     bounds.near[w, d, s] = 0
     part = obstacles.parts[s]
@@ -119,7 +119,7 @@ def nothing_near(bounds: Bounds, w: int, d: int) -> bool:
 def add(found: Found, w: int, c: Contact) -> None:
     slot = wp.atomic_add(found.count, w, 1)
     if slot >= found.contacts.shape[1]:
-        found.crowded[w] = 1
+        found.overflowed[w] = 1
         found.count[w] = found.contacts.shape[1]
         return
     found.contacts[w, slot] = c
@@ -134,7 +134,7 @@ def against_body(
     owner: int,
     body: int,
 ) -> Contact:
-    """A contact of a deformable object with a body, its coefficients filled in."""
+    """Add a contact of a deformable object with a body, its coefficients filled in."""
     c = Contact()
     c.body = body
     c.other = body
@@ -313,33 +313,33 @@ def touch_edge(
         if kind == MESH or surface.excluded[i, b] != 0 or surface.excluded[j, b] != 0:
             continue
         reach = slack + swept(bodies, w, part, h[w])
-        turn = wp.transpose(bodies[w, b].rotation * part.rotation)
+        to_part = wp.transpose(bodies[w, b].rotation * part.rotation)
         origin = part_position(bodies, w, part)
-        begin = turn * (x[w, i] - origin)
-        way = turn * (x[w, j] - x[w, i])
+        begin = to_part * (x[w, i] - origin)
+        displacement = to_part * (x[w, j] - x[w, i])
         far = part.bound + reach + half
-        if wp.length_sq(begin + way * wp.float64(0.5)) > far * far:
+        if wp.length_sq(begin + displacement * wp.float64(0.5)) > far * far:
             continue
         shape = geometry[0].shapes[part.shape]
         at_begin = shape_distance(geometry, kind, shape, begin)
-        at_end = shape_distance(geometry, kind, shape, begin + way)
+        at_end = shape_distance(geometry, kind, shape, begin + displacement)
         if (at_begin[3] + at_end[3]) * wp.float64(0.5) - half > reach:
             continue
-        if wp.dot(wp.vec3d(at_begin[0], at_begin[1], at_begin[2]), way) >= zero:
+        if wp.dot(wp.vec3d(at_begin[0], at_begin[1], at_begin[2]), displacement) >= zero:
             continue
-        if wp.dot(wp.vec3d(at_end[0], at_end[1], at_end[2]), way) <= zero:
+        if wp.dot(wp.vec3d(at_end[0], at_end[1], at_end[2]), displacement) <= zero:
             continue
         low = wp.float64(0.0)
         high = wp.float64(1.0)
         t = wp.float64(0.5)
         for _step in range(BISECTIONS):
             t = wp.float64(0.5) * (low + high)
-            here = shape_distance(geometry, kind, shape, begin + way * t)
-            if wp.dot(wp.vec3d(here[0], here[1], here[2]), way) > zero:
+            here = shape_distance(geometry, kind, shape, begin + displacement * t)
+            if wp.dot(wp.vec3d(here[0], here[1], here[2]), displacement) > zero:
                 high = t
             else:
                 low = t
-        nearest = shape_distance(geometry, kind, shape, begin + way * t)[3]
+        nearest = shape_distance(geometry, kind, shape, begin + displacement * t)[3]
         sagitta = wp.min(at_begin[3], at_end[3]) - nearest
         least = wp.max(LEAST_SAGITTA * wp.float64(2.0) * half, surface.yielding[d] * radius[i])
         if nearest > reach or sagitta < least:
@@ -489,7 +489,7 @@ def search_corners(
 
 @wp.kernel
 def mark_overlaps(
-    places: wp.array[wp.vec3d],
+    positions: wp.array[wp.vec3d],
     radius: wp.array[wp.float64],
     owner: wp.array[wp.int32],
     linked: wp.array2d[wp.int32],
@@ -503,7 +503,7 @@ def mark_overlaps(
     part = obstacles.parts[s]
     if linked[owner[i], part.body] == 0:
         return
-    local = wp.transpose(bodies[0, part.body].rotation) * (places[i] - bodies[0, part.body].x) - part.position
+    local = wp.transpose(bodies[0, part.body].rotation) * (positions[i] - bodies[0, part.body].x) - part.position
     local = wp.transpose(part.rotation) * local
     kind = geometry[0].shapes[part.shape].kind
     if shape_distance(geometry, kind, geometry[0].shapes[part.shape], local)[3] < radius[i]:

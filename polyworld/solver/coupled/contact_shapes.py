@@ -41,7 +41,7 @@ def shape_distance(geometry: wp.array[Geometry], kind: int, shape: Shape, p: wp.
 
 @wp.func(inline=False)
 def triangle_distance(geometry: wp.array[Geometry], first_vertex: int, face: int, p: wp.vec3d) -> wp.vec4d:
-    """The same for a triangle of a mesh that is touched from its front; FAR where a neighbour is closer."""
+    """Return the same for a triangle of a mesh that is touched from its front; FAR where a neighbour is closer."""
     a = geometry[0].vertices[first_vertex]
     b = geometry[0].vertices[first_vertex + 1]
     c = geometry[0].vertices[first_vertex + 2]

@@ -77,7 +77,7 @@ def follow(
     x: wp.array2d[wp.vec3d],
     w: int,
 ) -> Contact:
-    """The contact's gap, normal, weights and arm where its sides are now; a gap of FAR where it cannot touch."""
+    """Return the contact's gap, normal, weights and arm where its sides are now; FAR where it cannot touch."""
     zero = wp.float64(0.0)
     p = x[w, c.n0]
     if c.kind == ON_SHAPE or c.kind == ON_TRIANGLE:
@@ -112,10 +112,10 @@ def follow(
         return c
     if c.kind == ON_SIDE:
         begin = x[w, c.n1]
-        way = x[w, c.n2] - begin
-        at_side = wp.clamp(wp.dot(p - begin, way) / wp.dot(way, way), zero, wp.float64(1.0))
-        away = p - begin - way * at_side
-        outward = wp.normalize(wp.cross(way, across))
+        edge = x[w, c.n2] - begin
+        at_side = wp.clamp(wp.dot(p - begin, edge) / wp.dot(edge, edge), zero, wp.float64(1.0))
+        away = p - begin - edge * at_side
+        outward = wp.normalize(wp.cross(edge, across))
         height = wp.dot(outward, away)
         c.weight = wp.vec4d(wp.float64(1.0), at_side - wp.float64(1.0), -at_side, zero)
         c.normal = outward
@@ -243,7 +243,7 @@ def weigh(
 
 @wp.func
 def friction_impulse(c: Contact, u: wp.vec3d, bound: wp.float64) -> wp.vec3d:
-    """The tangential impulse that stops the sliding velocity u, or as much of it as friction can.
+    """Return the tangential impulse that stops the sliding velocity u, or as much of it as friction can.
 
     Where it slides, a step along the velocity by the same factor in both directions, projected on the disc: its
     fixed point opposes the velocity.
@@ -291,12 +291,12 @@ def solve(
             normal = wp.max(before + (c.target - wp.dot(c.normal, u)) / c.k, wp.float64(0.0))
             change = c.normal * (normal - before)
             worst = wp.max(worst, wp.abs(normal - before) * c.k)
-            if c.grip > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
+            if c.step_friction > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
                 if c.body >= 0:
                     push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
                     u = relative_velocity(c, bodies, v, w)
                     change = wp.vec3d()
-                tangential = friction_impulse(c, u, c.grip * normal)
+                tangential = friction_impulse(c, u, c.step_friction * normal)
                 slip = tangential - c.tangential
                 worst = wp.max(worst, wp.length(slip) * c.k11)
                 contacts[w, acting[w, a]].tangential = tangential
@@ -319,7 +319,7 @@ def node_of(c: Contact, m: int) -> int:
 
 
 @wp.func
-def settle(
+def correct_overlap(
     c: Contact,
     pull: wp.vec3d,
     dt: wp.float64,
@@ -333,10 +333,10 @@ def settle(
     found: Found,
     w: int,
 ) -> None:
-    """Move nodes out of an overlap without giving them velocity, and let those that rest not fall.
+    """Project nodes out of an overlap without changing velocities, and keep those that rest from falling.
 
-    The move of the nodes takes half a step of gravity off their way, which is right for what flies; here it is put
-    back. What held nodes took is noted.
+    The move of the nodes takes half a step of gravity off their path, which is right for what flies; here it is put
+    back. The impulses of held nodes are stored.
     """
     zero = wp.float64(0.0)
     lift = wp.vec3d()
@@ -353,8 +353,8 @@ def settle(
     if c.impulse > zero and c.rebound != zero:
         shift = c.normal * (c.rebound / c.k)  # the nodes' share
     elif deeper > zero and mobility > zero:
-        way = wp.min(deeper * wp.min(dt / RECOVERY, wp.float64(1.0)), OVERLAP_SPEED * dt)
-        shift = c.normal * (way / mobility)
+        correction = wp.min(deeper * wp.min(dt / RECOVERY, wp.float64(1.0)), OVERLAP_SPEED * dt)
+        shift = c.normal * (correction / mobility)
     for m in range(4):
         if c.weight[m] != zero:
             node = node_of(c, m)
@@ -397,7 +397,7 @@ def act(
     v: wp.array2d[wp.vec3d],
     w: int,
 ) -> Contact:
-    """Whether the contact may act in this inner step, with its target velocity; a gap of FAR where it does not."""
+    """Check whether the contact acts in this inner step; return its target velocity, and FAR where it does not."""
     zero = wp.float64(0.0)
     u = relative_velocity(c, bodies, v, w)
     speed = wp.dot(c.normal, u)
@@ -414,9 +414,9 @@ def act(
     fall = wp.float64(0.0)
     if c.body >= 0:
         fall = wp.dot(c.normal, acceleration[w, c.body] - pull)
-    c.grip = c.friction
+    c.step_friction = c.friction
     if c.body < 0 and c.gap > wp.float64(0.1) * c.reach:
-        c.grip = zero  # impulses along two nodes that are apart would turn them
+        c.step_friction = zero  # impulses along two nodes that are apart would turn them
     c.target = -wp.max(c.gap, zero) / dt
     c.rebound = zero
     if c.impulse == zero and c.approach > threshold and end < zero and c.restitution > zero:
@@ -518,7 +518,7 @@ def solve_contacts(
         if found.contacts[w, k].impulse == zero and found.contacts[w, k].gap >= zero:
             continue
         c = found.contacts[w, k]
-        settle(c, pull, dt, bodies, acceleration, before, flying, inverse_mass, x, v, found, w)
+        correct_overlap(c, pull, dt, bodies, acceleration, before, flying, inverse_mass, x, v, found, w)
         if tally.record == 1 and c.impulse > zero:
             note(c, tally, x[w, c.n0], now, dt, w)
     for a in range(count):

@@ -54,5 +54,5 @@ def load_kernels(world: World) -> None:
 
 
 def _kernel_modules(module: ModuleType) -> list[Any]:
-    """The Warp modules of the kernels that a Python module defines."""
+    """Return the Warp modules of the kernels that a Python module defines."""
     return [k.module for k in vars(module).values() if isinstance(k, wp.Kernel) and k.module.name == module.__name__]

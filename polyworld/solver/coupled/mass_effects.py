@@ -63,7 +63,7 @@ class MassEffects:
         self._origin: Any = None
 
     def write(self, arrays: RigidArrays) -> bool:
-        """Take parameter values; True where the arrays were made anew."""
+        """Write parameter values; return True where arrays were reallocated."""
         if not self.any:
             return False
         values = arrays.effect_parameters

@@ -53,9 +53,9 @@ class Record:
                 )
                 kept[live, sample] = now[live]
 
-    def lost(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-        """Time [s], moving object and element at which each world diverged; NaN, -1, -1 where it did not."""
-        return self.shard.lost()
+    def divergence(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+        """Return the time [s], moving object and element at which each world diverged; NaN, -1, -1 where it did not."""
+        return self.shard.divergence()
 
     def events(self, times: Array) -> list[tuple[Event, ...]]:
         """Events of each world, in order of time."""

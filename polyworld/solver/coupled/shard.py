@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LONGEST_INNER_STEP = 1e-3  # contacts are first order in it [s]
-BLOWN_UP = 100.0  # speed of a node above which a crowd of contacts is taken for the end of the world [m/s]
-FLUID_LOST = 1 << 29  # added to the index of a particle where it, not a node, diverged
-RIGID_LOST = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
+BLOWN_UP = 100.0  # speed of a node above which a contact buffer overflow counts as divergence [m/s]
+FLUID_DIVERGED = 1 << 29  # added to the index of a particle where it, not a node, diverged
+RIGID_DIVERGED = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
 BLOCK = 8  # inner steps in one graph
 DENSITY = {"rope": "linear_density", "cloth": "areal_density", "soft": "density"}
 
@@ -95,18 +95,18 @@ class Shard:
 
     def write(self, arrays: RigidArrays, fields: Fields) -> None:
         """Take parameters and go back to the initial state."""
-        anew = self._write_nodes(fields)
-        anew |= self.effects.write(arrays)
+        recapture = self._write_nodes(fields)
+        recapture |= self.effects.write(arrays)
         if self.fluid is not None:
-            anew |= self.fluid.write(fields)
+            recapture |= self.fluid.write(fields)
         for stage in self.stages:
-            anew |= stage.write(fields)
+            recapture |= stage.write(fields)
         gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
-        anew |= write_in_place(self.clock, "gravity", gravity)
-        anew |= write_in_place(self, "_scale", wp.array(arrays.time_scale[:, 0], dtype=wp.float64, device="cpu"))
+        recapture |= write_in_place(self.clock, "gravity", gravity)
+        recapture |= write_in_place(self, "_scale", wp.array(arrays.time_scale[:, 0], dtype=wp.float64, device="cpu"))
         if self.rigid is not None:
             self.rigid.write(arrays)
-        if anew:
+        if recapture:
             self._graphs = None
         self._reset(arrays, fields)
 
@@ -125,12 +125,12 @@ class Shard:
         for name in names:  # a fluid has neither friction nor restitution nor damping of its own
             for parameter in ("friction", "restitution", "linear_damping"):
                 fields[name].setdefault(parameter, zero)
-        anew = write_in_place(nodes, "mass", wp.array(mass, dtype=wp.float64, device="cpu"))
-        anew |= write_in_place(nodes, "inverse_mass", wp.array(inverse, dtype=wp.float64, device="cpu"))
-        anew |= write_in_place(nodes, "friction", parameter_row(fields, names, "friction"))
-        anew |= write_in_place(nodes, "restitution", parameter_row(fields, names, "restitution"))
-        anew |= write_in_place(self, "_damping", parameter_row(fields, names, "linear_damping"))
-        return anew
+        recapture = write_in_place(nodes, "mass", wp.array(mass, dtype=wp.float64, device="cpu"))
+        recapture |= write_in_place(nodes, "inverse_mass", wp.array(inverse, dtype=wp.float64, device="cpu"))
+        recapture |= write_in_place(nodes, "friction", parameter_row(fields, names, "friction"))
+        recapture |= write_in_place(nodes, "restitution", parameter_row(fields, names, "restitution"))
+        recapture |= write_in_place(self, "_damping", parameter_row(fields, names, "linear_damping"))
+        return recapture
 
     def _reset(self, arrays: RigidArrays, fields: Fields) -> None:
         x, v = self.nodes.x.numpy(), self.nodes.v.numpy()
@@ -178,9 +178,9 @@ class Shard:
         end = self.table.end[segment] * np.broadcast_to(self._scale.numpy(), (self.n_worlds,))
         steps = int(self.table.steps[segment])
         time, h = self.clock.time.numpy(), self.clock.h.numpy()
-        lost = self.diverged_node.numpy()
+        diverged = self.diverged_node.numpy()
         for step in range(steps):
-            h[:] = np.where(lost >= 0, 0.0, (end - time) / (steps - step))
+            h[:] = np.where(diverged >= 0, 0.0, (end - time) / (steps - step))
             wp.capture_launch(graphs["begin"])
             left = int(self.clock.inner_steps.numpy().max()) if self.solids else 0
             while left > 0:
@@ -188,49 +188,49 @@ class Shard:
                 wp.capture_launch(graphs["block" if size == BLOCK else "inner"])
                 left -= size
             wp.capture_launch(graphs["end"])
-            self._note_lost_bodies()
-            self._note_crowded()
+            self._note_diverged_bodies()
+            self._note_overflow()
             if self.fluid is not None:
-                self._note_lost_fluid(self.fluid)
-        time[:] = np.where(lost >= 0, time, end)
+                self._note_diverged_fluid(self.fluid)
+        time[:] = np.where(diverged >= 0, time, end)
 
-    def _note_crowded(self) -> None:
-        """A world without room for its contacts has blown up, at its fastest node; or its objects are too fine."""
-        crowded = self.contacts.crowded()
-        if not crowded.any():
+    def _note_overflow(self) -> None:
+        """Mark worlds of full contact buffers as diverged at their fastest node; raise where a mesh is too fine."""
+        overflowed = self.contacts.overflowed()
+        if not overflowed.any():
             return
-        lost = self.diverged_node.numpy()
-        for w in np.flatnonzero(crowded & (lost < 0)):
+        diverged = self.diverged_node.numpy()
+        for w in np.flatnonzero(overflowed & (diverged < 0)):
             speed = np.linalg.norm(np.nan_to_num(self.nodes.v.numpy()[w], nan=np.inf), axis=1)
             if self.n_worlds == 1 and speed.max() < BLOWN_UP:
                 raise RuntimeError(
                     f"more than {self.contacts.room} contacts of deformable objects at once, at "
                     f"{self.clock.time.numpy()[w]:.6g} s: they overlap too much, or a mesh is too fine for them"
                 )
-            lost[w] = int(np.argmax(speed))
+            diverged[w] = int(np.argmax(speed))
             self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
 
-    def _note_lost_fluid(self, fluid: FluidSolver) -> None:
-        """A particle that cannot be trusted ends its world; a nozzle without room for its fluid is an error."""
+    def _note_diverged_fluid(self, fluid: FluidSolver) -> None:
+        """End a world whose particle diverges; raise where a nozzle has no room for its fluid."""
         if fluid.full.any():
             raise RuntimeError(
                 f"more fluid was emitted than the {fluid.particles()[0].shape[1]} particles that there is room for: "
                 "lower the emitters' rates, or make the cells of the fluid grid larger"
             )
-        particle = fluid.lost.numpy()
-        lost = self.diverged_node.numpy()
-        for w in np.flatnonzero((particle >= 0) & (lost < 0)):
-            lost[w] = FLUID_LOST + particle[w]
+        particle = fluid.diverged.numpy()
+        diverged = self.diverged_node.numpy()
+        for w in np.flatnonzero((particle >= 0) & (diverged < 0)):
+            diverged[w] = FLUID_DIVERGED + particle[w]
             self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
 
-    def _note_lost_bodies(self) -> None:
+    def _note_diverged_bodies(self) -> None:
         """Rigid objects whose state cannot be trusted end their world as nodes do."""
         if not self.world.objects:
             return
         body = self.rigid.diverged()
-        lost = self.diverged_node.numpy()
-        for w in np.flatnonzero((body >= 0) & (lost < 0)):
-            lost[w] = RIGID_LOST + body[w]
+        diverged = self.diverged_node.numpy()
+        for w in np.flatnonzero((body >= 0) & (diverged < 0)):
+            diverged[w] = RIGID_DIVERGED + body[w]
             self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
 
     # --- what it is at this moment -------------------------------------------------------------
@@ -266,8 +266,8 @@ class Shard:
         moves = (self.nodes.inverse_mass.numpy() > 0.0) & (self.nodes.active.numpy() > 0)
         pull = np.maximum(step * (gravity**2).sum(axis=-1), 1e-300)
         falls = np.clip(((now - before) * gravity).sum(axis=-1) / pull, 0.0, 1.0)
-        settled: Array = now - (0.5 * step * moves * (1.0 - falls))[..., None] * gravity
-        return settled
+        corrected: Array = now - (0.5 * step * moves * (1.0 - falls))[..., None] * gravity
+        return corrected
 
     def quantities(self) -> dict[str, dict[str, Array]]:
         """Readable quantities of each deformable object, values (W, m)."""
@@ -277,20 +277,20 @@ class Shard:
                 found.setdefault(name, {}).update(values)
         return found
 
-    def lost(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-        """Time [s], index of the moving object and of its element at which each world diverged; NaN, -1, -1."""
+    def divergence(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+        """Return time [s], index of the moving object and of its element where each world diverged; NaN, -1, -1."""
         node = self.diverged_node.numpy()
         rigid_count = len(self.world.objects)
         objects = np.full(self.n_worlds, -1, dtype=np.int64)
         elements = np.full(self.n_worlds, -1, dtype=np.int64)
         for w in np.flatnonzero(node >= 0):
-            if node[w] >= RIGID_LOST:
-                objects[w], elements[w] = node[w] - RIGID_LOST, 0
+            if node[w] >= RIGID_DIVERGED:
+                objects[w], elements[w] = node[w] - RIGID_DIVERGED, 0
                 continue
-            if node[w] >= FLUID_LOST and self.fluid is not None:
-                number = int(self.fluid.particles()[2][w, node[w] - FLUID_LOST])
+            if node[w] >= FLUID_DIVERGED and self.fluid is not None:
+                number = int(self.fluid.particles()[2][w, node[w] - FLUID_DIVERGED])
                 objects[w] = rigid_count + self.owners[self.fluid.names[max(number, 0)]]
-                elements[w] = node[w] - FLUID_LOST
+                elements[w] = node[w] - FLUID_DIVERGED
                 continue
             owner = int(self.nodes.owner.numpy()[node[w]])
             name = self.world.deformables[owner].name
@@ -376,7 +376,7 @@ class Shard:
             if self.solids:
                 self.carried.launch_end(c)
             if self.fluid is not None:
-                self.fluid.lend(c)
+                self.fluid.apply_prediction(c)
             self.rigid.launch_step(c.time, c.h)
         if self.fluid is not None:
             self.fluid.step(c)

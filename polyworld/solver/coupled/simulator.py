@@ -85,10 +85,10 @@ class CoupledSimulator:
     def _assemble(self, records: list[Record], arrays: RigidArrays, count: int) -> BatchTrajectory:
         times = np.broadcast_to(self.sample_times[None, :count] * arrays.time_scale, (self.n_worlds, count)).copy()
         rigid = [np.concatenate([r.rigid[k] for r in records]) for k in range(4)]
-        lost_time = np.concatenate([r.lost()[0] for r in records])
-        lost_object = np.concatenate([r.lost()[1] for r in records])
-        lost_element = np.concatenate([r.lost()[2] for r in records])
-        diverged = lost_object >= 0
+        diverged_time = np.concatenate([r.divergence()[0] for r in records])
+        diverged_object = np.concatenate([r.divergence()[1] for r in records])
+        diverged_element = np.concatenate([r.divergence()[2] for r in records])
+        diverged = diverged_object >= 0
         deformables: dict[str, PointMotion] = {}
         columns = [rigid]
         for item in self.world.deformables:
@@ -106,7 +106,7 @@ class CoupledSimulator:
             columns.append([c[:, :, None] for c in centre])
         motion = [np.concatenate([c[k] for c in columns], axis=2) for k in range(4)]
         for w in np.flatnonzero(diverged):
-            gone = times[w] >= lost_time[w] * (1 - 1e-12)
+            gone = times[w] >= diverged_time[w] * (1 - 1e-12)
             for values in motion:
                 values[w, gone] = np.nan
         starts = np.array([getattr(o, "start_time", 0.0) for o in (*self.world.objects, *self.world.deformables)])
@@ -120,9 +120,9 @@ class CoupledSimulator:
             angular_velocities=motion[3],
             active=self.sample_times[:count, None] >= starts[None, :],
             diverged=diverged,
-            diverged_time=lost_time,
-            diverged_object=lost_object,
-            diverged_element=lost_element,
+            diverged_time=diverged_time,
+            diverged_object=diverged_object,
+            diverged_element=diverged_element,
             events=tuple(events),
             deformables=deformables,
         )
@@ -140,7 +140,7 @@ def _joined(parts: list[Array]) -> Array:
 
 
 def _rows(arrays: RigidArrays, span: slice) -> RigidArrays:
-    """The same for some of the worlds: shared rows stay, others are cut."""
+    """Return the fields of some of the worlds: shared rows stay, others are cut."""
     fixed = {"effect_kind", "effect_acts", "effect_programs"}
     return RigidArrays(**{k: v if k in fixed or v.shape[0] == 1 else v[span].copy() for k, v in vars(arrays).items()})
 

@@ -1,4 +1,4 @@
-"""What a material brings to the coupled solver."""
+"""Interface of a material to the coupled solver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class MaterialStage(Protocol):
     """Elastic forces of all objects of one material. Arrays are allocated once, so that captured graphs stay valid.
 
     A new set of parameters is written in place (`write`); a shape change of a parameter array (shared to per-world)
-    is the only reason for allocating it anew, and `write` returns True then, so that the graph is captured again.
+    is the only reason to reallocate it; `write` then returns True, so that the graph is captured again.
     """
 
     def bind(self, bodies: Any) -> None:
@@ -24,7 +24,7 @@ class MaterialStage(Protocol):
         ...
 
     def write(self, fields: Fields) -> bool:
-        """Take parameter values: object name -> parameter -> (1,) or (W,). True where arrays were made anew."""
+        """Write values, object name -> parameter -> (1,) or (W,); return True where arrays were reallocated."""
         ...
 
     def reset(self) -> None:

@@ -31,7 +31,7 @@ ROOM = 40  # listed pairs a node may be part of, on average
 
 
 def touching_objects(world: World) -> Ints:
-    """Which deformable objects may touch each other (D, D): all but fluids; themselves only ropes, and cloth where
+    """Find which deformable objects may touch each other (D, D): all but fluids; themselves only ropes, and cloth where
     it says so. A soft body's own parts pass through each other.
     """
     solid = np.array([not d.representation.startswith("fluid") for d in world.deformables], dtype=bool)
@@ -80,7 +80,7 @@ class SurfacePairs:
         pairs.sides = wp.empty((self._w, room if has_sides else 1), dtype=wp.vec2i, device="cpu")
         pairs.side_count = _zeros((self._w,), wp.int32)
         pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
-        pairs.place = _zeros(nodes.x.shape, wp.vec3d)
+        pairs.listed_x = _zeros(nodes.x.shape, wp.vec3d)
         pairs.margin = _zeros((self._w,), wp.float64)
         pairs.fastest = _zeros((self._w,), wp.float64)
         pairs.due = _zeros((self._w,), wp.int32)
@@ -102,7 +102,7 @@ class SurfacePairs:
         return 10 * self._pairs.node.shape[0] + 6 * self._pairs.edge.shape[0] if self.any else 0
 
     def reset(self) -> None:
-        """The lists are due."""
+        """Mark the lists as due."""
         if self.any:
             self._pairs.margin.numpy()[:] = 0.0
             self._pairs.face_count.numpy()[:] = 0
@@ -146,7 +146,7 @@ class SurfacePairs:
 
 
 def _bonded(world: World) -> Ints:
-    """Which deformable objects are fastened to each other (D, D)."""
+    """Find which deformable objects are fastened to each other (D, D)."""
     index = {d.name: k for k, d in enumerate(world.deformables)}
     bonded = np.zeros((len(index), len(index)), dtype=np.int32)
     for attachment in world.attachments:

@@ -12,7 +12,7 @@ import warp as wp
 class Grid:
     """Points of W worlds sorted into cells; bucket k of world w holds items[w, start[w, k] : start[w, k + 1]].
 
-    point (W, n): places at the last sorting. cell: size of the cubic cells [m]. buckets: a power of two.
+    point (W, n): positions at the last sorting. cell: size of the cubic cells [m]. buckets: a power of two.
     """
 
     point: wp.array2d[wp.vec3d]
@@ -24,7 +24,7 @@ class Grid:
 
 @wp.func
 def cell_of(p: wp.float64, size: wp.float64) -> int:
-    """Number of the cell along one axis; points that are lost all share one."""
+    """Number of the cell along one axis; points that diverged all share one."""
     q = wp.floor(p / size)
     if wp.abs(q) < wp.float64(1.0e9):
         return wp.int32(q)
@@ -60,13 +60,13 @@ def sort_points(grid: Grid, w: int) -> None:
 
 @wp.func
 def in_cell(grid: Grid, w: int, item: int, i: int, j: int, k: int) -> bool:
-    """Whether a point of a bucket is in this cell, rather than in another one with the same hash."""
+    """Check whether a point of a bucket is in this cell, rather than in another one with the same hash."""
     p = grid.point[w, item]
     return cell_of(p[0], grid.cell) == i and cell_of(p[1], grid.cell) == j and cell_of(p[2], grid.cell) == k
 
 
 def make_grid(n_worlds: int, points: int, cell: float) -> Grid:
-    """A grid with room for `points` points a world."""
+    """Return a grid with room for `points` points a world."""
     grid = Grid()
     grid.buckets = int(2 ** np.ceil(np.log2(max(2 * points, 2))))
     grid.cell = cell

@@ -1,6 +1,6 @@
 """Pairs of deformable surfaces that come near each other: nodes and triangles, edges and edges.
 
-Near pairs are listed with a margin, and listed anew only when something may have moved through half of it. From
+Near pairs are listed with a margin, and listed again only when something may have moved through half of it. From
 the list, each coupling step takes those that may touch within it.
 """
 
@@ -15,13 +15,13 @@ from polyworld.solver.spatial.separation import triangle_weights
 
 wp.set_module_options(OPTIONS)
 
-MARGIN = wp.constant(wp.float64(1.5))  # on the way that things move in a step: they may get faster meanwhile
+MARGIN = wp.constant(wp.float64(1.5))  # on the distance that things move in a step: they may get faster meanwhile
 # Parts of one sheet do not meet where they are nearer than this in the unloaded sheet, in edges' lengths: a node and
 # the corners of a triangle, the middles of two edges.
 RING = wp.constant(wp.float64(1.2))
 EDGE_RING = wp.constant(wp.float64(1.5))
 WIDEST = wp.constant(wp.float64(2.2))  # margin for what is quick, per least margin
-DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper in a solid than this is let be
+DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper in a solid than this is ignored
 
 
 @wp.struct
@@ -30,11 +30,10 @@ class Pairs:
 
     node, edge: what the grids hold, as rows of the nodes and of Surface.edges. may, cross (D, D): 1 for objects whose
     nodes and faces, whose edges may touch. bonded (D, D): 1 for objects that are fastened to each other. rest (N,):
-    places in the unloaded shape. faces, crossings, sides (W, P): listed pairs (node, triangle), (edge, edge) and
-    (node, side), their number (W,). place (W, N): at the last listing, that had margin (W,); fastest (W,): of all,
-    beside their mean motion. due (W,): 1 where the
-    lists are to be made anew. chain (E,): which rope an edge belongs to, or -1, and place_in_chain its number in it;
-    segment (E,): its length.
+    positions in the unloaded shape. faces, crossings, sides (W, P): listed pairs (node, triangle), (edge, edge) and
+    (node, side), their number (W,). listed_x (W, N): at the last listing, that had margin (W,); fastest (W,): of all,
+    beside their mean motion. due (W,): 1 where the lists must be rebuilt. chain (E,): which rope an edge belongs to,
+    or -1, and place_in_chain its number in it; segment (E,): its length.
     """
 
     node: wp.array[wp.int32]
@@ -49,7 +48,7 @@ class Pairs:
     crossing_count: wp.array[wp.int32]
     sides: wp.array2d[wp.vec2i]
     side_count: wp.array[wp.int32]
-    place: wp.array2d[wp.vec3d]
+    listed_x: wp.array2d[wp.vec3d]
     margin: wp.array[wp.float64]
     fastest: wp.array[wp.float64]
     due: wp.array[wp.int32]
@@ -63,7 +62,7 @@ class Pairs:
 
 @wp.func
 def boxes_near(bounds: Bounds, w: int, a: int, b: int, far: wp.float64) -> bool:
-    """Whether the boxes around two objects come within a distance."""
+    """Check whether the boxes around two objects come within a distance."""
     for k in range(3):
         if bounds.low[w, a][k] - bounds.high[w, b][k] > far or bounds.low[w, b][k] - bounds.high[w, a][k] > far:
             return False
@@ -92,7 +91,7 @@ def sort_surfaces(
     for k in range(n):
         i = pairs.node[k]
         drift += v[w, i]
-        moved += x[w, i] - pairs.place[w, i]
+        moved += x[w, i] - pairs.listed_x[w, i]
     drift = drift / wp.float64(n)
     moved = moved / wp.float64(n)
     fastest = wp.float64(0.0)
@@ -100,7 +99,7 @@ def sort_surfaces(
     for k in range(n):
         i = pairs.node[k]
         fastest = wp.max(fastest, wp.length_sq(v[w, i] - drift))
-        farthest = wp.max(farthest, wp.length_sq(x[w, i] - pairs.place[w, i] - moved))
+        farthest = wp.max(farthest, wp.length_sq(x[w, i] - pairs.listed_x[w, i] - moved))
     fastest = wp.sqrt(fastest)
     pairs.fastest[w] = fastest
     step = MARGIN * fastest * h[w]
@@ -114,7 +113,7 @@ def sort_surfaces(
     pairs.side_count[w] = 0
     for k in range(pairs.node.shape[0]):
         i = pairs.node[k]
-        pairs.place[w, i] = x[w, i]
+        pairs.listed_x[w, i] = x[w, i]
         nodes.point[w, k] = x[w, i]
     sort_points(nodes, w)
     if pairs.edge.shape[0] > 0:
@@ -126,11 +125,11 @@ def sort_surfaces(
 
 @wp.func
 def list_pair(
-    pairs: wp.array2d[wp.vec2i], count: wp.array[wp.int32], crowded: wp.array[wp.int32], w: int, a: int, b: int
+    pairs: wp.array2d[wp.vec2i], count: wp.array[wp.int32], overflowed: wp.array[wp.int32], w: int, a: int, b: int
 ) -> None:
     slot = wp.atomic_add(count, w, 1)
     if slot >= pairs.shape[1]:
-        crowded[w] = 1
+        overflowed[w] = 1
         count[w] = pairs.shape[1]
         return
     pairs[w, slot] = wp.vec2i(a, b)
@@ -203,7 +202,7 @@ def list_faces(
                     far = sum + margin
                     if wp.length_sq(away) > far * far:
                         continue
-                    list_pair(pairs.faces, pairs.face_count, found.crowded, w, n, t)
+                    list_pair(pairs.faces, pairs.face_count, found.overflowed, w, n, t)
 
 
 @wp.kernel
@@ -242,7 +241,7 @@ def list_sides(
                         continue
                     part = wp.clamp(wp.dot(x[w, n] - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0))
                     if wp.length(x[w, n] - a - (b - a) * part) <= reach:
-                        list_pair(pairs.sides, pairs.side_count, found.crowded, w, n, t)
+                        list_pair(pairs.sides, pairs.side_count, found.overflowed, w, n, t)
 
 
 @wp.kernel
@@ -318,7 +317,7 @@ def list_crossings(
                     far = sum + margin
                     if wp.length_sq(apart) > far * far:
                         continue
-                    list_pair(pairs.crossings, pairs.crossing_count, found.crowded, w, e, f)
+                    list_pair(pairs.crossings, pairs.crossing_count, found.overflowed, w, e, f)
 
 
 @wp.func
@@ -393,14 +392,14 @@ def take_pairs(
         n = pairs.sides[w, k][0]
         n0 = surface.sides[pairs.sides[w, k][1], 0]
         n1 = surface.sides[pairs.sides[w, k][1], 1]
-        way = x[w, n1] - x[w, n0]
-        t_side = wp.clamp(wp.dot(x[w, n] - x[w, n0], way) / wp.dot(way, way), wp.float64(0.0), wp.float64(1.0))
-        away = x[w, n] - x[w, n0] - way * t_side
+        edge = x[w, n1] - x[w, n0]
+        t_side = wp.clamp(wp.dot(x[w, n] - x[w, n0], edge) / wp.dot(edge, edge), wp.float64(0.0), wp.float64(1.0))
+        away = x[w, n] - x[w, n0] - edge * t_side
         u = v[w, n] - v[w, n0] - (v[w, n1] - v[w, n0]) * t_side
         sum = radius[n] + radius[n0]
         far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
-        if wp.dot(wp.cross(way, surface.across), away) < wp.float64(0.0):
-            far = DEEPEST * wp.length(way)
+        if wp.dot(wp.cross(edge, surface.across), away) < wp.float64(0.0):
+            far = DEEPEST * wp.length(edge)
         if wp.length_sq(away) > far * far:
             continue
         z = Contact()

@@ -31,26 +31,26 @@ def gather_wrench(grid: Grid, wetted: Wetted, w: int, p: wp.array[wp.float64]) -
 
 @wp.func(inline=False)
 def respond(grid: Grid, solids: Solids, bodies: wp.array2d[Body], wetted: Wetted, w: int, dt: wp.float64) -> None:
-    """push and turn: changes of velocity and angular velocity by force and torque over dt."""
+    """Compute push and spin: changes of velocity and angular velocity by force and torque over dt."""
     for b in range(solids.bodies):
         share = solids.share[b]
         m = bodies[w, b].inverse_mass * share
         r = bodies[w, b].rotation
         wetted.push[w, b] = wetted.force[w, b] * (m * dt)
-        turn = (r * (bodies[w, b].inverse_inertia * (wp.transpose(r) * wetted.torque[w, b]))) * (m * dt)
+        change = (r * (bodies[w, b].inverse_inertia * (wp.transpose(r) * wetted.torque[w, b]))) * (m * dt)
         if grid.thin >= 0:
-            spin = turn[grid.thin]
-            turn = wp.vec3d()
-            turn[grid.thin] = spin
-        wetted.turn[w, b] = turn
+            spin = change[grid.thin]
+            change = wp.vec3d()
+            change[grid.thin] = spin
+        wetted.spin[w, b] = change
 
 
 @wp.func(inline=False)
 def add_outflow(grid: Grid, wetted: Wetted, w: int, y: wp.array[wp.float64], none: int) -> None:
-    """Adds to y the divergence that push and turn make [1/s]."""
+    """Add to y the divergence of push and spin [1/s]."""
     for e in range(wetted.count[w]):
         b = wetted.body[w, e]
-        speed = wetted.push[w, b][wetted.axis[w, e]] + wp.dot(wetted.turn[w, b], wetted.arm[w, e])
+        speed = wetted.push[w, b][wetted.axis[w, e]] + wp.dot(wetted.spin[w, b], wetted.arm[w, e])
         flow = wetted.cover[w, e] * speed / grid.cell
         low = wetted.lower[w, e]
         high = wetted.upper[w, e]
@@ -62,10 +62,10 @@ def add_outflow(grid: Grid, wetted: Wetted, w: int, y: wp.array[wp.float64], non
 
 @wp.func(inline=False)
 def present_motion(bodies: wp.array2d[Body], wetted: Wetted, w: int, count: int) -> None:
-    """push and turn: the velocities that the bodies have."""
+    """Set push and spin to the velocities of the bodies."""
     for b in range(count):
         wetted.push[w, b] = bodies[w, b].v
-        wetted.turn[w, b] = bodies[w, b].w
+        wetted.spin[w, b] = bodies[w, b].w
 
 
 @wp.func(inline=False)
@@ -113,7 +113,7 @@ def push_bodies(
     for b in range(solids.bodies):
         if bodies[w, b].active == 1:
             bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
-            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.spin[w, b]
             pace.given[w] = pace.given[w] + wetted.force[w, b] * dt
             wetted.forecast[w, b] = wetted.forecast[w, b] + wetted.force[w, b] * (dt / h[w])
             wetted.forecast_torque[w, b] = wetted.forecast_torque[w, b] + wetted.torque[w, b] * (dt / h[w])
@@ -129,14 +129,14 @@ def bump_bodies(grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[B
     for b in range(solids.bodies):
         if bodies[w, b].active == 1:
             bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
-            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.spin[w, b]
 
 
 @wp.kernel
-def lend_forecast(
+def apply_prediction(
     grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[Body], h: wp.array[wp.float64]
 ) -> None:
-    """Give the bodies what the fluid gave them in the last coupling step, so that joints and contacts can hold it."""
+    """Apply the fluid's impulse of the last coupling step to bodies, so that joints and contacts can resist it."""
     w = wp.tid()
     for b in range(solids.bodies):
         wetted.force[w, b] = wetted.forecast[w, b]
@@ -144,20 +144,20 @@ def lend_forecast(
     respond(grid, solids, bodies, wetted, w, h[w])
     for b in range(solids.bodies):
         if bodies[w, b].active == 1:
-            wetted.lent[w, b] = wetted.push[w, b]
-            wetted.lent_turn[w, b] = wetted.turn[w, b]
+            wetted.predicted_push[w, b] = wetted.push[w, b]
+            wetted.predicted_spin[w, b] = wetted.spin[w, b]
             bodies[w, b].v = bodies[w, b].v + wetted.push[w, b]
-            bodies[w, b].w = bodies[w, b].w + wetted.turn[w, b]
+            bodies[w, b].w = bodies[w, b].w + wetted.spin[w, b]
 
 
 @wp.kernel
-def take_back(solids: Solids, wetted: Wetted, bodies: wp.array2d[Body]) -> None:
-    """Take what was lent, and begin the next forecast."""
+def remove_prediction(solids: Solids, wetted: Wetted, bodies: wp.array2d[Body]) -> None:
+    """Remove the predicted velocity change, and reset the forecast."""
     w = wp.tid()
     for b in range(solids.bodies):
-        bodies[w, b].v = bodies[w, b].v - wetted.lent[w, b]
-        bodies[w, b].w = bodies[w, b].w - wetted.lent_turn[w, b]
-        wetted.lent[w, b] = wp.vec3d()
-        wetted.lent_turn[w, b] = wp.vec3d()
+        bodies[w, b].v = bodies[w, b].v - wetted.predicted_push[w, b]
+        bodies[w, b].w = bodies[w, b].w - wetted.predicted_spin[w, b]
+        wetted.predicted_push[w, b] = wp.vec3d()
+        wetted.predicted_spin[w, b] = wp.vec3d()
         wetted.forecast[w, b] = wp.vec3d()
         wetted.forecast_torque[w, b] = wp.vec3d()

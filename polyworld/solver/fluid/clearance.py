@@ -1,4 +1,4 @@
-"""How far points are from a world's solids at the start."""
+"""Distances of points from a world's solids at the start."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def clearance(world: World, points: Array) -> Array:
     solids, _meshes = build_solids(world)
     objects = world.objects
     present = np.array([o.start_time == 0.0 for o in objects] or [False], dtype=np.int32)
-    place = np.array([o.position for o in objects] or [(0.0, 0.0, 0.0)], dtype=float)
-    turns = np.array([o.orientation for o in objects] or [(1.0, 0.0, 0.0, 0.0)], dtype=float)
+    position = np.array([o.position for o in objects] or [(0.0, 0.0, 0.0)], dtype=float)
+    orientations = np.array([o.orientation for o in objects] or [(1.0, 0.0, 0.0, 0.0)], dtype=float)
     out = wp.zeros(len(points), dtype=wp.float64, device="cpu")
     wp.launch(
         distances,
@@ -30,8 +30,8 @@ def clearance(world: World, points: Array) -> Array:
         inputs=[
             solids,
             wp.array(present, dtype=wp.int32, device="cpu"),
-            wp.array(place, dtype=wp.vec3d, device="cpu"),
-            wp.array(geometry.quaternion_matrix(turns), dtype=wp.mat33d, device="cpu"),
+            wp.array(position, dtype=wp.vec3d, device="cpu"),
+            wp.array(geometry.quaternion_matrix(orientations), dtype=wp.mat33d, device="cpu"),
             wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device="cpu"),
             out,
         ],

@@ -1,4 +1,4 @@
-"""How much of each face and cell is free of solids, and which faces rigid bodies cover."""
+"""Fractions of faces and cells free of solids, and the faces that rigid bodies cover."""
 
 import warp as wp
 
@@ -16,7 +16,7 @@ QUARTER = wp.float64(0.25)
 
 @wp.func
 def _offset(grid: Grid, n: int, axis: int) -> wp.vec3d:
-    """The n-th of eight points a quarter edge around a sample; those of a face lie in it."""
+    """Return the n-th of eight points a quarter edge around a sample; those of a face lie in it."""
     o = wp.vec3d(
         QUARTER - HALF * wp.float64(n % 2),
         QUARTER - HALF * wp.float64((n // 2) % 2),
@@ -222,7 +222,7 @@ def cover_by_bodies(
 def distances(
     solids: Solids,
     present: wp.array[wp.int32],
-    place: wp.array[wp.vec3d],
+    position: wp.array[wp.vec3d],
     rotation: wp.array[wp.mat33d],
     points: wp.array[wp.vec3d],
     out: wp.array[wp.float64],
@@ -237,7 +237,7 @@ def distances(
         if b >= 0:
             if present[b] == 0:
                 continue
-            x = place[b]
+            x = position[b]
             r = rotation[b]
         d = wp.min(d, nearest(solids, s, to_solid(solids.solids[s], x, r, points[i]))[3])
     out[i] = d

@@ -1,4 +1,4 @@
-"""How far a point is from a solid, which way is out, and how much of a cell's neighbourhood a solid covers."""
+"""Distance and outward direction of a point from a solid, and the part of a cell's surroundings a solid covers."""
 
 import warp as wp
 
@@ -150,6 +150,6 @@ def cover(solids: Solids, s: int, p: wp.vec3d, h: wp.float64, flat: int) -> wp.f
 
 @wp.func
 def to_solid(solid: Solid, x: wp.vec3d, rotation: wp.mat33d, p: wp.vec3d) -> wp.vec3d:
-    """A world point in the axes of a solid whose body is at x with the given rotation."""
+    """Return a world point in the axes of a solid whose body is at x with the given rotation."""
     local = wp.transpose(rotation) * (p - x)
     return wp.transpose(solid.rotation) * (local - solid.position)

@@ -1,4 +1,4 @@
-"""Volume: shifts of the particles that undo what crowding and thinning out has crept in.
+"""Volume: shifts of the particles that undo accumulated errors of density.
 
 Kugelstadt, Longva, Thuerey, Bender, Implicit density projection for volume conserving liquids (2019): a Poisson
 problem like the pressure's, whose right side is the excess of content. It moves particles, not velocities.

@@ -77,7 +77,7 @@ def _inside(grid: Grid, x: wp.vec3d) -> int:
 
 @wp.kernel
 def widen_window(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
-    """The window of cells takes in the whole of the soft bodies that reach into it."""
+    """Widen the window of cells to the whole of the soft bodies that reach into it."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
@@ -161,7 +161,7 @@ def immerse_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays
 
 @wp.func
 def _in_window(grid: Grid, fields: Fields, w: int, x: wp.vec3d) -> int:
-    """Whether the samples around x lie among the cells that are looked at."""
+    """Check whether the samples around x lie among the cells that are looked at."""
     g = (x - grid.origin) / grid.cell
     for a in range(3):
         if grid.wide[a] == 1:
@@ -246,7 +246,7 @@ def _corner_weight(at: Stencil, n: int) -> wp.float64:
 
 @wp.func
 def _holds(grid: Grid, fields: Fields, w: int, a: int, c: int) -> int:
-    """Whether a face has enough liquid around it, and is open enough, to take part: a spray's face would fly off."""
+    """Check whether a face has enough liquid around it, and is open enough: a spray's face would fly off."""
     if fields.bulk[w, a, c] > SPARSE * grid.volume and fields.open[w, a, c] > OPEN:
         return 1
     return 0

@@ -145,9 +145,9 @@ class Wetted:
     """Faces that rigid bodies cover, count[w] of (W, E): what pressure pushes on.
 
     lower, upper: rows of the cells on both sides. cover: covered fraction. arm: offset from the centre of mass
-    crossed with the axis. force, torque (W, n): of the pressure, per metre in a plane; push, turn: what they do to
+    crossed with the axis. force, torque (W, n): of the pressure, per metre in a plane; push, spin: what they do to
     the velocities. forecast, forecast_torque: mean force and torque over the last coupling step;
-    lent, lent_turn: velocities that bodies were given in advance.
+    predicted_push, predicted_spin: changes predicted, and applied in advance.
     """
 
     count: wp.array[wp.int32]
@@ -161,11 +161,11 @@ class Wetted:
     force: wp.array2d[wp.vec3d]  # (W, n)
     torque: wp.array2d[wp.vec3d]
     push: wp.array2d[wp.vec3d]
-    turn: wp.array2d[wp.vec3d]
+    spin: wp.array2d[wp.vec3d]
     forecast: wp.array2d[wp.vec3d]
     forecast_torque: wp.array2d[wp.vec3d]
-    lent: wp.array2d[wp.vec3d]
-    lent_turn: wp.array2d[wp.vec3d]
+    predicted_push: wp.array2d[wp.vec3d]
+    predicted_spin: wp.array2d[wp.vec3d]
     capacity: int
 
 
@@ -174,7 +174,7 @@ class Pace:
     """Sub-steps: left (W,) of the coupling step, dt (W,) of this sub-step, 0 where a world is done; go (1,).
 
     given (W,): momentum that bodies and nodes have taken from the liquid in this sub-step. touching (W,): 1 where
-    liquid is near a static or a side of the box, which then take momentum too. lost (W,): first particle that is
+    liquid is near a static or a side of the box, which then take momentum too. diverged (W,): first particle that is
     not a number or too fast, -1 for none.
     """
 
@@ -185,7 +185,7 @@ class Pace:
     fastest: wp.array[wp.float64]
     given: wp.array[wp.vec3d]
     touching: wp.array[wp.int32]
-    lost: wp.array[wp.int32]
+    diverged: wp.array[wp.int32]
 
 
 @wp.struct

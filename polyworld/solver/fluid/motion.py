@@ -16,7 +16,7 @@ SHUT = wp.float64(1.0e-3)
 
 @wp.struct
 class Motion:
-    """Where and how fast; or, of the nearest solid, its outward normal, its velocity, its body, -1 for none,
+    """Position and velocity; or, of the nearest solid, its outward normal, its velocity, its body, -1 for none,
     and its distance."""
 
     x: wp.vec3d
@@ -158,11 +158,11 @@ def slide_along_solids(
                     fields.velocity[w, a, c] = slid
                     shallow = near.distance > -wp.float64(0.49) * grid.cell
                     if near.body >= 0 and fields.mass[w, a, c] > ZERO and shallow:
-                        lost = wp.vec3d()
-                        lost[a] = fields.mass[w, a, c] * (fields.shift[w, a, c] - slid)
+                        momentum_loss = wp.vec3d()
+                        momentum_loss[a] = fields.mass[w, a, c] * (fields.shift[w, a, c] - slid)
                         b = near.body
-                        wetted.force[w, b] = wetted.force[w, b] + lost
-                        wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(p - bodies[w, b].x, lost)
+                        wetted.force[w, b] = wetted.force[w, b] + momentum_loss
+                        wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(p - bodies[w, b].x, momentum_loss)
 
 
 @wp.func
@@ -181,32 +181,32 @@ def _keep_out(
     skin = SKIN * grid.cell
     for s in range(last):
         b = solids.solids[s].body
-        place = wp.vec3d()
+        position = wp.vec3d()
         r = wp.identity(n=3, dtype=wp.float64)
         if b >= 0:
             if bodies[w, b].active == 0:
                 continue
-            place = bodies[w, b].x
+            position = bodies[w, b].x
             reach = solids.solids[s].bound + wp.length(solids.solids[s].position) + skin
-            away = x - place
+            away = x - position
             if grid.thin >= 0:
                 away[grid.thin] = ZERO
             if wp.dot(away, away) > reach * reach:
                 continue
             r = bodies[w, b].rotation
-        near = nearest(solids, s, to_solid(solids.solids[s], place, r, x))
+        near = nearest(solids, s, to_solid(solids.solids[s], position, r, x))
         if near[3] < skin:
             n = r * (solids.solids[s].rotation * wp.vec3d(near[0], near[1], near[2]))
             u = wp.vec3d()
             if b >= 0:
-                u = bodies[w, b].v + wp.cross(bodies[w, b].w, x - place)
+                u = bodies[w, b].v + wp.cross(bodies[w, b].w, x - position)
             into = wp.dot(v - u, n)
             if into < ZERO:
                 v = v - n * into
                 if b >= 0:
                     impulse = n * (mass * into)
                     wetted.force[w, b] = wetted.force[w, b] + impulse
-                    wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(x - place, impulse)
+                    wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(x - position, impulse)
             x = x + n * (skin - near[3])
     return _motion(x, v)
 
@@ -253,7 +253,7 @@ def move_particles(
         fluid = particles.fluid[w, p]
         mass = particles.volume * liquids.density[w % liquids.density.shape[0], fluid]
         was = particles.v[w, p] + fall
-        u = v + gradient * (v * (HALF * dt))  # at the middle of the way
+        u = v + gradient * (v * (HALF * dt))  # at the middle of the path
         x = x + u * dt + shift
         gone = wp.int32(0)
         for a in range(3):
@@ -297,7 +297,7 @@ def move_particles(
         gained[grid.thin] = ZERO
     if pace.touching[w] == 1 or whole <= ZERO:
         return
-    # Nothing but gravity acts from outside: what the free surface's ghost values have made or lost goes back.
+    # Nothing but gravity acts from outside: what the free surface's ghost values have gained or lost is put back.
     for p in range(particles.used[w]):
         if particles.fluid[w, p] >= 0:
             particles.v[w, p] = particles.v[w, p] - gained / whole

@@ -31,7 +31,7 @@ ITERATIONS = 400
 
 @wp.func
 def surface_pressure(tension: Tension, w: int, inner: int, outer: int, gap: wp.float64) -> wp.float64:
-    """Pressure of the liquid at its surface, a part `gap` of the way from the inner cell to the outer one."""
+    """Return the pressure at the surface, a fraction `gap` of the distance from the inner to the outer cell."""
     t = wp.min(gap, ONE)
     return (ONE - t) * tension.jump[w, inner] + t * tension.jump[w, outer]
 
@@ -40,7 +40,7 @@ def surface_pressure(tension: Tension, w: int, inner: int, outer: int, gap: wp.f
 def build_pressure(
     grid: Grid, fields: Fields, system: System, wetted: Wetted, tension: Tension, tense: int, pace: Pace
 ) -> None:
-    """The equations: row i is the divergence at cell i that pressures take away."""
+    """Build the equations: row i is the divergence at cell i that pressures remove."""
     w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:

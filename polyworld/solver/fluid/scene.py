@@ -38,7 +38,7 @@ def thin_axis(world: World) -> int:
 
 
 def build_grid(world: World) -> layout.Grid:
-    """The cells of a world's fluid_grid, `layout.PAD` more on every side."""
+    """Return the cells of a world's fluid_grid, `layout.PAD` more on every side."""
     box = world.fluid_grid
     if box is None:
         raise ValueError("the world has no fluid_grid")
@@ -80,7 +80,7 @@ class _Table:
         self.meshes: list[Any] = []
 
     def add(self, shape: Any, body: int, position: Array, rotation: Array, pose: Array) -> None:
-        """One shape at a place in its body's axes; pose (3, 3): rotation of the body at the start."""
+        """Add one shape at a position in its body's axes; pose (3, 3): rotation of the body at the start."""
         row: dict[str, Any]
         if isinstance(shape, Sphere):
             row = {"kind": rigid.SPHERE, "size": (shape.radius, 0, 0), "bound": shape.radius}
@@ -127,7 +127,7 @@ class _Table:
         return row
 
     def _through_plane(self, shape: Any, row: dict[str, Any], rotation: Array) -> dict[str, Any]:
-        """The shape's outline in the plane, extended across it without end."""
+        """Return the shape's outline in the plane, extended across it without end."""
         across = np.abs(rotation.T @ self.axes[2])
         if isinstance(shape, Sphere) or (isinstance(shape, Capsule) and across[2] < 1e-6):
             return row
@@ -156,24 +156,24 @@ def build_solids(world: World) -> tuple[layout.Solids, list[Any]]:
     moving = len(table.rows)
     for static in world.statics:
         position = np.asarray(static.position, dtype=float)
-        turn = geometry.quaternion_matrix(np.asarray(static.orientation, dtype=float))
+        orientation = geometry.quaternion_matrix(np.asarray(static.orientation, dtype=float))
         shape = static.shape
         if isinstance(shape, Plane):
-            normal = turn @ (np.asarray(shape.normal, dtype=float) / np.linalg.norm(shape.normal))
+            normal = orientation @ (np.asarray(shape.normal, dtype=float) / np.linalg.norm(shape.normal))
             if table.thin < 0 or abs(normal[table.thin]) < 1.0 - 1e-9:
                 table.add_plane(normal, shape.offset + float(normal @ position))
             continue
         if isinstance(shape, TriangleMesh):
-            table.add_mesh(shape, position, turn)
+            table.add_mesh(shape, position, orientation)
             continue
         if isinstance(shape, Wall):
             shape, centre, rotation = geometry.wall_box(shape)
-            position, turn = turn @ centre + position, turn @ rotation
+            position, orientation = orientation @ centre + position, orientation @ rotation
         if table.thin >= 0:
             position = position.copy()
             position[table.thin] = table.plane[table.thin]
-        table.add(shape, -1, position, np.eye(3), turn)
-        table.rows[-1]["rotation"] = turn
+        table.add(shape, -1, position, np.eye(3), orientation)
+        table.rows[-1]["rotation"] = orientation
     _add_cut_sides(world, table)
     return _solids(world, table, moving), table.meshes
 

@@ -42,8 +42,8 @@ FLUID_PARAMETERS = ("density", "viscosity", "surface_tension")
 class FluidSolver:
     """The fluids of a world in `n_worlds` variants over at most `horizon` seconds.
 
-    A coupling step is `lend` before the rigid step (so that joints and contacts hold against the fluid's push), the
-    rigid step, then `step`. Both are launches of kernels alone and may be captured in a graph.
+    A coupling step is `apply_prediction` before the rigid step (so that joints and contacts resist the fluid's push),
+    the rigid step, then `step`. Both are launches of kernels alone and may be captured in a graph.
     """
 
     def __init__(self, world: World, n_worlds: int, horizon: float) -> None:
@@ -89,31 +89,31 @@ class FluidSolver:
     def write(self, fields: Fields) -> bool:
         """Take values (1,) or (W,): fluid -> density, viscosity, surface_tension; emitter -> rate; else the world's.
 
-        True where arrays were made anew, so that a captured graph must be captured again.
+        Returns True where arrays were reallocated, so that a captured graph must be captured again.
         """
-        anew = False
+        recapture = False
         for parameter in FLUID_PARAMETERS:
             rows = [fields.get(f.name, {}).get(parameter, np.array([getattr(f, parameter)])) for f in self.fluids]
-            anew |= _write(self._liquids, parameter, rows)
+            recapture |= _write(self._liquids, parameter, rows)
         rates = [fields.get(e.name, {}).get("rate", np.array([e.rate])) for e in self.world.emitters]
         if rates:
-            anew |= _write(self._sources, "rate", rates)
+            recapture |= _write(self._sources, "rate", rates)
         self._rates = {e.name: float(np.max(r)) for e, r in zip(self.world.emitters, rates, strict=True)}
         seeded = sum(len(s.nodes) for s in self._seeds)
         needed = particles_needed(self.world, seeded, self._rates, self.particle_volume, self.horizon)
         if needed > self._particles.x.shape[1]:
             self._particles = storage.particle_arrays(self.grid, self.n_worlds, needed)
             self.reset()
-            anew = True
+            recapture = True
         thickest = float((self._liquids.viscosity.numpy() / self._liquids.density.numpy()).max(initial=0.0))
         viscous = self.world.time.substep * thickest / float(self.grid.cell) ** 2 > INVISCID
-        anew |= viscous != self._has_viscosity
+        recapture |= viscous != self._has_viscosity
         self._has_viscosity = viscous
         tense = int(bool((self._liquids.surface_tension.numpy() > 0.0).any()))
         if tense != self._tense:
-            self._tense, anew = tense, True
+            self._tense, recapture = tense, True
             self._tension = storage.tension_arrays(self.grid, self.n_worlds, bool(tense))
-        return anew
+        return recapture
 
     def reset(self) -> None:
         """Back to the initial state."""
@@ -133,33 +133,39 @@ class FluidSolver:
             p.fluid.numpy()[:, :seeded] = np.repeat(np.arange(len(counts)), counts)
         p.used.fill_(seeded)
         self._fields.pressure.zero_()
-        self._pace.lost.fill_(-1)
+        self._pace.diverged.fill_(-1)
         wet, s = self._wetted, self._sources
-        arrays: list[Any] = [wet.forecast, wet.forecast_torque, wet.lent, wet.lent_turn, self._system.overflow]
+        arrays: list[Any] = [
+            wet.forecast,
+            wet.forecast_torque,
+            wet.predicted_push,
+            wet.predicted_spin,
+            self._system.overflow,
+        ]
         arrays += [s.due, s.allowed, s.emitted, s.drained, s.full]
         for array in arrays:
             array.zero_()
 
-    def lend(self, clock: Clock) -> None:
-        """Before the rigid step: bodies get the impulse that the fluid gave them in the last one; `step` takes it back.
+    def apply_prediction(self, clock: Clock) -> None:
+        """Before the rigid step, apply the fluid's last impulse to bodies as a prediction, which `step` removes.
 
         Joints and contacts then bear the weight of the fluid. Without it a light body held under a heavy fluid
         gives way.
         """
         if self.solids.bodies:
-            self._launch(bodies.lend_forecast, self.grid, self.solids, self._wetted, self._bodies, clock.h)
+            self._launch(bodies.apply_prediction, self.grid, self.solids, self._wetted, self._bodies, clock.h)
 
     def step(self, clock: Clock) -> None:
         """Advance by clock.h, in sub-steps; bodies and nodes take the fluid's impulses."""
         self._liquids.gravity = clock.gravity
         self._h = clock.h
-        if self._nodes is not None:  # their masses may have been made anew
+        if self._nodes is not None:  # their masses may have been reallocated
             self._nodes.mass, self._nodes.inverse_mass = self._node_source.mass, self._node_source.inverse_mass
         if self._sources.emitters or self._sources.drains:
             inputs = (self.grid, self._particles, self._sources, clock.time, clock.h)
             self._launch(sources.emit_and_drain, *inputs)
         if self.solids.bodies:
-            self._launch(bodies.take_back, self.solids, self._wetted, self._bodies)
+            self._launch(bodies.remove_prediction, self.solids, self._wetted, self._bodies)
         self._launch(transfer.begin_step, self._pace, clock.h)
         wp.capture_while(self._pace.go, self._substep)
 
@@ -219,9 +225,9 @@ class FluidSolver:
         return result
 
     @property
-    def lost(self) -> Any:
+    def diverged(self) -> Any:
         """Warp array (W,) int32: the first particle that was not a number or too fast, -1 for none; its world stops."""
-        return self._pace.lost
+        return self._pace.diverged
 
     @property
     def full(self) -> NDArray[np.bool_]:
@@ -286,7 +292,7 @@ def _liquids(fluids: tuple[Fluid, ...]) -> Any:
 
 
 def _write(holder: Any, name: str, columns: list[Array]) -> bool:
-    """Write columns of (1,) or (W,) values as (R, n) in place; True where the array was made anew."""
+    """Write columns of (1,) or (W,) values as (R, n) in place; return True where the array was reallocated."""
     rows = max(len(np.atleast_1d(c)) for c in columns)
     values = np.stack([np.broadcast_to(c, (rows,)) for c in columns], axis=1)
     kept = getattr(holder, name)

@@ -72,7 +72,7 @@ def _fraction(x: wp.float64) -> wp.float64:
 
 @wp.func
 def _mouth(grid: Grid, sources: Sources, e: int, n: int) -> wp.vec3d:
-    """Where in the mouth the n-th particle leaves: evenly over the disc, or the slot of a plane."""
+    """Return where in the mouth the n-th particle leaves: evenly over the disc, or the slot of a plane."""
     d = sources.direction[e]
     u = _fraction(HALF + wp.float64(n) * GOLDEN)
     if grid.thin >= 0:

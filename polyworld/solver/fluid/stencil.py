@@ -1,4 +1,4 @@
-"""Where a point lies among the grid's samples, and linear interpolation there."""
+"""Indices of the grid's samples around a point, and linear interpolation there."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ HALF = wp.float64(0.5)
 
 @wp.struct
 class Stencil:
-    """Lowest of the eight samples around a point, and the point's place between them, 0 to 1 along each axis."""
+    """Return the lowest of the eight samples around a point, and the point's position among them, 0 to 1 an axis."""
 
     base: int
     f: wp.vec3d
@@ -28,7 +28,7 @@ def face_offset(axis: int) -> wp.vec3d:
 
 @wp.func
 def stencil(grid: Grid, x: wp.vec3d, axis: int) -> Stencil:
-    """The eight samples around x of a quantity on the faces of an axis, or (3) at cell centres."""
+    """Return the eight samples around x of a quantity on the faces of an axis, or (3) at cell centres."""
     g = (x - grid.origin) / grid.cell - face_offset(axis)
     s = Stencil()
     base = wp.int32(0)
@@ -142,6 +142,6 @@ def scatter_linear(
 
 @wp.func
 def centre(grid: Grid, i: int, j: int, k: int, axis: int) -> wp.vec3d:
-    """Where the sample of cell (i, j, k) lies: a face's centre, or (3) the cell's."""
+    """Return where the sample of cell (i, j, k) lies: a face's centre, or (3) the cell's."""
     index = wp.vec3d(wp.float64(i), wp.float64(j), wp.float64(k))
     return grid.origin + (index + face_offset(axis)) * grid.cell

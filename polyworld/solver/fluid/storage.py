@@ -11,7 +11,7 @@ from polyworld.solver.fluid import layout
 
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    """A Warp array of zeros on the CPU."""
+    """Return a Warp array of zeros on the CPU."""
     return wp.zeros(shape, dtype=dtype, device="cpu")
 
 
@@ -66,7 +66,7 @@ def wetted_arrays(grid: layout.Grid, solids: layout.Solids, worlds: int) -> layo
     for name in ("lower", "upper", "body", "axis", "face"):
         setattr(wet, name, zeros((w, capacity), wp.int32))
     wet.cover, wet.arm = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.vec3d)
-    for name in ("force", "torque", "push", "turn", "forecast", "forecast_torque", "lent", "lent_turn"):
+    for name in ("force", "torque", "push", "spin", "forecast", "forecast_torque", "predicted_push", "predicted_spin"):
         setattr(wet, name, zeros((w, n), wp.vec3d))
     return wet
 
@@ -96,6 +96,6 @@ def pace_arrays(worlds: int) -> layout.Pace:
     p = layout.Pace()
     p.left, p.dt, p.fastest = (zeros((worlds,), wp.float64) for _ in range(3))
     p.given, p.touching = zeros((worlds,), wp.vec3d), zeros((worlds,), wp.int32)
-    p.lost = wp.full((worlds,), -1, dtype=wp.int32, device="cpu")
+    p.diverged = wp.full((worlds,), -1, dtype=wp.int32, device="cpu")
     p.go, p.steps = zeros((1,), wp.int32), zeros((worlds,), wp.int32)
     return p

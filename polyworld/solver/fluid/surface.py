@@ -8,7 +8,7 @@ from polyworld.solver.fluid.stencil import HALF, ONE, ZERO
 wp.set_module_options(OPTIONS)
 
 ROOMY = wp.float64(0.75)  # cells with less room than this share their neighbours' content,
-TIGHT = wp.float64(0.5)  # and those with less than this have too little to tell: they continue their neighbours' level
+TIGHT = wp.float64(0.5)  # and those with less than this, too little to be reliable, continue their neighbours' level
 
 
 @wp.func

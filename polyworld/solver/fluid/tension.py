@@ -17,7 +17,7 @@ FAINT = wp.float64(1.0e-6)
 
 @wp.func
 def _beyond(grid: Grid, lo: wp.vec3i, hi: wp.vec3i, index: wp.vec3i, c: int, a: int, side: int) -> int:
-    """The neighbour of cell c along an axis, or c itself at the window's end."""
+    """Return the neighbour of cell c along an axis, or c itself at the window's end."""
     if grid.wide[a] == 0:
         return c
     at = index[a] + 2 * side - 1

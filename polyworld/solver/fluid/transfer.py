@@ -31,7 +31,7 @@ def choose_step(
 ) -> None:
     """Length of the next sub-step, an equal part of what is left, and the window of cells around the particles.
 
-    A world with a particle that is lost stops: `lost` tells which.
+    A world stops where a particle diverges; `diverged` is that particle.
     """
     w = wp.tid()
     if w == 0:
@@ -53,8 +53,8 @@ def choose_step(
         v = particles.v[w, p]
         speed = wp.length(v)
         if not (speed < TOO_FAST):  # not a number, too
-            if pace.lost[w] < 0:
-                pace.lost[w] = p
+            if pace.diverged[w] < 0:
+                pace.diverged[w] = p
             pace.left[w] = ZERO
             return
         g = (particles.x[w, p] - grid.origin) / grid.cell

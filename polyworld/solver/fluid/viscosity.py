@@ -22,7 +22,7 @@ WALL = wp.float64(0.72)  # a face less open than this has its centre in a solid,
 FARTHEST = wp.float64(1.3)
 NEAREST = wp.float64(0.25)  # distance of a sample from a wall, in edges, is at least this
 
-LEAST_ROOM = wp.float64(0.1)  # a cell with less room tells nothing
+LEAST_ROOM = wp.float64(0.1)  # a cell with less room is left out
 
 EMPTY = 0
 LIQUID = 1
@@ -148,7 +148,7 @@ def _mean_sticky(fields: Fields, viscous: Viscous, w: int, c: int, ca: int, cb: 
 
 @wp.func(inline=False)
 def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int, b: int) -> Shear:
-    """The edge at the lower corner of cell c, along the axis that is neither a nor b."""
+    """Return the edge at the lower corner of cell c, along the axis that is neither a nor b."""
     s = Shear()
     ca = c - grid.stride[a]
     cb = c - grid.stride[b]

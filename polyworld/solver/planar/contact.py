@@ -3,10 +3,10 @@
 import warp as wp
 
 from polyworld.solver.contact_coefficients import of_contact
-from polyworld.solver.planar.contact_effects import as_effects_have_it, lose_sliding
-from polyworld.solver.planar.joints import begin_hold, hold_hinge, join_rate
+from polyworld.solver.planar.contact_effects import apply_tangential_loss, with_contact_effects
+from polyworld.solver.planar.joints import project_hinge_rate, solve_hinge, warm_start_hinges
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Samples, Scene, Whereabouts
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Row, Samples, Scene
 from polyworld.solver.planar.separation import find_manifold
 
 wp.set_module_options({"enable_backward": False})
@@ -84,14 +84,14 @@ def apply_impulse(
     a = row.a
     ma = bodies.inverse_mass[w, a]
     ia = bodies.inverse_inertia[w, a]
-    turn_a = row.arm_a[0] * p[1] - row.arm_a[1] * p[0] + roll
-    bodies.next_rate[w, a] = bodies.next_rate[w, a] - wp.vec3d(ma * p[0], ma * p[1], ia * turn_a)
+    moment_a = row.arm_a[0] * p[1] - row.arm_a[1] * p[0] + roll
+    bodies.next_rate[w, a] = bodies.next_rate[w, a] - wp.vec3d(ma * p[0], ma * p[1], ia * moment_a)
     b = row.b
     if b < scene.bodies:
         mb = bodies.inverse_mass[w, b]
         ib = bodies.inverse_inertia[w, b]
-        turn_b = row.arm_b[0] * p[1] - row.arm_b[1] * p[0] + roll
-        bodies.next_rate[w, b] = bodies.next_rate[w, b] + wp.vec3d(mb * p[0], mb * p[1], ib * turn_b)
+        moment_b = row.arm_b[0] * p[1] - row.arm_b[1] * p[0] + roll
+        bodies.next_rate[w, b] = bodies.next_rate[w, b] + wp.vec3d(mb * p[0], mb * p[1], ib * moment_b)
 
 
 @wp.func
@@ -180,7 +180,7 @@ def find_rows(
                         contacts.rows[w, half, count] = row
                         count += 1
                     else:
-                        samples.crowded[w] = samples.crowded[w] + 1
+                        samples.overflowed[w] = samples.overflowed[w] + 1
                 # Both lists are in the order of the pairs, and a pair's points in the order of the tangent.
                 searching = wp.int32(1)
                 while searching == 1 and old < old_count:
@@ -207,8 +207,8 @@ def find_rows(
 
 
 @wp.func
-def settle(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
-    """One Gauss-Seidel visit of a row: normal, Coulomb friction, rolling resistance, each within its limit."""
+def solve_row(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
+    """Solve one row (Gauss-Seidel): normal, Coulomb friction, rolling resistance, each within its limit."""
     v = separation_speed(scene, bodies, w, row)
     new = wp.max(ZERO, row.impulse + (row.bounce - v[0]) * row.mass_normal)
     change = new - row.impulse
@@ -217,9 +217,9 @@ def settle(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
         apply_impulse(scene, bodies, w, row, change, ZERO, ZERO)
         v = separation_speed(scene, bodies, w, row)
     limit = row.friction * row.impulse
-    if row.grip > ZERO:
+    if row.stick_fraction > ZERO:
         limit = FAR
-    across = wp.clamp(row.impulse_tangent - (v[1] - row.aim) * row.mass_tangent, -limit, limit)
+    across = wp.clamp(row.impulse_tangent - (v[1] - row.target_velocity) * row.mass_tangent, -limit, limit)
     change_across = across - row.impulse_tangent
     row.impulse_tangent = across
     change_roll = ZERO
@@ -237,7 +237,7 @@ def settle(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
 
 
 @wp.func
-def reflect(
+def apply_restitution(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
@@ -246,12 +246,12 @@ def reflect(
     half: wp.int32,
     rows: wp.int32,
     share: wp.float64,
-    gripping: wp.float64,
+    sticking: wp.float64,
     threshold: wp.float64,
 ) -> None:
     """Bring the rows of this round to `share` of the separation speed that restitution demands; hinges hold.
 
-    gripping: 1 where those that grip do, 0 for Coulomb friction in all.
+    sticking: 1 for rows with a stick fraction to stick, 0 for Coulomb friction in all.
     """
     for sweep in range(IMPACT_SWEEPS):
         residual = ZERO
@@ -261,19 +261,19 @@ def reflect(
                 # Impulses of this round alone; those of the force solve wait in the row meanwhile.
                 visit = row
                 visit.bounce = row.bounce * share
-                visit.grip = row.grip * gripping
-                visit.aim = row.aim * (share * gripping)
+                visit.stick_fraction = row.stick_fraction * sticking
+                visit.target_velocity = row.target_velocity * (share * sticking)
                 visit.impulse = wp.where(sweep == 0, ZERO, row.round_impulse)
                 visit.impulse_tangent = wp.where(sweep == 0, ZERO, row.round_tangent)
                 visit.impulse_roll = wp.where(sweep == 0, ZERO, row.round_roll)
-                visit = settle(scene, bodies, w, visit)
+                visit = solve_row(scene, bodies, w, visit)
                 residual = wp.max(residual, visit.gap)
                 row.round_impulse = visit.impulse
                 row.round_tangent = visit.impulse_tangent
                 row.round_roll = visit.impulse_roll
                 contacts.rows[w, half, k] = row
         for j in range(joints.count):
-            residual = wp.max(residual, join_rate(bodies, joints, w, j))
+            residual = wp.max(residual, project_hinge_rate(bodies, joints, w, j))
         if residual <= threshold:
             break
 
@@ -298,7 +298,7 @@ def energy_gain(scene: Scene, bodies: Bodies, w: wp.int32) -> wp.float64:
 
 
 @wp.func
-def temper(
+def limit_restitution_energy(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
@@ -307,13 +307,13 @@ def temper(
     half: wp.int32,
     rows: wp.int32,
     gain: wp.float64,
-    gripping: wp.float64,
+    sticking: wp.float64,
     threshold: wp.float64,
 ) -> None:
-    """Lower the restitution of a round that friction has let gain energy (Kane 1984) until it gains none.
+    """Limit the restitution of a round in which friction would create energy (Kane 1984) to where it gains none.
 
     Between the plastic solution, which never gains, and Newton's, impulses and rates are mixed: the mixture
-    keeps within Coulomb's cone and apart, and its energy is quadratic in the share of Newton's.
+    keeps within Coulomb's cone and admissible, and its energy is quadratic in the share of Newton's.
     """
     for i in range(scene.bodies):
         bodies.shift[w, i] = bodies.next_rate[w, i]
@@ -322,7 +322,7 @@ def temper(
         row = contacts.rows[w, half, k]
         row.newton_impulse = row.round_impulse
         contacts.rows[w, half, k] = row
-    reflect(scene, bodies, contacts, joints, w, half, rows, ZERO, gripping, threshold)
+    apply_restitution(scene, bodies, contacts, joints, w, half, rows, ZERO, sticking, threshold)
     # Energy change at share s: plastic + linear s + bend s^2; it is `gain` at s = 1.
     plastic = ZERO
     bend = ZERO
@@ -354,20 +354,20 @@ def resolve_impacts(
     bodies: Bodies,
     contacts: Contacts,
     joints: Joints,
-    where: Whereabouts,
+    references: References,
     w: wp.int32,
     half: wp.int32,
     rows: wp.int32,
     step: wp.float64,
 ) -> None:
-    """Newton's law of restitution at every touching row that approaches, in rounds of those that do.
+    """Apply Newton's law of restitution at every touching row that approaches, in rounds of those that do.
 
-    In each round the rows that approach are reflected together, those that do not are left alone: a row of
+    In each round the rows that approach get restitution together, those that do not are left alone: a row of
     balls then passes the impact on (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012,
     ACM TOG 31, 106). Approach speeds below what gravity changes in half a step do not bounce: from then on the
-    row only keeps its bodies from approaching. Effects may have rows grip, by a share: the solutions with grip and
+    row only keeps its bodies from approaching. Effects may give rows a stick fraction: the solutions with sticking and
     with Coulomb friction are then mixed. Neither gains energy, and so no mixture does, for the energy is convex in
-    the rates. Rows of one round that grip by different shares, in impacts at one instant, all take the largest.
+    the rates. Rows of one round with different stick fractions, in impacts at one instant, all take the largest.
     """
     fastest = ZERO
     heaviest = ZERO
@@ -384,15 +384,15 @@ def resolve_impacts(
     threshold = wp.float64(1.0e-12) * fastest + wp.float64(1.0e-9) * step * heaviest
     if fastest <= QUIET:
         return
-    for turn_number in range(IMPACT_ROUNDS + 1):
+    for round_number in range(IMPACT_ROUNDS + 1):
         approaching = wp.int32(0)
         mix = ZERO
         for k in range(rows):
             row = contacts.rows[w, half, k]
             row.bounce = FAR
-            row.grip = ZERO
-            row.aim = ZERO
-            row.lost = ZERO
+            row.stick_fraction = ZERO
+            row.target_velocity = ZERO
+            row.tangential_loss = ZERO
             if row.touching == 1:
                 v = separation_speed(scene, bodies, w, row)
                 if v[0] < -QUIET:
@@ -403,18 +403,18 @@ def resolve_impacts(
                             pushed,
                             wp.abs(wp.dot(row.normal, wp.vec2d(bodies.push[w, row.b][0], bodies.push[w, row.b][1]))),
                         )
-                    if -v[0] > HALF * step * pushed + SLOW and turn_number < IMPACT_ROUNDS:
+                    if -v[0] > HALF * step * pushed + SLOW and round_number < IMPACT_ROUNDS:
                         row.bounce = -row.restitution * v[0]
                         if scene.contact_laws > 0:
-                            row = as_effects_have_it(where.scene, where.bodies, w, row, v)
-                            mix = wp.max(mix, row.grip)
+                            row = with_contact_effects(references.scene, references.bodies, w, row, v)
+                            mix = wp.max(mix, row.stick_fraction)
                         if row.bounce == ZERO:
                             row.plastic = 1
                     else:
                         row.plastic = 1
                 if row.plastic == 1:
                     row.bounce = ZERO
-                if turn_number == IMPACT_ROUNDS:  # still not apart: the last round is plastic for all
+                if round_number == IMPACT_ROUNDS:  # still not apart: the last round is plastic for all
                     row.bounce = ZERO
             contacts.rows[w, half, k] = row
         if approaching == 0:
@@ -422,32 +422,32 @@ def resolve_impacts(
         for i in range(scene.bodies):
             bodies.drag[w, i] = bodies.next_rate[w, i]
         laws = wp.where(mix > ZERO, 2, 1)
-        for law in range(laws):  # Coulomb friction, then the grip
+        for law in range(laws):  # Coulomb friction, then sticking
             part = wp.where(law == 0, ONE - mix, mix)
             if part > ZERO:
-                gripping = wp.float64(law)
+                sticking = wp.float64(law)
                 if law == 1:
                     for i in range(scene.bodies):
                         bodies.mixed[w, i] = bodies.next_rate[w, i]
                         bodies.next_rate[w, i] = bodies.drag[w, i]
-                reflect(scene, bodies, contacts, joints, w, half, rows, ONE, gripping, threshold)
+                apply_restitution(scene, bodies, contacts, joints, w, half, rows, ONE, sticking, threshold)
                 gain = energy_gain(scene, bodies, w)
                 if gain > ZERO:
-                    temper(scene, bodies, contacts, joints, w, half, rows, gain, gripping, threshold)
+                    limit_restitution_energy(scene, bodies, contacts, joints, w, half, rows, gain, sticking, threshold)
                 for k in range(rows):
                     row = contacts.rows[w, half, k]
                     if row.bounce < FAR:
-                        row.kick = row.kick + row.round_impulse * part
+                        row.impact_impulse = row.impact_impulse + row.round_impulse * part
                         contacts.rows[w, half, k] = row
         if scene.contact_laws > 0:
             if mix > ZERO:
                 for i in range(scene.bodies):
                     bodies.next_rate[w, i] = bodies.mixed[w, i] * (ONE - mix) + bodies.next_rate[w, i] * mix
-            lose_sliding(where.scene, where.bodies, where.contacts, w, half, rows)
+            apply_tangential_loss(references.scene, references.bodies, references.contacts, w, half, rows)
 
 
 @wp.func
-def hold_apart(
+def solve_contact_velocities(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
@@ -458,11 +458,11 @@ def hold_apart(
     ratio: wp.float64,
     h: wp.float64,
 ) -> None:
-    """Impulses over h at touching rows and hinges, with friction on the supporting plane.
+    """Solve the impulses over h at touching rows and hinges, with friction on the supporting plane.
 
     No row approaches at the end of the step; no hinge opens over it. ratio: h over the last step's.
     """
-    pushed = begin_hold(bodies, joints, w, ratio, h)
+    pushed = warm_start_hinges(bodies, joints, w, ratio, h)
     for k in range(rows):
         row = contacts.rows[w, half, k]
         if row.touching == 1:
@@ -487,12 +487,12 @@ def hold_apart(
             row = contacts.rows[w, half, k]
             if row.touching == 1:
                 gap = row.gap
-                row = settle(scene, bodies, w, row)
+                row = solve_row(scene, bodies, w, row)
                 residual = wp.max(residual, row.gap)
                 row.gap = gap
                 contacts.rows[w, half, k] = row
         for j in range(joints.count):
-            residual = wp.max(residual, hold_hinge(bodies, joints, w, j, h))
+            residual = wp.max(residual, solve_hinge(bodies, joints, w, j, h))
         for i in range(scene.bodies):
             if bodies.coupled[w, i] == 1 and bodies.hold[w, i] > ZERO:
                 without = bodies.next_rate[w, i] - bodies.drag[w, i]
@@ -517,10 +517,10 @@ def part_overlaps(
             p = row.normal * (depth * share * row.mass_normal)
             a = row.a
             ma = bodies.inverse_mass[w, a]
-            turn_a = bodies.inverse_inertia[w, a] * (row.arm_a[0] * p[1] - row.arm_a[1] * p[0])
-            bodies.shift[w, a] = bodies.shift[w, a] - wp.vec3d(ma * p[0], ma * p[1], turn_a)
+            moment_a = bodies.inverse_inertia[w, a] * (row.arm_a[0] * p[1] - row.arm_a[1] * p[0])
+            bodies.shift[w, a] = bodies.shift[w, a] - wp.vec3d(ma * p[0], ma * p[1], moment_a)
             b = row.b
             if b < scene.bodies:
                 mb = bodies.inverse_mass[w, b]
-                turn_b = bodies.inverse_inertia[w, b] * (row.arm_b[0] * p[1] - row.arm_b[1] * p[0])
-                bodies.shift[w, b] = bodies.shift[w, b] + wp.vec3d(mb * p[0], mb * p[1], turn_b)
+                moment_b = bodies.inverse_inertia[w, b] * (row.arm_b[0] * p[1] - row.arm_b[1] * p[0])
+                bodies.shift[w, b] = bodies.shift[w, b] + wp.vec3d(mb * p[0], mb * p[1], moment_b)

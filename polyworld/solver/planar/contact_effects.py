@@ -1,4 +1,4 @@
-"""What effects change at contacts and on the supporting plane of a planar world."""
+"""Effects at contacts and on the supporting plane of a planar world."""
 
 import warp as wp
 
@@ -21,25 +21,33 @@ def friction_at(
     b: wp.int32,
     mu: wp.float64,
     x: wp.vec3d,
-    way: wp.vec3d,
+    path: wp.vec3d,
 ) -> wp.float64:
-    """Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1).
+    """Return the Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1).
 
-    It is the mean over the way that it goes in a step, with its middle at x; plane coordinates.
+    It is the mean over the path travelled in a step, with its middle at x; plane coordinates.
     """
-    turn = wp.transpose(scene[0].axes)
+    to_world = wp.transpose(scene[0].axes)
     return contact_friction(
-        scene[0].effect_kind, scene[0].effect_acts, bodies[0].effect_parameters, w, a, b, mu, turn * x, turn * way
+        scene[0].effect_kind,
+        scene[0].effect_acts,
+        bodies[0].effect_parameters,
+        w,
+        a,
+        b,
+        mu,
+        to_world * x,
+        to_world * path,
     )
 
 
 # Functions of their own, not inlined: worlds without such effects then run as fast as if there were none. They take
 # the records as arrays of one, for a call would copy them.
 @wp.func(inline=False)
-def rub_on_plane(
+def set_plane_friction(
     scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, segment: wp.int32, h: wp.float64
 ) -> None:
-    """Set what the supporting plane can hold over the way that each body goes in a step of length h."""
+    """Set what the supporting plane can hold over the path of each body in a step of length h."""
     load = -bodies[0].gravity[w][2]
     if scene[0].supports == 0 or load <= ZERO:
         return
@@ -47,14 +55,14 @@ def rub_on_plane(
         if scene[0].joins[i] <= segment:
             ahead = bodies[0].rate[w, i] * h
             x = bodies[0].pose[w, i] + ahead * HALF
-            place = wp.vec3d(x[0], x[1], scene[0].level)
-            way = wp.vec3d(ahead[0], ahead[1], ZERO)
-            mu = friction_at(scene, bodies, w, i, -1, bodies[0].support[w, i], place, way)
+            position = wp.vec3d(x[0], x[1], scene[0].level)
+            path = wp.vec3d(ahead[0], ahead[1], ZERO)
+            mu = friction_at(scene, bodies, w, i, -1, bodies[0].support[w, i], position, path)
             bodies[0].hold[w, i] = load * mu
 
 
 @wp.func(inline=False)
-def rub_rows(
+def set_row_friction(
     scene: wp.array[Scene],
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
@@ -62,34 +70,34 @@ def rub_rows(
     half: wp.int32,
     rows: wp.int32,
 ) -> None:
-    """Give the rows of this step the friction that effects have where they touch."""
+    """Set the friction of this step's rows by the effects where they touch."""
     for k in range(rows):
         a = contacts[0].rows[w, half, k].a
         b = contacts[0].rows[w, half, k].b
         arm = contacts[0].rows[w, half, k].arm_a
         pose = bodies[0].pose[w, a]
-        place = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies[0].height[w, a])
+        position = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies[0].height[w, a])
         mu = contacts[0].rows[w, half, k].friction
-        contacts[0].rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, place, wp.vec3d())
+        contacts[0].rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, position, wp.vec3d())
 
 
 @wp.func(inline=False)
-def as_effects_have_it(scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, row: Row, v: wp.vec2d) -> Row:
-    """The row of an impact at the separation speed v (normal, tangent), with its bounce, grip, aim and loss."""
+def with_contact_effects(scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, row: Row, v: wp.vec2d) -> Row:
+    """Return the row of an impact at the separation speed v (normal, tangent) with the effects' contact laws."""
     kinds = scene[0].effect_kind
     acts = scene[0].effect_acts
     values = bodies[0].effect_parameters
     e = contact_restitution(kinds, acts, values, w, row.a, row.b, row.restitution, -v[0])
     law = contact_tangential(kinds, acts, values, w, row.a, row.b)
     row.bounce = -e * v[0]
-    row.lost = law[0]
-    row.aim = -law[1] * v[1]
-    row.grip = law[2]
+    row.tangential_loss = law[0]
+    row.target_velocity = -law[1] * v[1]
+    row.stick_fraction = law[2]
     return row
 
 
 @wp.func(inline=False)
-def lose_sliding(
+def apply_tangential_loss(
     scene: wp.array[Scene],
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
@@ -97,11 +105,11 @@ def lose_sliding(
     half: wp.int32,
     rows: wp.int32,
 ) -> None:
-    """Take each pair's share of its centres' relative tangential velocity, once a pair."""
+    """Remove each pair's loss from its centres' relative tangential velocity, once a pair."""
     last = wp.int32(-1)
     for k in range(rows):
         row = contacts[0].rows[w, half, k]
-        if row.lost > ZERO and row.slot != last:
+        if row.tangential_loss > ZERO and row.slot != last:
             last = row.slot
             ma = bodies[0].inverse_mass[w, row.a]
             mb = ZERO
@@ -110,7 +118,7 @@ def lose_sliding(
                 mb = bodies[0].inverse_mass[w, row.b]
                 v = v + bodies[0].next_rate[w, row.b]
             across = row.normal[0] * v[1] - row.normal[1] * v[0]
-            p = wp.vec3d(-row.normal[1], row.normal[0], ZERO) * (row.lost * across / (ma + mb))
+            p = wp.vec3d(-row.normal[1], row.normal[0], ZERO) * (row.tangential_loss * across / (ma + mb))
             bodies[0].next_rate[w, row.a] = bodies[0].next_rate[w, row.a] + p * ma
             if row.b < scene[0].bodies:
                 bodies[0].next_rate[w, row.b] = bodies[0].next_rate[w, row.b] - p * mb

@@ -7,17 +7,17 @@ from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.planar.contact import (
     find_near,
     find_rows,
-    hold_apart,
     part_overlaps,
     resolve_impacts,
     separation_speed,
+    solve_contact_velocities,
 )
-from polyworld.solver.planar.contact_effects import rub_on_plane, rub_rows
+from polyworld.solver.planar.contact_effects import set_plane_friction, set_row_friction
 from polyworld.solver.planar.impact_time import longest_path, next_impact
-from polyworld.solver.planar.joints import begin_hinges, join_rates, mend
+from polyworld.solver.planar.joints import begin_hinges, project_hinge_rates, project_hinges
 from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, Samples, Scene, Whereabouts
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, References, Samples, Scene
 
 wp.set_module_options({"enable_backward": False})
 
@@ -94,7 +94,7 @@ def renew_pushes(
     step: wp.float64,
     h: wp.float64,
 ) -> None:
-    """Pushes again where an impact has changed the rate, or a contact has begun or ended.
+    """Compute pushes again where an impact has changed the rate, or a contact has started or ended.
 
     In `touching`, the lowest bit is this step's, the next the last step's.
     """
@@ -128,7 +128,7 @@ def rollout(
     joints: Joints,
     log: Log,
     samples: Samples,
-    where: Whereabouts,
+    references: References,
     offset: wp.int32,
 ) -> None:
     w = offset + wp.tid()
@@ -167,7 +167,7 @@ def rollout(
                 # What pushes each body, and how fast the fastest is.
                 fastest = ZERO
                 if scene.contact_laws > 0:
-                    rub_on_plane(where.scene, where.bodies, w, segment, h)
+                    set_plane_friction(references.scene, references.bodies, w, segment, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
                         v = bodies.rate[w, i]
@@ -192,9 +192,9 @@ def rollout(
                 ratio = h / old_h
                 old_h = h
                 if scene.contact_laws > 0:
-                    rub_rows(where.scene, where.bodies, where.contacts, w, half, rows)
+                    set_row_friction(references.scene, references.bodies, references.contacts, w, half, rows)
                 if rows > 0:
-                    resolve_impacts(scene, bodies, contacts, joints, where, w, half, rows, step)
+                    resolve_impacts(scene, bodies, contacts, joints, references, w, half, rows, step)
                     for k in range(rows):
                         row = contacts.rows[w, half, k]
                         bodies.coupled[w, row.a] = 1
@@ -212,7 +212,7 @@ def rollout(
                         else:
                             bodies.next_rate[w, i] = free_rate(bodies, w, i, h)
                 if rows > 0 or joints.count > 0:
-                    hold_apart(scene, bodies, contacts, joints, w, half, rows, ratio, h)
+                    solve_contact_velocities(scene, bodies, contacts, joints, w, half, rows, ratio, h)
                 for i in range(n):
                     if scene.joins[i] <= segment:
                         find_shift(bodies, w, i, h)
@@ -251,11 +251,11 @@ def rollout(
                         now = bodies.pose[w, i]
                         moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
                 if joints.count > 0:
-                    mended = mend(scene, bodies, joints, w)
-                    moved += mended
+                    shifted = project_hinges(scene, bodies, joints, w)
+                    moved += shifted
                     for k in range(near_count):
-                        contacts.near_gap[w, k] = contacts.near_gap[w, k] - TWO * mended
-                    join_rates(scene, bodies, joints, w)
+                        contacts.near_gap[w, k] = contacts.near_gap[w, k] - TWO * shifted
+                    project_hinge_rates(scene, bodies, joints, w)
                 room -= TWO * moved
                 left -= part
                 splits += 1

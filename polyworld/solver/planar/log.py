@@ -9,9 +9,9 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.func
 def touch(log: Log, w: wp.int32, row: Row, centre: wp.vec2d, time: wp.float64, impulse: wp.float64) -> None:
-    """Note that a pair touches at `time` with the row's kick and, over the step, `impulse` [N s]."""
+    """Note that a pair touches at `time` with the row's impact impulse and, over the step, `impulse` [N s]."""
     episode = log.open[w, row.a, row.b]
-    total = impulse + row.kick
+    total = impulse + row.impact_impulse
     if episode >= 0 and time - log.last[w, episode] <= log.merge:
         # The points of one step belong to one first impulse.
         if time == log.begin[w, episode]:

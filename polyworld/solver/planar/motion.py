@@ -97,7 +97,7 @@ def stiffness_of(bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.float64:
 
 @wp.func
 def asleep(bodies: Bodies, w: wp.int32, i: wp.int32) -> bool:
-    """Whether a body is at rest and what pushes it is less than the supporting plane holds."""
+    """Check whether a body is at rest and what pushes it is less than the supporting plane holds."""
     v = bodies.rate[w, i]
     if v[0] != ZERO or v[1] != ZERO or v[2] != ZERO:
         return False
@@ -107,7 +107,7 @@ def asleep(bodies: Bodies, w: wp.int32, i: wp.int32) -> bool:
 
 @wp.func
 def pressed_speed(v: wp.vec3d, r: wp.float64) -> wp.float64:
-    """The speed that friction of a patch of radius r opposes: sqrt(v^2 + (r omega)^2)."""
+    """Return the speed that friction of a patch of radius r opposes: sqrt(v^2 + (r omega)^2)."""
     return wp.sqrt(v[0] * v[0] + v[1] * v[1] + r * r * v[2] * v[2])
 
 
@@ -119,10 +119,14 @@ def ramp(speed: wp.float64, limit: wp.float64, begin: wp.float64) -> wp.float64:
 
 
 @wp.func
-def rubbed(unheld: wp.vec3d, middle: wp.vec3d, limit: wp.float64, r: wp.float64, k: wp.float64) -> wp.vec3d:
-    """A rate less what friction takes that opposes the rate at the middle of the step."""
-    lost = limit / pressed_speed(middle, r)
-    return wp.vec3d(unheld[0] - lost * middle[0], unheld[1] - lost * middle[1], unheld[2] - lost * k * middle[2])
+def with_sliding_friction(
+    unheld: wp.vec3d, middle: wp.vec3d, limit: wp.float64, r: wp.float64, k: wp.float64
+) -> wp.vec3d:
+    """Return a rate less the sliding friction that opposes the rate at the middle of the step."""
+    slowdown = limit / pressed_speed(middle, r)
+    return wp.vec3d(
+        unheld[0] - slowdown * middle[0], unheld[1] - slowdown * middle[1], unheld[2] - slowdown * k * middle[2]
+    )
 
 
 @wp.func
@@ -143,10 +147,10 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
     middle = v
     near = ONE - ramp(sigma, limit, FAST)
     if near < ONE:  # far from stopping: an explicit half step finds the direction
-        lost = HALF * limit / sigma
-        middle = v + half_push - wp.vec3d(lost * v[0], lost * v[1], lost * k * v[2])
+        slowdown = HALF * limit / sigma
+        middle = v + half_push - wp.vec3d(slowdown * v[0], slowdown * v[1], slowdown * k * v[2])
     if near == ZERO:
-        return rubbed(unheld, middle, limit, r, k)
+        return with_sliding_friction(unheld, middle, limit, r, k)
     after = slide(unheld, limit, r, k)
     if after[0] == ZERO and after[1] == ZERO:
         return after
@@ -156,7 +160,7 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
     stopping = ONE - ramp(pressed_speed(middle, r), limit, SLOW)
     if stopping == ONE:
         return after
-    return after * stopping + rubbed(unheld, middle, limit, r, k) * (ONE - stopping)
+    return after * stopping + with_sliding_friction(unheld, middle, limit, r, k) * (ONE - stopping)
 
 
 @wp.func
@@ -179,14 +183,14 @@ def stopped_at(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.fl
     v = bodies.rate[w, i]
     a = bodies.push[w, i] * (h * bodies.linear_decay[w, i][1])
     limit = bodies.hold[w, i] * h * bodies.linear_decay[w, i][1]
-    turn = ZERO
+    rotational = ZERO
     r = bodies.patch[w, i]
     if r > ZERO:
-        turn = r / (stiffness_of(bodies, w, i) * limit)
+        rotational = r / (stiffness_of(bodies, w, i) * limit)
     along = ONE / limit
-    square = (a[0] * a[0] + a[1] * a[1]) * along * along + a[2] * a[2] * turn * turn - ONE
-    linear = (v[0] * a[0] + v[1] * a[1]) * along * along + v[2] * a[2] * turn * turn
-    begin = (v[0] * v[0] + v[1] * v[1]) * along * along + v[2] * v[2] * turn * turn
+    square = (a[0] * a[0] + a[1] * a[1]) * along * along + a[2] * a[2] * rotational * rotational - ONE
+    linear = (v[0] * a[0] + v[1] * a[1]) * along * along + v[2] * a[2] * rotational * rotational
+    begin = (v[0] * v[0] + v[1] * v[1]) * along * along + v[2] * v[2] * rotational * rotational
     if begin <= ZERO:
         return ZERO
     root = wp.sqrt(wp.max(linear * linear - square * begin, ZERO))

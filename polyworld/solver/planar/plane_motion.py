@@ -1,4 +1,4 @@
-"""How the bodies of a batch of planar worlds moved, in the plane itself."""
+"""Motion of the bodies of a batch of planar worlds, in plane coordinates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The arrays the planar solver works on, grouped by what they are. Leading axis W: one row a world."""
+"""Arrays of the planar solver, grouped by what they are. Leading axis W: one row a world."""
 
 import warp as wp
 
@@ -7,7 +7,7 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.struct
 class Scene:
-    """What all worlds share: n bodies, then s statics. A static without vertices is a half plane."""
+    """Constants of all worlds: n bodies, then s statics. A static without vertices is a half plane."""
 
     bodies: wp.int32
     statics: wp.int32
@@ -85,7 +85,7 @@ class Joints:
     anchor: wp.array2d[wp.vec2d]  # (W, j) the pivot at the start [m]
     arm: wp.array3d[wp.vec2d]  # (W, j, 2) the pivot in the body's own axes, from its centre [m]
     active: wp.array2d[wp.int32]  # (W, j) whether its bodies move yet
-    lever: wp.array3d[wp.vec2d]  # (W, j, 2) where the impulse being solved for acts, from the centre [m]
+    moment_arm: wp.array3d[wp.vec2d]  # (W, j, 2) of the impulse being solved for [m]
     impulse: wp.array2d[wp.vec2d]  # (W, j) on the second end over the step, its opposite on the first [N s]
 
 
@@ -113,10 +113,10 @@ class Row:
     impulse_tangent: wp.float64
     impulse_roll: wp.float64
     plastic: wp.int32  # whether the row has stopped bouncing in this impact
-    grip: wp.float64  # above 0 where the tangential speed is brought to `aim`, whatever Coulomb's limit
-    aim: wp.float64
-    lost: wp.float64  # share of the centres' tangential velocity that this round takes
-    kick: wp.float64  # normal impulse of the impact that began the interval
+    stick_fraction: wp.float64  # above 0 where the tangential speed reaches `target_velocity`, beyond Coulomb's limit
+    target_velocity: wp.float64
+    tangential_loss: wp.float64  # share of the centres' tangential velocity that this round removes
+    impact_impulse: wp.float64  # normal impulse of the impact that began the interval
     round_impulse: wp.float64  # impulses of the current round of impacts
     round_tangent: wp.float64
     round_roll: wp.float64
@@ -151,17 +151,17 @@ class Log:
 
 @wp.struct
 class Samples:
-    """What a run returns, in plane coordinates, and how it ended."""
+    """States at the sample times, in plane coordinates, and how a run ended."""
 
     pose: wp.array3d[wp.vec3d]  # (W, T, n)
     rate: wp.array3d[wp.vec3d]
     diverged_object: wp.array[wp.int32]  # (W,) -1 where the world did not diverge
     diverged_time: wp.array[wp.float64]
-    crowded: wp.array[wp.int32]  # (W,) contact points for which there was no room
+    overflowed: wp.array[wp.int32]  # (W,) contact points beyond the buffer
 
 
 @wp.struct
-class Whereabouts:
+class References:
     """The same records as arrays of one, for functions that are not inlined: a call would copy the records."""
 
     scene: wp.array[Scene]

@@ -67,8 +67,8 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
     if isinstance(item.shape, Wall):
         shape: Any
         shape, centre, rotation = geometry.wall_box(item.shape)
-        turn = geometry.quaternion_matrix(np.asarray(item.orientation))
-        centre, rotation = turn @ centre + np.asarray(item.position), turn @ rotation
+        orientation = geometry.quaternion_matrix(np.asarray(item.orientation))
+        centre, rotation = orientation @ centre + np.asarray(item.position), orientation @ rotation
     else:
         shape, centre = item.shape, np.asarray(item.position, dtype=float)
         rotation = geometry.quaternion_matrix(np.asarray(item.orientation))
@@ -79,7 +79,7 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
 
 
 def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array]:
-    """The scene of a planar world, the names of its bodies, then of its statics, and the statics' poses (s, 3)."""
+    """Build the scene of a planar world; return it, the names of bodies and statics, and the statics' poses (s, 3)."""
     plane = world.environment.motion_plane
     axes = geometry.plane_axes(plane)
     bodies = [body_outline(o, axes) for o in world.objects]
@@ -131,7 +131,7 @@ def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array
 
 
 def build_joints(world: World) -> Joints:
-    """The hinges of a planar world, without the arrays that differ per world."""
+    """Return the hinges of a planar world, without the arrays that differ per world."""
     pairs = _hinged(world)
     joints = Joints()
     joints.count = len(pairs)

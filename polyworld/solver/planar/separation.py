@@ -30,7 +30,7 @@ class Manifold:
 
 
 @wp.func
-def turn(v: wp.vec2d, c: wp.float64, s: wp.float64) -> wp.vec2d:
+def rotate(v: wp.vec2d, c: wp.float64, s: wp.float64) -> wp.vec2d:
     return wp.vec2d(c * v[0] - s * v[1], s * v[0] + c * v[1])
 
 
@@ -80,17 +80,17 @@ def against_half_plane(scene: Scene, a: wp.int32, pose: wp.vec3d, line: wp.vec3d
     lowest = wp.int32(0)
     lowest_gap = FAR
     for i in range(count):
-        gap = base + wp.dot(outward, turn(scene.vertices[first + i], c, s))
+        gap = base + wp.dot(outward, rotate(scene.vertices[first + i], c, s))
         if gap < lowest_gap:
             lowest_gap = gap
             lowest = i
     after = (lowest + 1) % count
     before = (lowest + count - 1) % count
-    p = centre + turn(scene.vertices[first + lowest], c, s)
-    q = centre + turn(scene.vertices[first + after], c, s)
+    p = centre + rotate(scene.vertices[first + lowest], c, s)
+    q = centre + rotate(scene.vertices[first + after], c, s)
     other_gap = wp.dot(outward, q) - line[2] - radius
     if count > 2:
-        r = centre + turn(scene.vertices[first + before], c, s)
+        r = centre + rotate(scene.vertices[first + before], c, s)
         gap = wp.dot(outward, r) - line[2] - radius
         if gap < other_gap:
             other_gap = gap
@@ -111,7 +111,7 @@ def disc_and_polygon(scene: Scene, point: wp.vec2d, radius: wp.float64, b: wp.in
     s = wp.sin(pose[2])
     first = scene.first[b]
     count = scene.first[b + 1] - first
-    local = turn(wp.vec2d(point[0] - pose[0], point[1] - pose[1]), c, -s)
+    local = rotate(wp.vec2d(point[0] - pose[0], point[1] - pose[1]), c, -s)
     best = -FAR
     edge = wp.int32(0)
     for i in range(count):
@@ -134,7 +134,7 @@ def disc_and_polygon(scene: Scene, point: wp.vec2d, radius: wp.float64, b: wp.in
                 normal = (local - corner) / distance
                 best = distance
     gap = best - radius - scene.sweep[b]
-    outward = turn(normal, c, s)
+    outward = rotate(normal, c, s)
     return single(outward, point - outward * (radius + HALF * gap), gap)
 
 
@@ -158,7 +158,7 @@ def widest_separation(
     best = -FAR
     edge = wp.int32(0)
     for i in range(count):
-        normal = turn(scene.normals[first + i], c, s)
+        normal = rotate(scene.normals[first + i], c, s)
         least = FAR
         for j in range(count_b):
             least = wp.min(least, wp.dot(normal, bodies.corners[w, at_b + j]))
@@ -185,11 +185,13 @@ def polygons(
     c = wp.cos(pose_a[2])
     s = wp.sin(pose_a[2])
     for i in range(count_a):
-        bodies.corners[w, i] = wp.vec2d(pose_a[0], pose_a[1]) + turn(scene.vertices[scene.first[a] + i], c, s)
+        bodies.corners[w, i] = wp.vec2d(pose_a[0], pose_a[1]) + rotate(scene.vertices[scene.first[a] + i], c, s)
     c = wp.cos(pose_b[2])
     s = wp.sin(pose_b[2])
     for i in range(count_b):
-        bodies.corners[w, count_a + i] = wp.vec2d(pose_b[0], pose_b[1]) + turn(scene.vertices[scene.first[b] + i], c, s)
+        bodies.corners[w, count_a + i] = wp.vec2d(pose_b[0], pose_b[1]) + rotate(
+            scene.vertices[scene.first[b] + i], c, s
+        )
     by_a = widest_separation(scene, bodies, w, a, pose_a[2], 0, b, count_a)
     by_b = widest_separation(scene, bodies, w, b, pose_b[2], count_a, a, 0)
 
@@ -215,10 +217,10 @@ def polygons(
         angle_other = pose_a[2]
         separation = by_b[0]
         edge = wp.int32(by_b[1])
-    normal = turn(scene.normals[scene.first[reference] + edge], wp.cos(angle), wp.sin(angle))
+    normal = rotate(scene.normals[scene.first[reference] + edge], wp.cos(angle), wp.sin(angle))
     r1 = bodies.corners[w, at_reference + edge]
     r2 = bodies.corners[w, at_reference + (edge + 1) % count]
-    local = turn(normal, wp.cos(angle_other), -wp.sin(angle_other))
+    local = rotate(normal, wp.cos(angle_other), -wp.sin(angle_other))
     incident = wp.int32(0)
     least = FAR
     for i in range(count_other):

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
-from polyworld.solver.passing import passed
 from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.plane_motion import PlaneMotion
-from polyworld.solver.planar.records import Bodies, Contacts, Log, Row, Samples, Scene, Whereabouts
+from polyworld.solver.planar.records import Bodies, Contacts, Log, References, Row, Samples, Scene
 from polyworld.solver.planar.scene import build_joints, build_scene
-from polyworld.solver.planar.statics import static_poses, turn_in_plane
-from polyworld.solver.spread import shares, spread
+from polyworld.solver.planar.statics import rotation_in_plane, static_poses
+from polyworld.solver.references import by_reference
+from polyworld.solver.thread_pool import run_in_pool, shares
 from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
@@ -109,7 +109,7 @@ class PlanarSimulator:
         schedule: NDArray[np.int64] | None = None,
     ) -> BatchTrajectory:
         """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
-        return self._told(self.roll(overrides, samples=samples, schedule=schedule))
+        return self._trajectory(self.roll(overrides, samples=samples, schedule=schedule))
 
     def roll(
         self,
@@ -155,7 +155,7 @@ class PlanarSimulator:
         joints = self._joints
         joints.anchor = _zeros((w, joints.count), wp.vec2d)
         joints.arm = _zeros((w, joints.count, 2), wp.vec2d)
-        joints.lever = _zeros((w, joints.count, 2), wp.vec2d)
+        joints.moment_arm = _zeros((w, joints.count, 2), wp.vec2d)
         joints.impulse = _zeros((w, joints.count), wp.vec2d)
         joints.active = _zeros((w, joints.count), wp.int32)
         log = Log()
@@ -173,20 +173,20 @@ class PlanarSimulator:
         samples.rate = _zeros((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.diverged_object = _zeros((w,), wp.int32)
         samples.diverged_time = _zeros((w,), wp.float64)
-        samples.crowded = _zeros((w,), wp.int32)
+        samples.overflowed = _zeros((w,), wp.int32)
         self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
         self._of_scene = _Views(self._scene)
         self._of_bodies, self._of_joints, self._of_log, self._of_samples = map(_Views, (bodies, joints, log, samples))
-        self._where = Whereabouts()
-        self._where.scene = passed(self._scene, Scene)
-        self._where.bodies = passed(bodies, Bodies)
-        self._where.contacts = passed(contacts, Contacts)
+        self._references = References()
+        self._references.scene = by_reference(self._scene, Scene)
+        self._references.bodies = by_reference(bodies, Bodies)
+        self._references.contacts = by_reference(contacts, Contacts)
 
     def _write(self, arrays: RigidArrays, c: int) -> None:
         """Fill the device arrays of the first c worlds in place."""
         b, axes = self._of_bodies, self._axes
         flat, normal = axes[:2], axes[2]
-        angle = turn_in_plane(arrays.orientation, self._described, normal, "objects")
+        angle = rotation_in_plane(arrays.orientation, self._described, normal, "objects")
         pose, rate = b.pose[:c], b.rate[:c]
         pose[..., :2] = arrays.position @ flat.T
         pose[..., 2] = angle
@@ -227,10 +227,10 @@ class PlanarSimulator:
         out.rate[:c] = np.nan
         out.diverged_object[:c] = -1
         out.diverged_time[:c] = np.nan
-        out.crowded[:c] = 0
+        out.overflowed[:c] = 0
 
     def _write_joints(self, arrays: RigidArrays, c: int) -> None:
-        """Where each hinge's pivot lies in its bodies' own axes, at the poses the run starts from."""
+        """Set each hinge's pivot in its bodies' own axes, at the poses the run starts from."""
         body, anchor, pose = self._of_joints.body, self._of_joints.anchor[:c], self._of_bodies.pose[:c]
         anchor[:] = arrays.joint_anchor @ self._axes[:2].T
         arm = self._of_joints.arm[:c]
@@ -259,20 +259,20 @@ class PlanarSimulator:
                     self._joints,
                     self._log,
                     self._samples,
-                    self._where,
+                    self._references,
                     first,
                 ],
                 device="cpu",
             )
 
         rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
-        spread(piece, pieces, self.threads)
+        run_in_pool(piece, pieces, self.threads)
 
     def _rolled(self, schedule: NDArray[np.int64], count: int) -> PlaneMotion:
         out, c = self._of_samples, len(schedule)
-        if out.crowded[:c].any():
+        if out.overflowed[:c].any():
             raise RuntimeError(
-                f"{int(out.crowded[:c].max())} contact points found no room: the objects overlap too much at the start"
+                f"{int(out.overflowed[:c].max())} contact points overflow the buffer: the objects overlap at the start"
             )
         return PlaneMotion(
             names=self.names,
@@ -285,12 +285,12 @@ class PlanarSimulator:
             diverged=out.diverged_object[:c] >= 0,
         )
 
-    def _told(self, motion: PlaneMotion) -> BatchTrajectory:
+    def _trajectory(self, motion: PlaneMotion) -> BatchTrajectory:
         out, axes, pose, rate = self._of_samples, self._axes, motion.pose, motion.rate
         worlds, count = pose.shape[:2]
-        turn = np.zeros((*pose.shape[:3], 4))
-        turn[..., 0] = np.cos(pose[..., 2] / 2)
-        turn[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
+        rotation = np.zeros((*pose.shape[:3], 4))
+        rotation[..., 0] = np.cos(pose[..., 2] / 2)
+        rotation[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
         starts = np.array([o.start_time for o in self.world.objects])
         # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
         last = np.nanmax(motion.times, axis=1)
@@ -299,8 +299,10 @@ class PlanarSimulator:
             names=self.names,
             times=motion.times,
             positions=pose[..., :2] @ axes[:2] + motion.height[:, None, :, None] * axes[2],
-            # The angle counts from the world's own orientation, an override's turn included.
-            orientations=geometry.quaternion_product(turn, np.broadcast_to(self._described[:, None], turn.shape)),
+            # The angle counts from the world's own orientation, an override's rotation included.
+            orientations=geometry.quaternion_product(
+                rotation, np.broadcast_to(self._described[:, None], rotation.shape)
+            ),
             velocities=rate[..., :2] @ axes[:2],
             angular_velocities=rate[..., 2:] * axes[2],
             active=self.sample_times[0, :count, None] >= starts[None, :],
@@ -338,7 +340,7 @@ def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
 
 
 def _view(array: Any) -> Any:
-    """The memory of a Warp array on the CPU as a NumPy array."""
+    """Return the memory of a Warp array on the CPU as a NumPy array."""
     return array.numpy()
 
 

@@ -1,4 +1,4 @@
-"""Where a planar world's statics stand in each of its variants."""
+"""Poses of a planar world's statics in each of its variants."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def static_poses(world: World, arrays: RigidArrays, own: Array) -> Array:
     """
     axes = geometry.plane_axes(world.environment.motion_plane)
     base = np.array([s.position for s in world.statics]).reshape(1, -1, 3)
-    angle = turn_in_plane(
+    angle = rotation_in_plane(
         arrays.static_orientation,
         np.array([s.orientation for s in world.statics]).reshape(1, -1, 4),
         axes[2],
@@ -45,7 +45,7 @@ def static_poses(world: World, arrays: RigidArrays, own: Array) -> Array:
             u, v = c[:, k] * x - s[:, k] * y, s[:, k] * x + c[:, k] * y
             shift = u * now[:, k, 0] + v * now[:, k, 1] - (x * was[:, k, 0] + y * was[:, k, 1])
             poses[:, k, 0], poses[:, k, 1], poses[:, k, 2] = u, v, own[k, 2] + shift
-        else:  # a wall's outline stands beside the wall's own position, and turns about it
+        else:  # a wall's outline stands beside the wall's own position, and rotates about it
             dx, dy = x - was[:, k, 0], y - was[:, k, 1]
             poses[:, k, 0] = x + (now[:, k, 0] - was[:, k, 0]) + ((c[:, k] * dx - s[:, k] * dy) - dx)
             poses[:, k, 1] = y + (now[:, k, 1] - was[:, k, 1]) + ((s[:, k] * dx + c[:, k] * dy) - dy)
@@ -53,19 +53,19 @@ def static_poses(world: World, arrays: RigidArrays, own: Array) -> Array:
     return poses
 
 
-def turn_in_plane(orientation: Array, base: Array, normal: Array, what: str) -> Array:
+def rotation_in_plane(orientation: Array, base: Array, normal: Array, what: str) -> Array:
     """Angle (R, n) about the plane's normal from orientations `base` (1, n, 4) to those given (R, n, 4) [rad].
 
-    Raises ValueError, naming `what` it is that turns, for turns about other axes.
+    Raises ValueError, naming `what` rotates, for rotations about other axes.
     """
-    turn = geometry.quaternion_product(orientation, base * np.array([1.0, -1.0, -1.0, -1.0]))
-    along = turn[..., 1:] @ normal
-    if np.abs(turn[..., 1:] - along[..., None] * normal).max(initial=0.0) > SLACK:
+    rotation = geometry.quaternion_product(orientation, base * np.array([1.0, -1.0, -1.0, -1.0]))
+    along = rotation[..., 1:] @ normal
+    if np.abs(rotation[..., 1:] - along[..., None] * normal).max(initial=0.0) > SLACK:
         raise ValueError(
             f"planar {what} turn only about the motion plane's normal "
             f"{tuple(np.round(normal, 6).tolist())}: override that rotation alone"
         )
-    angle: Array = 2.0 * np.arctan2(along, turn[..., 0])
+    angle: Array = 2.0 * np.arctan2(along, rotation[..., 0])
     return angle
 
 

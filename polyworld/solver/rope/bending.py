@@ -138,7 +138,7 @@ def bend_clamped_ends(
         if b >= 0 and state.attached[w, r, end] == 0:
             continue
         if b < 0 and inverse_mass[w % inverse_mass.shape[0], end_node(ropes, r, end)] > wp.float64(0.0):
-            continue  # the world has let it go
+            continue  # the world has released it
         if b >= 0:
             held = bodies[w, b].rotation * held
             spin = bodies[w, b].w

@@ -51,7 +51,7 @@ def twist_body(bodies: wp.array2d[Body], w: int, b: int, angular_impulse: wp.vec
 
 @wp.func
 def end_arm(ropes: Ropes, bodies: wp.array2d[Body], w: int, r: int, end: int) -> wp.vec3d:
-    """From the centre of mass of the body that holds an end to the place where it does."""
+    """Return the moment arm from the centre of mass of the body that holds an end to the point where it does."""
     return bodies[w, ropes.end_body[r, end]].rotation * ropes.end_anchor[r, end]
 
 
@@ -146,7 +146,7 @@ def hold_ends(
     active: wp.array2d[wp.int32],
     x: wp.array2d[wp.vec3d],
 ) -> None:
-    """Ends that are let go are free; the others are where their bodies are. Notes how fast bodies are by now."""
+    """Free the released ends, put the others where their bodies are, and store the bodies' velocities."""
     w, r = wp.tid()
     if dt[w] <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
         return

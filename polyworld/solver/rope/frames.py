@@ -9,14 +9,14 @@ Array = NDArray[np.float64]
 
 
 def across(direction: Array) -> Array:
-    """A unit vector perpendicular to a direction."""
+    """Return a unit vector perpendicular to a direction."""
     other = np.eye(3)[int(np.argmin(np.abs(direction)))]
     vector: Array = np.cross(direction, other)
     return vector / np.linalg.norm(vector)
 
 
 def carried(before: Array, after: Array, vector: Array) -> Array:
-    """A vector turned by the least rotation that takes one unit vector into another."""
+    """Return a vector turned by the least rotation that takes one unit vector into another."""
     axis, cosine = np.cross(before, after), max(float(before @ after), -0.999)
     turned: Array = vector * cosine + np.cross(axis, vector) + axis * (axis @ vector) / (1.0 + cosine)
     return turned

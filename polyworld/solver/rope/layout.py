@@ -12,7 +12,7 @@ NO_BODY = -1  # an end that is free, or held by another stage; a wheel on the wo
 
 @wp.struct
 class Ropes:
-    """What does not change while a world runs. Arrays over ropes (n,), ends (n, 2), wheels (P,); parameters (R, n).
+    """Constants of a run. Arrays over ropes (n,), ends (n, 2), wheels (P,); parameters (R, n).
 
     end_body: rigid object that holds an end (start, end), or NO_BODY. end_anchor: where, in its axes. clamped: 1
     where the end's direction is held, by the world too. end_direction: that direction, and end_director a direction
@@ -60,7 +60,7 @@ class Wheel:
     """State of a pulley in one world; the first rows persist, the others are worked out in every inner step.
 
     speed: of the rope past the wheel, towards the rope's end [m/s]. begin: the same at the start of the inner step.
-    wrap: angle of contact [rad]. mode: 0 stuck, 1 or -1 the sign in which it turns or slips. place: index of the
+    wrap: angle of contact [rad]. mode: 0 stuck, 1 or -1 the sign in which it turns or slips. index: that of the
     wheel among the rope's elements, -1 once the rope has run off it. radial_in, radial_out: unit vectors from the
     axis to the tangent points; zero before the first step.
     """
@@ -68,7 +68,7 @@ class Wheel:
     speed: wp.float64
     wrap: wp.float64
     mode: int
-    place: int
+    index: int
     blocked: int  # sign of the flow that a knot or a load at the wheel keeps from going on, 0 for none
     radial_in: wp.vec3d
     radial_out: wp.vec3d

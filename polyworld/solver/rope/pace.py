@@ -1,4 +1,4 @@
-"""How many inner steps a coupling step needs: waves across a taut rope are explicit, and tension is not known before.
+"""Number of inner steps of a coupling step: waves across a taut rope are explicit, and tension is not known before.
 
 A node between links of tension T and length l swings across them at omega^2 of up to 2 (T/l + T'/l')/m (Gershgorin),
 to which bending adds 16 EI/(rho L^4). The number of inner steps follows the mean tension of the coupling step before,

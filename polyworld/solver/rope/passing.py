@@ -15,20 +15,20 @@ BEYOND = wp.constant(wp.float64(0.15))
 
 
 @wp.func
-def element_at(state: RopeState, ropes: Ropes, w: int, r: int, place: int) -> int:
-    return state.order[w, ropes.first_link[r] + r + place]
+def element_at(state: RopeState, ropes: Ropes, w: int, r: int, index: int) -> int:
+    return state.order[w, ropes.first_link[r] + r + index]
 
 
 @wp.func
 def swap(ropes: Ropes, state: RopeState, w: int, r: int, p: int, side: int) -> None:
     """Exchange a wheel with the element before (side -1) or after it, and forget rates of the links around."""
     order = ropes.first_link[r] + r
-    place = state.wheels[w, p].place
-    node = state.order[w, order + place + side]
-    state.order[w, order + place + side] = state.order[w, order + place]
-    state.order[w, order + place] = node
-    state.wheels[w, p].place = place + side
-    low = ropes.first_link[r] + place - 1 + wp.min(side, 0)
+    index = state.wheels[w, p].index
+    node = state.order[w, order + index + side]
+    state.order[w, order + index + side] = state.order[w, order + index]
+    state.order[w, order + index] = node
+    state.wheels[w, p].index = index + side
+    low = ropes.first_link[r] + index - 1 + wp.min(side, 0)
     for k in range(low, low + 3):
         state.elongation[w, k] = wp.float64(wp.nan)
         state.held[w, k] = 0
@@ -39,24 +39,24 @@ def run_off(ropes: Ropes, state: RopeState, w: int, r: int, p: int) -> None:
     """Take a wheel out of the rope after an end has passed it: its two links become one."""
     first = ropes.first_link[r]
     order = first + r
-    place = state.wheels[w, p].place
-    k = first + place - 1
+    index = state.wheels[w, p].index
+    k = first + index - 1
     state.rest[w, k] = state.rest[w, k] + state.rest[w, k + 1]
     state.elongation[w, k] = wp.float64(wp.nan)
     state.held[w, k] = 0
     count = state.elements[w, r]
-    for e in range(place, count - 1):
+    for e in range(index, count - 1):
         element = state.order[w, order + e + 1]
         state.order[w, order + e] = element
         if element < 0:
-            state.wheels[w, ropes.first_wheel[r] - 1 - element].place = e
+            state.wheels[w, ropes.first_wheel[r] - 1 - element].index = e
     for j in range(k + 1, first + count - 2):
         state.rest[w, j] = state.rest[w, j + 1]
         state.tension[w, j] = state.tension[w, j + 1]
         state.elongation[w, j] = state.elongation[w, j + 1]
         state.held[w, j] = state.held[w, j + 1]
     state.elements[w, r] = count - 1
-    state.wheels[w, p].place = -1
+    state.wheels[w, p].index = -1
 
 
 @wp.func
@@ -80,10 +80,10 @@ def pass_node(
     wheel = state.wheels[w, p]
     beyond = BEYOND * ropes.segment_length[r]
     first = ropes.first_link[r]
-    node = element_at(state, ropes, w, r, wheel.place + side)
+    node = element_at(state, ropes, w, r, wheel.index + side)
     i = ropes.first_node[r] + node
-    turn = wp.quat_from_axis_angle(wheel.axis, wheel.wrap * wp.float64(-side))
-    k = first + wheel.place - 1  # the link before the wheel
+    rotation = wp.quat_from_axis_angle(wheel.axis, wheel.wrap * wp.float64(-side))
+    k = first + wheel.index - 1  # the link before the wheel
     away = state.direction[w, k + 1]
     tangent = wheel.leaves
     far = k + 1  # the link that is cut in two
@@ -104,7 +104,7 @@ def pass_node(
         state.rest[w, k + 1] = near
     x[w, i] = tangent + wheel.velocity * h + away * beyond
     before = v[w, i]
-    v[w, i] = wheel.velocity + wp.quat_rotate(turn, before - wheel.velocity)
+    v[w, i] = wheel.velocity + wp.quat_rotate(rotation, before - wheel.velocity)
     share = inverse_mass[w % inverse_mass.shape[0], i]
     push_wheel(ropes, state, bodies, w, p, (before - v[w, i]) * (wp.float64(1.0) / share))
     swap(ropes, state, w, r, p, side)
@@ -129,9 +129,9 @@ def pass_wheels(
     first = ropes.first_link[r]
     stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
     for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
-        if state.wheels[w, p].place < 0:
+        if state.wheels[w, p].index < 0:
             continue
-        k = first + state.wheels[w, p].place - 1
+        k = first + state.wheels[w, p].index - 1
         upstream = k
         if state.wheels[w, p].speed < wp.float64(0.0):
             upstream = k + 1
@@ -141,11 +141,11 @@ def pass_wheels(
         state.rest[w, k + 1] = state.rest[w, k + 1] + flow
         for half in range(2):
             side = 2 * half - 1
-            place = state.wheels[w, p].place
-            if place < 0:
+            index = state.wheels[w, p].index
+            if index < 0:
                 continue
-            link = first + place - 1 + half
-            node = element_at(state, ropes, w, r, place + side)
+            link = first + index - 1 + half
+            node = element_at(state, ropes, w, r, index + side)
             if node < 0:
                 continue
             i = ropes.first_node[r] + node

@@ -67,7 +67,7 @@ class RopeStage:
     def _describe(self, nodes_first: Mapping[str, int]) -> Any:
         count = len(self.items)
         pulleys = [p for thread in self.threads for p in thread.pulleys]
-        places = {o.name: i for i, o in enumerate(self.world.objects)}
+        indices = {o.name: i for i, o in enumerate(self.world.objects)}
         ropes = Ropes()
         ropes.first_node = _ints([nodes_first[r.name] for r in self.items])
         ropes.nodes = _ints([len(t.nodes) for t in self.threads])
@@ -75,7 +75,7 @@ class RopeStage:
         ropes.first_wheel = _ints(_starts([len(t.pulleys) for t in self.threads]))
         ropes.wheels = _ints([len(t.pulleys) for t in self.threads])
         ropes.segment_length = _floats([t.segment_length for t in self.threads])
-        ends = [self._ends(rope, thread, places) for rope, thread in zip(self.items, self.threads, strict=True)]
+        ends = [self._ends(rope, thread, indices) for rope, thread in zip(self.items, self.threads, strict=True)]
         ropes.end_body = wp.array([[e["body"] for e in pair] for pair in ends], dtype=wp.int32, device="cpu")
         ropes.clamped = wp.array([[e["clamped"] for e in pair] for pair in ends], dtype=wp.int32, device="cpu")
         for name in ("anchor", "direction", "director"):
@@ -84,12 +84,12 @@ class RopeStage:
         for name in ("release", "strength"):
             rows = np.array([[e[name] for e in pair] for pair in ends])
             setattr(ropes, f"end_{name}", wp.array(rows, dtype=wp.float64, device="cpu"))
-        carriers = [NO_BODY if p.object is None else places[p.object] for p in pulleys]
+        carriers = [NO_BODY if p.object is None else indices[p.object] for p in pulleys]
         centres, axes = [], []
         for pulley in pulleys:
             centre, axis = np.asarray(pulley.centre, dtype=float), unit_axis(pulley)
             if pulley.object is not None:
-                centre, axis = self._into_axes(pulley.object, centre), self._turn_into(pulley.object, axis)
+                centre, axis = self._into_axes(pulley.object, centre), self._rotate_into(pulley.object, axis)
             centres.append(centre)
             axes.append(axis)
         angles = [parallel_angle(t.nodes, e[0]["held"], e[1]["held"]) for t, e in zip(self.threads, ends, strict=True)]
@@ -113,12 +113,12 @@ class RopeStage:
         ropes.wheel_share = _floats([met[k].get(b, 1) for k, b in zip(owners, carriers, strict=True)])
         return ropes
 
-    def _ends(self, rope: Rope, thread: Threading, places: Mapping[str, int]) -> list[dict[str, Any]]:
-        """What holds the start and the end of a rope, as far as this stage solves it."""
+    def _ends(self, rope: Rope, thread: Threading, indices: Mapping[str, int]) -> list[dict[str, Any]]:
+        """List what holds the start and the end of a rope, as far as this stage solves it."""
         found: list[dict[str, Any]] = []
         for name, node, towards in (("start", 0, 1), ("end", -1, -2)):
-            place = thread.nodes[node]
-            direction = thread.nodes[towards] - place
+            point = thread.nodes[node]
+            direction = thread.nodes[towards] - point
             direction = direction / np.linalg.norm(direction) * (1.0 if name == "start" else -1.0)
             row: dict[str, Any] = {
                 "body": NO_BODY,
@@ -133,35 +133,35 @@ class RopeStage:
             for attachment in self.world.attachments:
                 if attachment.object != rope.name or attachment.end != name:
                     continue
-                row["clamped"] = max(row["clamped"], int(attachment.clamped and self._clamps(attachment, places)))
-                if attachment.to in places:
-                    row["body"] = places[attachment.to]
-                    row["anchor"] = self._into_axes(attachment.to, place)
+                row["clamped"] = max(row["clamped"], int(attachment.clamped and self._clamps(attachment, indices)))
+                if attachment.to in indices:
+                    row["body"] = indices[attachment.to]
+                    row["anchor"] = self._into_axes(attachment.to, point)
                     for vector in ("direction", "director"):
-                        row[vector] = self._turn_into(attachment.to, row[vector])
+                        row[vector] = self._rotate_into(attachment.to, row[vector])
                     row["release"] = np.inf if attachment.release is None else attachment.release
                     row["strength"] = np.inf if attachment.strength is None else attachment.strength
             found.append(row)
         return found
 
-    def _clamps(self, attachment: Attachment, places: Mapping[str, int]) -> bool:
-        if attachment.to is not None and attachment.to not in places:
+    def _clamps(self, attachment: Attachment, indices: Mapping[str, int]) -> bool:
+        if attachment.to is not None and attachment.to not in indices:
             raise ValueError(
                 f"attachment {attachment.name!r}: clamped holds a rope's direction to the world or to a rigid object, "
-                f"not to {attachment.to!r}; rigid objects: {sorted(places)}"
+                f"not to {attachment.to!r}; rigid objects: {sorted(indices)}"
             )
         return True
 
-    def _into_axes(self, name: str, place: Array) -> Array:
-        return self._turn_into(name, place - np.asarray(self.world.object(name).position))
+    def _into_axes(self, name: str, point: Array) -> Array:
+        return self._rotate_into(name, point - np.asarray(self.world.object(name).position))
 
-    def _turn_into(self, name: str, vector: Array) -> Array:
-        turn = geometry.quaternion_matrix(np.asarray(self.world.object(name).orientation))
-        turned: Array = turn.T @ vector
-        return turned
+    def _rotate_into(self, name: str, vector: Array) -> Array:
+        orientation = geometry.quaternion_matrix(np.asarray(self.world.object(name).orientation))
+        local: Array = orientation.T @ vector
+        return local
 
     def _times_met(self, k: int, ends: list[list[dict[str, Any]]], carriers: list[int]) -> dict[int, int]:
-        """How often a rope's links end at each body."""
+        """Count the links' ends of a rope at each body."""
         first = sum(len(t.pulleys) for t in self.threads[:k])
         bodies = [e["body"] for e in ends[k]] + carriers[first : first + len(self.threads[k].pulleys)]
         return {b: bodies.count(b) for b in bodies if b != NO_BODY}
@@ -230,15 +230,15 @@ class RopeStage:
         pulleys = tuple(p.name for thread in self.threads for p in thread.pulleys)
         rows = {name: parameter_row(fields, names, name) for name in ROPE_FIELDS}
         rows.update({ours: parameter_row(fields, pulleys, theirs) for ours, theirs in WHEEL_FIELDS.items()})
-        anew = False
+        reallocated = False
         for name, values in rows.items():
             kept = getattr(self._ropes, name)
             if kept is not None and kept.shape == values.shape:
                 kept.numpy()[:] = values.numpy()
             else:
                 setattr(self._ropes, name, values)
-                anew = True
-        return anew
+                reallocated = True
+        return reallocated
 
     def reset(self) -> None:
         """See `MaterialStage.reset`."""
@@ -261,7 +261,7 @@ class RopeStage:
             at = 0
             for thread in self.threads:
                 for p, pulley in enumerate(thread.pulleys):
-                    rows["place"][:, at] = int(np.flatnonzero(thread.order == -1 - p)[0])
+                    rows["index"][:, at] = int(np.flatnonzero(thread.order == -1 - p)[0])
                     rows["wrap"][:, at] = thread.wrap[p]
                     slides = pulley.fixed_wheel or pulley.radius == 0.0
                     resists = self._fields[pulley.name]["friction" if slides else "bearing_friction"] > 0.0

@@ -33,7 +33,7 @@ SHORTEST = wp.constant(wp.float64(1.0e-6))  # rest length that counts in a link'
 
 @wp.func
 def half_arc(ropes: Ropes, state: RopeState, w: int, r: int, element: int) -> wp.float64:
-    """The part of a wheel's arc that belongs to a link next to it."""
+    """Return the part of a wheel's arc that belongs to a link next to it."""
     if element >= 0:
         return wp.float64(0.0)
     p = ropes.first_wheel[r] - 1 - element
@@ -325,14 +325,14 @@ def solve_tensions(
     search = wp.int32(0)
     while changed > 0 and search < SEARCHES:
         for p in range(first_wheel, last_wheel):
-            if state.wheels[w, p].place >= 0:
-                state.wheels[w, p].speed = base_speed(state, w, p, first + state.wheels[w, p].place - 1, h)
+            if state.wheels[w, p].index >= 0:
+                state.wheels[w, p].speed = base_speed(state, w, p, first + state.wheels[w, p].index - 1, h)
         solve_rows(ropes, state, w, r, h)
         changed = review_links(ropes, state, w, r, h, search < SEARCHES - 2)
         if search < SEARCHES - 4:
             for p in range(first_wheel, last_wheel):
-                if state.wheels[w, p].place >= 0:
-                    k = first + state.wheels[w, p].place - 1
+                if state.wheels[w, p].index >= 0:
+                    k = first + state.wheels[w, p].index - 1
                     changed += judge_wheel(
                         ropes,
                         state,
@@ -346,8 +346,8 @@ def solve_tensions(
                     )
         search += 1
     for p in range(first_wheel, last_wheel):
-        if state.wheels[w, p].place >= 0:
-            state.wheels[w, p].speed = wheel_speed(state, w, p, first + state.wheels[w, p].place - 1, h)
+        if state.wheels[w, p].index >= 0:
+            state.wheels[w, p].speed = wheel_speed(state, w, p, first + state.wheels[w, p].index - 1, h)
     apply_tensions(ropes, state, bodies, inverse_mass, v, w, r, h)
     calm_overloaded(ropes, state, inverse_mass, v, w, r, h)
 
@@ -356,8 +356,8 @@ def solve_tensions(
 def stop_load(
     ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], v: wp.array2d[wp.vec3d], w: int, r: int, p: int
 ) -> None:
-    """An end that has come to a wheel with what it carries stops there, without rebound."""
-    k = ropes.first_link[r] + state.wheels[w, p].place - 1
+    """Stop an end that has come to a wheel with what it carries, without rebound."""
+    k = ropes.first_link[r] + state.wheels[w, p].index - 1
     n = state.direction[w, k]
     end = wp.int32(0)
     if state.wheels[w, p].blocked < 0:

@@ -37,7 +37,7 @@ def binormal(t1: wp.vec3d, t2: wp.vec3d) -> wp.vec3d:
 def end_vector(
     ropes: Ropes, bodies: wp.array2d[Body], w: int, r: int, end: int, vectors: wp.array2d[wp.vec3d]
 ) -> wp.vec3d:
-    """A vector kept in the axes of what holds an end, in world axes."""
+    """Return a vector kept in the axes of what holds an end, in world axes."""
     b = ropes.end_body[r, end]
     if b < 0:
         return vectors[r, end]
@@ -46,7 +46,7 @@ def end_vector(
 
 @wp.func
 def is_clamped(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float64], w: int, r: int, end: int) -> bool:
-    """Whether an end's direction is held at this moment."""
+    """Check whether an end's direction is held at this moment."""
     if ropes.clamped[r, end] == 0:
         return False
     if ropes.end_body[r, end] >= 0:

@@ -3,7 +3,7 @@
 The arc of rope that lies on a wheel has no nodes: its mass turns with the wheel (I/R^2 + linear density R wrap),
 its weight drives it, and half of its length belongs to each of the two links next to the wheel. In these the rope
 flows at the wheel's speed, so that their rest lengths change while their sum does not. A node that reaches the tangent
-point goes on at the other one and the links change places: rest lengths add up exactly as before, and energy changes by
+point goes on at the other one and the links swap: rest lengths add up exactly as before, and energy changes by
 the square of the difference in strain between two neighbouring links.
 """
 
@@ -76,7 +76,7 @@ def place_wheels(
     first = ropes.first_link[r]
     order = first + r
     for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
-        if state.wheels[w, p].place < 0:
+        if state.wheels[w, p].index < 0:
             continue
         b = ropes.wheel_body[p]
         state.wheels[w, p].centre = ropes.wheel_centre[p]
@@ -89,13 +89,13 @@ def place_wheels(
             state.wheels[w, p].axis = bodies[w, b].rotation * ropes.wheel_axis[p]
             state.wheels[w, p].mobility = point_mobility(bodies, w, b, arm) * ropes.wheel_share[p]
     for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
-        place = state.wheels[w, p].place
-        if place < 0:
+        index = state.wheels[w, p].index
+        if index < 0:
             continue
         wheel = state.wheels[w, p]
-        k = first + place - 1  # the link before it
-        previous = state.order[w, order + place - 1]
-        following = state.order[w, order + place + 1]
+        k = first + index - 1  # the link before it
+        previous = state.order[w, order + index - 1]
+        following = state.order[w, order + index + 1]
         begin = wp.vec3d()
         end = wp.vec3d()
         if previous >= 0:
@@ -150,7 +150,7 @@ def is_held(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float64]
 def turn_wheel(
     ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w: int, r: int, p: int, h: wp.float64
 ) -> None:
-    """How the wheel turns in its present mode: inverse inertia, speed without tensions, weights of the tensions."""
+    """Return the wheel's response in its mode: inverse inertia, speed without tensions, weights of the tensions."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     radius = ropes.wheel_radius[p]
@@ -181,8 +181,8 @@ def turn_wheel(
 
 @wp.func
 def hidden_weight(ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w: int, r: int, p: int) -> wp.float64:
-    """Force along the rope of the weight of what lies between the places where nodes come and go [N]."""
-    k = ropes.first_link[r] + state.wheels[w, p].place - 1
+    """Return the force along the rope of the weight between the points where nodes come and go [N]."""
+    k = ropes.first_link[r] + state.wheels[w, p].index - 1
     skipped = (state.direction[w, k] + state.direction[w, k + 1]) * (SKIPPED * ropes.segment_length[r])
     drop = state.wheels[w, p].leaves - state.wheels[w, p].arrives + skipped
     density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
@@ -191,7 +191,7 @@ def hidden_weight(ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w
 
 @wp.func
 def slides(ropes: Ropes, p: int) -> bool:
-    """Whether the rope slides over the wheel; an eye (radius 0) never turns."""
+    """Check whether the rope slides over the wheel; an eye (radius 0) never turns."""
     return ropes.wheel_fixed[p] == 1 or ropes.wheel_radius[p] <= wp.float64(0.0)
 
 
@@ -220,7 +220,7 @@ def judge_wheel(
     after: wp.float64,
     h: wp.float64,
 ) -> int:
-    """Whether the wheel must stick or turn otherwise than was assumed, given the tensions on both sides of it."""
+    """Check whether the wheel must stick or turn otherwise than assumed, given the tensions on both sides of it."""
     mode = state.wheels[w, p].mode
     zero = wp.float64(0.0)
     density = ropes.linear_density[w % ropes.linear_density.shape[0], r]

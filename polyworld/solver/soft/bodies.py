@@ -78,7 +78,7 @@ class Kind:
             self.strain.numpy()[:] = 0.0
 
     def quantities(self, x: Any, laws: Any, *, flows: bool) -> dict[str, dict[str, Array]]:
-        """Readings of each body at places x (W, N)."""
+        """Compute readings of each body at positions x (W, N)."""
         worlds = x.shape[0]
         if self._readings is None:
             self._readings = readout.Readings()

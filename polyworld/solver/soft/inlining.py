@@ -1,4 +1,4 @@
-"""How the kernels of soft bodies are compiled."""
+"""Compiler options for the kernels of soft bodies."""
 
 from polyworld.solver.spatial.layout import OPTIONS
 

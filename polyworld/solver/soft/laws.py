@@ -26,7 +26,7 @@ WORTH = 0.6  # damping is integrated with the other forces while that costs no m
 
 
 def laws(form: QuadraticMesh, row: dict[str, Array]) -> tuple[NDArray[np.void], Array]:
-    """The records `Law` of one body and its longest stable steps [s], both of the parameters' common length.
+    """Return the records `Law` of one body and its longest stable steps [s], both of the parameters' common length.
 
     `row` has `PARAMETERS`; a yield stress of NaN means that it never flows.
     """

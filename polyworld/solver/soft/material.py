@@ -58,7 +58,7 @@ def cofactor(f: wp.mat33d) -> wp.mat33d:
 
 @wp.func
 def saturated(stretch: wp.float64) -> wp.float64:
-    """The stretch itself up to FREE, then smoothly towards FULL."""
+    """Return the stretch itself up to FREE, then smoothly towards FULL."""
     room = FULL - FREE
     return wp.where(stretch <= FREE, stretch, FREE + room * wp.tanh((stretch - FREE) / room))
 
@@ -78,7 +78,7 @@ def shear_modulus(square: wp.float64, m: Law) -> wp.float64:
 
 @wp.func
 def response(f: wp.mat33d, m: Law) -> Response:
-    """What the deformation gradient f asks of the material."""
+    """Return the material's response to the deformation gradient f."""
     u = wp.vec3d(f[0, 0], f[1, 0], f[2, 0])
     v = wp.vec3d(f[0, 1], f[1, 1], f[2, 1])
     n = wp.vec3d(f[0, 2], f[1, 2], f[2, 2])
@@ -148,7 +148,7 @@ def von_mises(f: wp.mat33d, m: Law) -> wp.float64:
 
 @wp.func
 def softened(undo: wp.mat33d, m: Law) -> Law:
-    """The law where the plastic deformation has the inverse `undo`: what flowed far resists less, so that the
+    """Return the law where the plastic deformation has the inverse `undo`: what flowed far resists less, so that the
     stable step, which that deformation shortens, stays that of the body at rest."""
     n = m
     square = wp.ddot(undo, undo)
@@ -162,13 +162,13 @@ def softened(undo: wp.mat33d, m: Law) -> Law:
 
 @wp.func
 def must_flow(elastic: wp.mat33d, m: Law) -> wp.bool:
-    """Whether a point with this elastic deformation gradient yields."""
+    """Check whether a point with this elastic deformation gradient yields."""
     return von_mises(elastic, m) > m.yield_stress and wp.determinant(elastic) > SQUASHED
 
 
 @wp.func
 def flow(elastic: wp.mat33d, undo: wp.mat33d, m: Law) -> wp.mat33d:
-    """The inverse of the plastic deformation after flow, `undo` before it, with elastic = F undo.
+    """Return the inverse of the plastic deformation after flow, `undo` before it, with elastic = F undo.
 
     Return mapping at constant volume: the deviator of the elastic logarithmic strain is scaled until the von Mises
     stress is the yield stress (Simo & Hughes 1998, Computational Inelasticity, chapter 9). What would then have

@@ -43,7 +43,7 @@ class Slices:
 
 @wp.func
 def gradient(values: wp.array2d[wp.vec3d], w: int, slices: Slices, t: int, point: int) -> wp.mat33d:
-    """Gradient of the nodes' values by place at rest; its last column is zero."""
+    """Compute the gradient of the nodes' values by rest position; its last column is zero."""
     a0 = values[w, slices.nodes[t, 0]]
     a1 = values[w, slices.nodes[t, 1]]
     a2 = values[w, slices.nodes[t, 2]]
@@ -104,7 +104,7 @@ def add_forces(w: int, slices: Slices, t: int, point: int, stress: wp.mat33d, f:
 
 @wp.func
 def across(f: wp.mat33d, normal: wp.vec3d, m: Law) -> wp.mat33d:
-    """The deformation gradient with its last column: the stretch across the plane at which no stress acts there."""
+    """Return the deformation gradient with the stretch across the plane at which no stress acts there."""
     u = wp.vec3d(f[0, 0], f[1, 0], f[2, 0])
     v = wp.vec3d(f[0, 1], f[1, 1], f[2, 1])
     flat = wp.dot(normal, wp.cross(u, v))
@@ -137,7 +137,7 @@ def elastic_forces(
     dt: wp.array[wp.float64],
     f_out: wp.array2d[wp.vec3d],
 ) -> None:
-    """Add the forces of triangles that never flow, at places x (W, N), to f (W, N)."""
+    """Add the forces of triangles that never flow, at positions x (W, N), to f (W, N)."""
     w, t = wp.tid()
     if dt[w] <= wp.float64(0.0):
         return

@@ -44,7 +44,7 @@ class Corners:
 
 @wp.func
 def gathered(values: wp.array2d[wp.vec3d], w: int, nodes: wp.array2d[wp.int32], t: int) -> Corners:
-    """The values at a tetrahedron's nodes."""
+    """Return the values at a tetrahedron's nodes."""
     c = Corners()
     c.a0 = values[w, nodes[t, 0]]
     c.a1 = values[w, nodes[t, 1]]
@@ -71,7 +71,7 @@ def common_slopes(c: Corners) -> wp.mat33d:
 
 @wp.func
 def gradient(common: wp.mat33d, n0: wp.vec3d, n1: wp.vec3d, n2: wp.vec3d, n3: wp.vec3d, slopes: wp.mat33d) -> wp.mat33d:
-    """Gradient by place at rest, at the point whose near nodes have the values n0 to n3."""
+    """Gradient by rest position, at the point whose near nodes have the values n0 to n3."""
     extra = wp.matrix_from_rows(EXTRA * (n1 - n0), EXTRA * (n2 - n0), EXTRA * (n3 - n0))
     return wp.transpose(common + extra) * slopes
 
@@ -128,7 +128,7 @@ def elastic_forces(
     dt: wp.array[wp.float64],
     f_out: wp.array2d[wp.vec3d],
 ) -> None:
-    """Add the forces of tetrahedra that never flow, at places x (W, N), to f (W, N)."""
+    """Add the forces of tetrahedra that never flow, at positions x (W, N), to f (W, N)."""
     w, t = wp.tid()
     if dt[w] <= wp.float64(0.0):
         return

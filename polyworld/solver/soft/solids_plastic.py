@@ -49,7 +49,7 @@ def plastic_forces(
     strain: wp.array3d[wp.float64],
     f_out: wp.array2d[wp.vec3d],
 ) -> None:
-    """Let tetrahedra flow that must at places x (W, N), and add their forces to f (W, N).
+    """Apply plastic flow to tetrahedra that must at positions x (W, N), and add their forces to f (W, N).
 
     undo, strain (W, q, 4): inverse of the plastic deformation, and equivalent plastic strain, at each point.
     """

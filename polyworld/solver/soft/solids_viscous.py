@@ -19,7 +19,7 @@ def viscous_forces(
     dt: wp.array[wp.float64],
     f_out: wp.array2d[wp.vec3d],
 ) -> None:
-    """Add the viscous forces of tetrahedra at places x and velocities v (W, N) to f (W, N).
+    """Add the viscous forces of tetrahedra at positions x and velocities v (W, N) to f (W, N).
 
     Stage 0 is for bodies whose law has no stages, stage k > 0 for those that have at least k.
     """

@@ -59,14 +59,14 @@ class SoftStage:
             int(stages.max()),
             bool(np.any(values["yield_stress"] >= 0)),
         )
-        anew = modes != self._modes
+        recapture = modes != self._modes
         self._modes = modes
         if modes[2]:
             for kind in self._kinds:
-                anew |= kind.allow_flow(self._worlds)
+                recapture |= kind.allow_flow(self._worlds)
         if self._laws is not None and self._laws.shape == values.shape:
             self._laws.numpy()[:] = values
-            return anew
+            return recapture
         self._laws = wp.array(values, dtype=Law, device="cpu")
         return True
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import warp as wp
 
-from polyworld.solver.spatial.constraints import aim_contacts, build_rows, note_forces, separate_overlaps
+from polyworld.solver.spatial.constraints import build_rows, note_forces, separate_overlaps, set_contact_targets
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
-from polyworld.solver.spatial.gripping import end_slips
-from polyworld.solver.spatial.impacts import rub_as_effects_have_it, time_to_impact
+from polyworld.solver.spatial.impacts import set_effect_friction, time_to_impact
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
-from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, place
+from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, set_pose
+from polyworld.solver.spatial.slipping import end_slips
 from polyworld.solver.spatial.step import note_reactions, predict, sweep_bodies
 
 MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
@@ -22,12 +22,12 @@ SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
 
 @dataclass(frozen=True)
 class Joining:
-    """What joints do in a step, as Warp functions; see `joint_step` for each, and `free_step` for none.
+    """Joint stages of a step, as Warp functions; see `joint_step` for each, and `free_step` for none.
 
     Worlds without joints have kernels of their own, which are quicker to compile and to run.
     """
 
-    settle: Any
+    solve_velocities: Any
     longest_part: Any
     time_to_stop: Any
     resolve_impacts: Any
@@ -38,8 +38,8 @@ class Joining:
 
 
 def stepping(joining: Joining) -> Any:
-    """The Warp function `advance`."""
-    settle, begin, solve, finish = joining.settle, joining.begin, joining.solve, joining.finish
+    """Return the Warp function `advance`."""
+    solve_velocities, begin, solve, finish = joining.solve_velocities, joining.begin, joining.solve, joining.finish
     longest_part, time_to_stop, carries = joining.longest_part, joining.time_to_stop, joining.carries
     resolve_impacts = joining.resolve_impacts
 
@@ -70,11 +70,11 @@ def stepping(joining: Joining) -> Any:
         while left > wp.float64(0.0):
             sweep_bodies(geometry, state, k, fall, left)
             half = 1 - half
-            settle(joints, state, k, geometry[0].lock)
+            solve_velocities(joints, state, k, geometry[0].lock)
             find_contacts(geometry, state, k, half)
             build_rows(state, k, half, geometry[0].lock)
             if parameters[0].contact_laws > 0:
-                rub_as_effects_have_it(parameters, state, w, k, half, threshold, left)
+                set_effect_friction(parameters, state, w, k, half, threshold, left)
             part = longest_part(joints, state, k, h, left)
             slowest = threshold
             if impacts < MAX_IMPACTS:
@@ -90,7 +90,7 @@ def stepping(joining: Joining) -> Any:
                 slowest = FASTEST
             begin(joints, state, k, time, part)
             predict(geometry, parameters, state, w, k, half, threshold, gravity, time, part)
-            aim_contacts(state, k, half, part, slowest)
+            set_contact_targets(state, k, half, part, slowest)
             solve(joints, state, k, half, part)
             note_forces(state, k, half, part)
             end_slips(state, k, half, part)
@@ -98,7 +98,7 @@ def stepping(joining: Joining) -> Any:
             for i in range(state[0].objects):
                 if state[0].bodies[k, i].active == 1 and not carries(joints, i):
                     bodies = state[0].bodies
-                    place(bodies, k, i, end_position(bodies, k, i, part), end_orientation(bodies, k, i, part))
+                    set_pose(bodies, k, i, end_position(bodies, k, i, part), end_orientation(bodies, k, i, part))
             finish(joints, state, k, half, part, geometry[0].lock)
             if parameters[0].forces > 0 and wp.float64(2.0) * part >= h:
                 note_reactions(state, k, part)

@@ -12,7 +12,7 @@ from polyworld import geometry
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.effect_forces import forces_among
-from polyworld.solver.passing import passed
+from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
@@ -54,7 +54,7 @@ SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the sam
 
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    """An array of zeros on the CPU."""
+    """Return an array of zeros on the CPU."""
     return wp.zeros(shape, dtype=dtype, device="cpu")
 
 
@@ -75,7 +75,7 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.scratch = zeros((rows, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
-    state.crowded = zeros((rows,), wp.int32)
+    state.overflowed = zeros((rows,), wp.int32)
     state.planes = zeros((rows, s), wp.vec4d)
     state.reaction = zeros((rows, n), wp.vec3d)
     state.reaction_turning = zeros((rows, n), wp.vec3d)
@@ -85,13 +85,13 @@ def allocate_state(world: World, rows: int) -> layout.State:
 
 
 def allocate_joints(world: World, state: layout.State) -> Joints:
-    """The world's joints, whose rows follow those of the contacts."""
+    """Return the world's joints, whose rows follow those of the contacts."""
     rows, length = state.rows.shape
     return build_joints(world, length - joint_rows(world), rows)
 
 
 def allocate_log(world: World, n_worlds: int, record: bool) -> layout.Log:
-    """A contact log; next to nothing where none is kept."""
+    """Return a contact log; next to nothing where none is kept."""
     n, s = len(world.objects), len(world.statics)
     log = layout.Log()
     log.record = int(record)
@@ -103,16 +103,16 @@ def allocate_log(world: World, n_worlds: int, record: bool) -> layout.Log:
 
 
 def clear_log(log: layout.Log) -> None:
-    """No contact has begun."""
+    """Empty the log: no contact has started."""
     log.open.numpy()[:] = -1
     log.count.numpy()[:] = 0
 
 
 class ParameterBuffers:
-    """The parameters of a world as kernels take them. passed: an array of one record. capacity: of worlds."""
+    """The parameters of a world as kernels take them. reference: an array of one record. capacity: of worlds."""
 
     def __init__(self, world: World, capacity: int) -> None:
-        self.passed: Any = None
+        self.reference: Any = None
         self._capacity = capacity
         self._world = world
         self._record = layout.Parameters()
@@ -139,7 +139,7 @@ class ParameterBuffers:
             kept[: len(values)] = values
         self._record.contact_laws = contact_laws(arrays.effect_kind)
         self._record.forces = forces_among(arrays.effect_kind)
-        self.passed = passed(self._record, layout.Parameters, self.passed)
+        self.reference = by_reference(self._record, layout.Parameters, self.reference)
 
     def _made(self, name: str, values: Any, dtype: Any) -> Any:
         made: Any = wp.array(values, dtype=dtype, device="cpu")
@@ -167,11 +167,11 @@ def contact_events(log: layout.Log, w: int, names: Sequence[str], end: float, lo
     return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
 
 
-def check_room(state: layout.State, crowded: Any) -> None:
-    """Raise RuntimeError where worlds, marked in `crowded` (W,), ran out of room for contacts."""
-    if crowded.any():
+def check_room(state: layout.State, overflowed: Any) -> None:
+    """Raise RuntimeError where worlds, marked in `overflowed` (W,), ran out of room for contacts."""
+    if overflowed.any():
         raise RuntimeError(
-            f"{np.count_nonzero(crowded)} of {len(crowded)} worlds had more than "
+            f"{np.count_nonzero(overflowed)} of {len(overflowed)} worlds had more than "
             f"{state.max_manifolds} pairs in contact at once: the objects overlap too much, "
             "or a mesh is too fine for the objects on it"
         )

@@ -18,8 +18,8 @@ CONVERGED = wp.float64(1.0e-7)  # largest velocity change in a sweep that counts
 OVERLAP_SWEEPS = 3
 OVERLAP_SHARE = wp.float64(0.05)  # of an overlap, removed in a sweep
 OVERLAP_SPEED = wp.float64(0.5)  # at most [m/s]
-NEAR_REST = wp.float64(4.0)  # times what it may change by in a step, below which a velocity may turn round
-BRAKE_PART = wp.float64(1.0 / 32.0)  # of a step, in which it then turns round
+NEAR_REST = wp.float64(4.0)  # times what it may change by in a step, below which a velocity may reverse
+BRAKE_PART = wp.float64(1.0 / 32.0)  # of a step, in which it then reverses
 NO_TARGET = wp.float64(-1.0e30)  # a normal velocity that is always reached
 ROWS = 6  # normal, two tangents, spin, two of rolling
 
@@ -78,9 +78,16 @@ def build_rows(state: wp.array[State], w: int, half: int, lock: wp.vec3d) -> Non
 
 @wp.func
 def solve_disc(
-    state: wp.array[State], w: int, a: int, b: int, r: int, coupling: wp.float64, bound: wp.float64, aim: wp.vec2d
+    state: wp.array[State],
+    w: int,
+    a: int,
+    b: int,
+    r: int,
+    coupling: wp.float64,
+    bound: wp.float64,
+    target_velocity: wp.vec2d,
 ) -> wp.float64:
-    """Bring the two-dimensional velocity of rows r, r + 1 towards `aim` with an impulse of at most `bound`.
+    """Bring the two-dimensional velocity of rows r, r + 1 towards `target_velocity` with an impulse of at most `bound`.
 
     Sticks if it can. Else steps along the velocity by the same factor in both directions and projects on the
     disc: at the fixed point the impulse then opposes the velocity. Returns the velocity changed.
@@ -89,8 +96,8 @@ def solve_disc(
     y = state[0].rows[w, r + 1].impulse
     if bound <= wp.float64(0.0) and x == wp.float64(0.0) and y == wp.float64(0.0):
         return wp.float64(0.0)
-    vx = velocity_along(state, w, a, b, r) - aim[0]
-    vy = velocity_along(state, w, a, b, r + 1) - aim[1]
+    vx = velocity_along(state, w, a, b, r) - target_velocity[0]
+    vy = velocity_along(state, w, a, b, r + 1) - target_velocity[1]
     kx = state[0].rows[w, r].k
     ky = state[0].rows[w, r + 1].k
     det = kx * ky - coupling * coupling
@@ -115,10 +122,10 @@ def solve_disc(
 def brake(
     before: wp.vec2d, free: wp.vec2d, kx: wp.float64, ky: wp.float64, coupling: wp.float64, bound: wp.float64
 ) -> wp.vec2d:
-    """The impulse of a brake of constant strength over a step, at most `bound`, on a velocity that would change evenly
+    """Return the impulse of a constant brake over a step, at most `bound`, on a velocity that would change evenly
     from `before` to `free`; kx, ky, coupling: velocity per impulse.
 
-    The brake opposes the velocity as it is at the middle of the step; where this nearly stops or turns round, at each
+    The brake opposes the velocity as it is at the middle of the step; where this nearly stops or reverses, at each
     of several parts of the step.
     """
     change = free - before
@@ -168,8 +175,8 @@ def clear_impulses(state: wp.array[State], w: int, r: int) -> None:
 
 
 @wp.func
-def aim_contacts(state: wp.array[State], w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
-    """What velocities the contacts aim at, at the end of a step of length h; the last step's forces to begin with.
+def set_contact_targets(state: wp.array[State], w: int, half: int, h: wp.float64, threshold: wp.float64) -> None:
+    """Set the contacts' target velocities at the end of a step of length h; warm-start with the last step's forces.
 
     Open contacts that close faster than the threshold are left to the impact that follows.
     """
@@ -202,7 +209,7 @@ def aim_contacts(state: wp.array[State], w: int, half: int, h: wp.float64, thres
 
 @wp.func
 def note_forces(state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
-    """Keep what the contacts did in a step of length h for the next."""
+    """Store the contact forces of a step of length h for the next."""
     base = half * state[0].max_manifolds
     offset = half * state[0].max_contacts
     last = base + state[0].manifold_count[w, half]
@@ -247,20 +254,20 @@ def separate_overlaps(state: wp.array[State], w: int, half: int, h: wp.float64) 
                     state[0].contacts[w, c].gap
                     + wp.max(state[0].contacts[w, c].speed, wp.float64(0.0)) * h  # it opens by itself
                     + wp.dot(m.normal, state[0].bodies[w, m.a].shift - state[0].bodies[w, m.b].shift)
-                    + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, m.a].turn)
-                    - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, m.b].turn)
+                    + wp.dot(state[0].rows[w, r].ja, state[0].bodies[w, m.a].rotation_shift)
+                    - wp.dot(state[0].rows[w, r].jb, state[0].bodies[w, m.b].rotation_shift)
                 )
                 depth = -m.close - gap
                 if depth > wp.float64(0.0):
                     move = wp.min(depth * OVERLAP_SHARE, OVERLAP_SPEED * h) / state[0].rows[w, r].k
                     state[0].bodies[w, m.a].shift += m.normal * (move * state[0].bodies[w, m.a].inverse_mass)
-                    state[0].bodies[w, m.a].turn += state[0].rows[w, r].wa * move
+                    state[0].bodies[w, m.a].rotation_shift += state[0].rows[w, r].wa * move
                     state[0].bodies[w, m.b].shift -= m.normal * (move * state[0].bodies[w, m.b].inverse_mass)
-                    state[0].bodies[w, m.b].turn -= state[0].rows[w, r].wb * move
+                    state[0].bodies[w, m.b].rotation_shift -= state[0].rows[w, r].wb * move
 
 
 def contact_solver(hold: Any) -> tuple[Any, Any]:
-    """The functions `solve_manifolds` and `solve_contacts`, for a function `hold` that does the joints' part.
+    """Return the functions `solve_manifolds` and `solve_contacts`, for a function `hold` that solves the joints.
 
     hold(joints, state, w, h, contacts) is visited in every sweep over so many manifolds and returns the largest
     velocity it changed.
@@ -280,7 +287,7 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
     ) -> None:
         """Sweep over the manifolds [first, last) and all joints until no velocity changes any more.
 
-        Normal velocities aim at targets. h is the length of the step, 0 for an impact, in which finite forces do
+        Normal velocities approach targets. h is the length of the step, 0 for an impact, in which finite forces do
         nothing.
         """
         for _iteration in range(iterations):
@@ -301,12 +308,12 @@ def contact_solver(hold: Any) -> tuple[Any, Any]:
                     if normal != before:
                         push(state, w, a, b, r, normal - before)
                         worst = wp.max(worst, wp.abs(normal - before) * k)
-                    grip = state[0].contacts[w, c].grip
-                    if friction > wp.float64(0.0) or grip > wp.float64(0.0):
+                    stick_impulse = state[0].contacts[w, c].stick_impulse
+                    if friction > wp.float64(0.0) or stick_impulse > wp.float64(0.0):
                         coupling = state[0].contacts[w, c].coupling
-                        bound = wp.max(friction * normal, grip)
-                        aim = state[0].contacts[w, c].aim
-                        worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, bound, aim))
+                        bound = wp.max(friction * normal, stick_impulse)
+                        target_velocity = state[0].contacts[w, c].target_velocity
+                        worst = wp.max(worst, solve_disc(state, w, a, b, r + 1, coupling, bound, target_velocity))
                     if torsion > wp.float64(0.0):
                         bound = friction * normal * torsion
                         spin = state[0].rows[w, r + 3].impulse

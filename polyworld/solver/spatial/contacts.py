@@ -28,7 +28,7 @@ SAME_POINT = wp.float64(0.05)  # how far a point may wander and still be the sam
 
 @wp.func
 def near(sa: Shape, xa: wp.vec3d, sb: Shape, b: Body, reach: wp.float64) -> bool:
-    """Whether a's bounding sphere comes within reach of b."""
+    """Check whether a's bounding sphere comes within reach of b."""
     c = xa - b.x
     if sb.kind == PLANE:
         return wp.dot(sb.size, xa) - sb.bound - sa.bound <= reach
@@ -71,7 +71,7 @@ def remember(state: wp.array[State], w: int, new: int, first: int, count: int, r
 
 @wp.func
 def inactive_edge(geometry: wp.array[Geometry], face: int, n: wp.vec3d) -> bool:
-    """Whether n (body axes) leans over an edge of the triangle behind which the surface goes on."""
+    """Check whether n (body axes) leans over an edge of the triangle behind which the surface goes on."""
     normal = geometry[0].face_normals[face]
     lean = n - normal * wp.dot(n, normal)
     steepest = wp.float64(0.0)
@@ -114,13 +114,13 @@ def touch(
     reach: wp.float64,
     old: int,
     remembered: int,
-    told: int,
+    carried: int,
 ) -> int:
     """Add the manifold of bodies i and j at their shapes p and q, if they come within reach of each other.
 
     sb is shape q, or one of its triangles. old is the pair's first manifold of the last step, -1 for none;
-    `remembered` contacts belong to it. told: 1 where a manifold of this pair already carries the impacts that have
-    not been reported. Returns `told` from now on.
+    `remembered` contacts belong to it. carried: 1 where a manifold of this pair already carries the impacts that
+    have not been reported. Returns the new `carried`.
     """
     sa = geometry[0].shapes[p]
     xa = state[0].bodies[w, i].x
@@ -129,10 +129,10 @@ def touch(
     rb = state[0].bodies[w, j].rotation
     if geometry[0].placed[p] == 1:
         xa += ra * geometry[0].offset[p]
-        ra = ra * geometry[0].turn[p]
+        ra = ra * geometry[0].rotation[p]
     if geometry[0].placed[q] == 1:
         xb += rb * geometry[0].offset[q]
-        rb = rb * geometry[0].turn[q]
+        rb = rb * geometry[0].rotation[q]
     c = xa - xb
     n = sb.size
     gap = wp.float64(0.0)
@@ -146,15 +146,15 @@ def touch(
             if wp.dot(face, n) > FLAT:
                 n = face
             elif inactive_edge(geometry, sb.first_face, wp.transpose(rb) * n):
-                return told  # the surface goes on behind this edge: the neighbour is closer
+                return carried  # the surface goes on behind this edge: the neighbour is closer
         gap = separation(geometry[0].vertices, sa, ra, sb, rb, c, n)
     if gap > reach:
-        return told
+        return carried
     index = state[0].manifold_count[w, half]
     first = state[0].contact_count[w, half]
     if index >= state[0].max_manifolds or first + MAX_MANIFOLD_POINTS > state[0].max_contacts:
-        state[0].crowded[w] = 1
-        return told
+        state[0].overflowed[w] = 1
+        return carried
     t1 = tangent(n)
     across = wp.cross(geometry[0].lock, n)
     if wp.length_sq(across) > wp.float64(0.25):  # friction acts in the plane of motion
@@ -164,7 +164,7 @@ def touch(
     scratch = state[0].scratch[w]
     count = touching_points(geometry, sa, ra, sb, rb, c, frame, gap, reach, scratch)
     if count == 0:
-        return told
+        return carried
     base = half * state[0].max_contacts
     for k in range(count):
         at = scratch[k]
@@ -174,8 +174,8 @@ def touch(
             point - state[0].bodies[w, i].x
         )
         state[0].contacts[w, base + first + k].gap = scratch[MAX_MANIFOLD_POINTS + k][0]
-        state[0].contacts[w, base + first + k].aim = wp.vec2d()
-        state[0].contacts[w, base + first + k].grip = wp.float64(0.0)
+        state[0].contacts[w, base + first + k].target_velocity = wp.vec2d()
+        state[0].contacts[w, base + first + k].stick_impulse = wp.float64(0.0)
         before = wp.int32(0)
         if old >= 0:
             before = state[0].manifolds[w, old].first
@@ -196,7 +196,7 @@ def touch(
     if j < state[0].objects:
         m.close = TOUCHING * wp.min(sa.bound, sb.bound)
     m.torsion = wp.max(state[0].bodies[w, i].torsion, state[0].bodies[w, j].torsion)
-    if old >= 0 and told == 0:  # impacts of this step, until they have been reported
+    if old >= 0 and carried == 0:  # impacts of this step, until they have been reported
         m.approach = state[0].manifolds[w, old].approach
         m.impact = state[0].manifolds[w, old].impact
     state[0].manifolds[w, half * state[0].max_manifolds + index] = m
@@ -218,7 +218,7 @@ def touch_mesh(
     reach: wp.float64,
     old: int,
     remembered: int,
-    told: int,
+    carried: int,
 ) -> int:
     """As `touch`, for all triangles of the mesh q that come near shape p."""
     sa = geometry[0].shapes[p]
@@ -240,8 +240,8 @@ def touch_mesh(
         piece.first_face = sb.first_face + triangle
         piece.first_vertex = sb.first_vertex + 3 * triangle
         piece.bound = sa.bound
-        told = touch(geometry, state, w, half, i, j, p, q, piece, reach, old, remembered, told)
-    return told
+        carried = touch(geometry, state, w, half, i, j, p, q, piece, reach, old, remembered, carried)
+    return carried
 
 
 @wp.func(inline=False)
@@ -257,7 +257,7 @@ def touch_pieces(
     remembered: int,
 ) -> None:
     """As `touch`, for all pieces of two bodies of which at least one has several."""
-    told = wp.int32(0)
+    carried = wp.int32(0)
     for p in range(geometry[0].first_shape[i], geometry[0].first_shape[i + 1]):
         sa = geometry[0].shapes[p]
         xa = state[0].bodies[w, i].x
@@ -266,14 +266,14 @@ def touch_pieces(
         for q in range(geometry[0].first_shape[j], geometry[0].first_shape[j + 1]):
             sb = placed_shape(geometry, state, w, j, q)
             if sb.kind == MESH:
-                told = touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, told)
+                carried = touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, carried)
             elif geometry[0].placed[q] == 1:
                 xb = state[0].bodies[w, j].x + state[0].bodies[w, j].rotation * geometry[0].offset[q]
                 far = sa.bound + sb.bound + reach
                 if wp.length_sq(xa - xb) <= far * far:
-                    told = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, told)
+                    carried = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, carried)
             elif near(sa, xa, sb, state[0].bodies[w, j], reach):
-                told = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, told)
+                carried = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, carried)
 
 
 @wp.func

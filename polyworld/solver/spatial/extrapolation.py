@@ -1,7 +1,7 @@
 """Two steps of jointed bodies made fourth order: Richardson's extrapolation.
 
-The scheme of `joint_step` is symmetric, so that its error has even powers of the step alone; what two steps of h and
-one of 2 h differ by tells the leading one, which is taken off (Hairer, Lubich & Wanner, Geometric Numerical
+The scheme of `joint_step` is symmetric, so that its error has even powers of the step alone; the difference of two
+steps of h and one of 2 h estimates the leading one, which is subtracted (Hairer, Lubich & Wanner, Geometric Numerical
 Integration, 2nd ed., sec. II.4 and V.1). That holds where motion is smooth: where a body comes near another, a joint
 runs into a stop, sticks, or asks for shorter steps, the two steps are left as they are.
 """
@@ -12,9 +12,9 @@ import warp as wp
 
 from polyworld.solver.spatial.joint_layout import BALL, SPRING, Joints, Moment
 from polyworld.solver.spatial.joint_rows import build_joint_rows, hold_joints
-from polyworld.solver.spatial.joint_step import mend_joints, no_aims
+from polyworld.solver.spatial.joint_step import clear_targets, project_joints
 from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
-from polyworld.solver.spatial.motion import turned
+from polyworld.solver.spatial.motion import rotated
 from polyworld.solver.spatial.tree_turn import follow_tree
 
 STICKING = wp.float64(1.0 - 1.0e-9)  # friction below this share of its limit lets nothing slip
@@ -81,15 +81,15 @@ def note_roughness(joints: wp.array[Joints], k: int) -> None:
 
 @wp.func
 def smooth(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
-    """Whether the last step was taken whole, with nothing near the bodies, and no axis stuck or was stopped."""
+    """Check whether the last step was taken whole, with nothing near the bodies, and no axis stuck or was stopped."""
     near = state[0].manifold_count[k, 0] + state[0].manifold_count[k, 1]
     note_roughness(joints, k)
     return near == 0 and joints[0].parts[k] == 1 and joints[0].rough[k] == 0
 
 
 @wp.func
-def foresee_reactions(joints: wp.array[Joints], state: wp.array[State], k: int, lag: wp.float64) -> None:
-    """From what joints did to the bodies in the last two steps, what they will do in the first half of the next.
+def predict_reactions(joints: wp.array[Joints], state: wp.array[State], k: int, lag: wp.float64) -> None:
+    """Predict the joints' action on bodies in the first half of the next step from the last two steps.
 
     Effects act as they will be in the middle of a step. lag: how much later than the last, in steps; 0 where nothing
     is known of the one before.
@@ -105,7 +105,7 @@ def foresee_reactions(joints: wp.array[Joints], state: wp.array[State], k: int, 
 
 @wp.func
 def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
-    """Whether one long step, after which bodies are as they are, tells nearly what two short ones told, for all bodies.
+    """Check whether one long step, whose result the bodies hold, agrees with two short ones for all bodies.
 
     By the leading error of a vibration of frequency w, that asks for (w h)^2 < 16 ALIKE for a long step h. The
     extrapolated one grows by (w h)^6 / 1152 a step; one of a spring that steps do not resolve would by 5 / 3.
@@ -117,19 +117,19 @@ def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
     for i in range(state[0].objects):
         b = state[0].bodies[k, i].inertia
         gyration = (b[0, 0] + b[1, 1] + b[2, 2]) * THIRD
-        first = joints[0].begun[k, i]
-        middle = joints[0].midway[k, i]
-        end = joints[0].ended[k, i]
+        first = joints[0].at_start[k, i]
+        middle = joints[0].at_middle[k, i]
+        end = joints[0].at_end[k, i]
         changed = combined(middle.v - first.v, middle.w - first.w, gyration)
         changed += combined(end.v - middle.v, end.w - middle.w, gyration)
         apart = combined(end.v - state[0].bodies[k, i].v, end.w - state[0].bodies[k, i].w, gyration)
         # Written so that what is no number is not resolved.
         if not (apart <= alike * changed + ROUNDING * (wp.float64(1.0) + combined(end.v, end.w, gyration))):
             return False
-        path = combined(middle.x - first.x, turn_between(middle.q, first.q), gyration)
-        path += combined(end.x - middle.x, turn_between(end.q, middle.q), gyration)
+        path = combined(middle.x - first.x, rotation_between(middle.q, first.q), gyration)
+        path += combined(end.x - middle.x, rotation_between(end.q, middle.q), gyration)
         q = state[0].bodies[k, i].q
-        off = combined(end.x - state[0].bodies[k, i].x, turn_between(end.q, q), gyration)
+        off = combined(end.x - state[0].bodies[k, i].x, rotation_between(end.q, q), gyration)
         if not (off <= wp.float64(4.0) * alike * path + ROUNDING):
             return False
     return True
@@ -137,22 +137,22 @@ def resolved(joints: wp.array[Joints], state: wp.array[State], k: int) -> bool:
 
 @wp.func
 def combined(v: wp.vec3d, w: wp.vec3d, gyration: wp.float64) -> wp.float64:
-    """Length of a velocity and an angular velocity, or of a shift and a turn; gyration: radius of gyration^2 [m^2]."""
+    """Return the norm of a velocity and an angular velocity, or of a shift and a rotation; gyration: radius^2 [m^2]."""
     return wp.sqrt(wp.dot(v, v) + gyration * wp.dot(w, w))
 
 
 @wp.func
-def turn_between(q: wp.quatd, p: wp.quatd) -> wp.vec3d:
-    """Small rotation vector that turns orientation p into q, world axes."""
+def rotation_between(q: wp.quatd, p: wp.quatd) -> wp.vec3d:
+    """Return the small rotation vector from orientation p to q, world axes."""
     between = q * wp.quat_inverse(p)
-    turn = wp.vec3d(between[0], between[1], between[2]) * wp.float64(2.0)
+    rotation = wp.vec3d(between[0], between[1], between[2]) * wp.float64(2.0)
     if between[3] < wp.float64(0.0):
-        return -turn
-    return turn
+        return -rotation
+    return rotation
 
 
 def pairing(advance: Any) -> Any:
-    """The Warp function `advance_pair` of the function `advance` for one step."""
+    """Return the Warp function `advance_pair` of the function `advance` for one step."""
 
     @wp.func
     def advance_pair(
@@ -187,35 +187,35 @@ def pairing(advance: Any) -> Any:
             lag = wp.float64(0.5) + wp.float64(0.25) * h / joints[0].paced[k]
             next_lag = wp.float64(0.75)
         joints[0].paced[k] = wp.float64(0.0)
-        keep(state, joints[0].begun, k)
-        foresee_reactions(joints, state, k, lag)
+        keep(state, joints[0].at_start, k)
+        predict_reactions(joints, state, k, lag)
         begin_step(joints, k, h)
         half = advance(geometry, parameters, joints, state, log, w, k, previous_half, gravity, start, h)
         if not smooth(joints, state, k):
             return advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + h, h)
-        keep(state, joints[0].midway, k)
-        foresee_reactions(joints, state, k, next_lag)
+        keep(state, joints[0].at_middle, k)
+        predict_reactions(joints, state, k, next_lag)
         begin_step(joints, k, h)
         half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + h, h)
         if not smooth(joints, state, k):
             return half
         joints[0].paced[k] = h
-        keep(state, joints[0].ended, k)
-        put_back(joints, state, joints[0].begun, k)
-        take_reactions(state, joints[0].midway, k)
+        keep(state, joints[0].at_end, k)
+        put_back(joints, state, joints[0].at_start, k)
+        take_reactions(state, joints[0].at_middle, k)
         begin_step(joints, k, whole)
         half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start, whole)
         if smooth(joints, state, k) and resolved(joints, state, k):
             extrapolate(joints, state, k)
             joints[0].ready[k] = 0
-            mend_joints(joints, state, k, geometry[0].lock)
+            project_joints(joints, state, k, geometry[0].lock)
             if joints[0].ready[k] == 0:
                 build_joint_rows(joints, state, k, geometry[0].lock)
-            no_aims(joints, k)
+            clear_targets(joints, k)
             hold_joints(joints, state, k)
         else:
-            put_back(joints, state, joints[0].ended, k)
-        take_reactions(state, joints[0].ended, k)
+            put_back(joints, state, joints[0].at_end, k)
+        take_reactions(state, joints[0].at_end, k)
         return half
 
     return advance_pair
@@ -230,10 +230,10 @@ def begin_step(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
 
 @wp.func
 def extrapolate(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """From the end of one long step, where the bodies are, and that of two short ones, `ended`, to the limit."""
+    """From the end of one long step, where the bodies are, and that of two short ones, `at_end`, to the limit."""
     for i in range(state[0].objects):
-        fine = joints[0].ended[k, i]
-        end = turned(fine.q, turn_between(fine.q, state[0].bodies[k, i].q) * THIRD)
+        fine = joints[0].at_end[k, i]
+        end = rotated(fine.q, rotation_between(fine.q, state[0].bodies[k, i].q) * THIRD)
         state[0].bodies[k, i].x = fine.x + (fine.x - state[0].bodies[k, i].x) * THIRD
         state[0].bodies[k, i].q = end
         state[0].bodies[k, i].rotation = wp.quat_to_matrix(end)

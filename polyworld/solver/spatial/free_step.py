@@ -1,4 +1,4 @@
-"""What a step does where there are no joints: the counterparts of `joint_step`, most of which do nothing."""
+"""Stages of a step without joints: the counterparts of `joint_step`, most of which do nothing."""
 
 import warp as wp
 
@@ -20,12 +20,12 @@ def energy(_joints: wp.array[Joints], state: wp.array[State], k: int, a: int, b:
 
 
 @wp.func
-def take_back(_joints: wp.array[Joints], _state: wp.array[State], _k: int) -> None:
+def undo_joints(_joints: wp.array[Joints], _state: wp.array[State], _k: int) -> None:
     pass
 
 
 @wp.func
-def settle(_joints: wp.array[Joints], _state: wp.array[State], _k: int, _lock: wp.vec3d) -> None:
+def solve_velocities(_joints: wp.array[Joints], _state: wp.array[State], _k: int, _lock: wp.vec3d) -> None:
     pass
 
 
@@ -61,10 +61,10 @@ def finish(
 solve_manifolds, solve_contacts = contact_solver(hold)
 
 FREE = Joining(
-    settle=settle,
+    solve_velocities=solve_velocities,
     longest_part=all_left,
     time_to_stop=whole,
-    resolve_impacts=impact_solver(solve_manifolds, energy, take_back),
+    resolve_impacts=impact_solver(solve_manifolds, energy, undo_joints),
     begin=begin,
     solve=solve_contacts,
     carries=carries,

@@ -60,16 +60,16 @@ def time_to_impact(
     return earliest
 
 
-def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
-    """The function `resolve_impacts`, for functions that do the joints' part.
+def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
+    """Return the function `resolve_impacts`, for functions that do the joints' part.
 
     energy(joints, state, w, a, b) is the kinetic energy of all that an impact of a and b can change; and
-    take_back(joints, state, w) takes back what the joints did in an impact whose contact impulses were taken back.
+    undo_joints(joints, state, w) removes the joints' impulses of an impact whose contact impulses were removed.
     """
 
     @wp.func(inline=False)
     def undo(joints: wp.array[Joints], state: wp.array[State], w: int, i: int, last: int, offset: int) -> None:
-        """Take back the impulses of an impact whose manifolds are [i, last)."""
+        """Remove the impulses of an impact whose manifolds are [i, last)."""
         a = state[0].manifolds[w, i].a
         b = state[0].manifolds[w, i].b
         start = state[0].manifolds[w, i].first
@@ -77,7 +77,7 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         for r in range(ROWS * (start - offset), ROWS * (end - offset)):
             if state[0].rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
                 push(state, w, a, b, r, -state[0].rows[w, r].impulse)
-        take_back(joints, state, w)
+        undo_joints(joints, state, w)
 
     @wp.func(inline=False)
     def rebound(
@@ -117,8 +117,8 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
                     elif tangential > wp.float64(-1.0):
                         x = velocity_along(state, w, a, b, r + 1)
                         y = velocity_along(state, w, a, b, r + 2)
-                        state[0].contacts[w, c].aim = wp.vec2d(-returned * x, -returned * y)
-                        state[0].contacts[w, c].grip = UNLIMITED
+                        state[0].contacts[w, c].target_velocity = wp.vec2d(-returned * x, -returned * y)
+                        state[0].contacts[w, c].stick_impulse = UNLIMITED
             solve_manifolds(joints, state, w, i, last, offset, ITERATIONS, CONVERGED, wp.float64(0.0))
             if energy(joints, state, w, a, b) <= allowed or trial == TRIALS - 1:
                 break
@@ -128,8 +128,8 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         impulse = wp.float64(0.0)
         for c in range(start, end):
             impulse += state[0].rows[w, ROWS * (c - offset)].impulse
-            state[0].contacts[w, c].aim = wp.vec2d()
-            state[0].contacts[w, c].grip = wp.float64(0.0)
+            state[0].contacts[w, c].target_velocity = wp.vec2d()
+            state[0].contacts[w, c].stick_impulse = wp.float64(0.0)
         return impulse
 
     @wp.func(inline=False)
@@ -145,9 +145,9 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         fastest: wp.float64,
         normal: wp.vec3d,
     ) -> wp.float64:
-        """As `rebound`, for an approach at the speed `fastest` along `normal`, as the effects on the pair will have it.
+        """As `rebound`, for an approach at the speed `fastest` along `normal`, with the effects' contact laws.
 
-        A grip of less than 1 mixes the solution with it and that of Coulomb friction. Both keep the bodies apart and
+        A stick fraction below 1 mixes the sticking solution and that of Coulomb friction. Both separate the bodies and
         gain no energy, and so does any mixture, for the energy is convex in the velocities.
         """
         zero = wp.float64(0.0)
@@ -159,31 +159,31 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         values = parameters[0].effect_parameters
         e = contact_restitution(kinds, acts, values, world, a, b, state[0].manifolds[w, i].restitution, fastest)
         law = contact_tangential(kinds, acts, values, world, a, b)
-        grip = law[2]
+        stick_fraction = law[2]
         impulse = zero
-        if grip < one:
+        if stick_fraction < one:
             impulse = rebound(joints, state, w, i, last, offset, e, -one)
-        if grip > zero:
-            if grip < one:
+        if stick_fraction > zero:
+            if stick_fraction < one:
                 for k in range(state[0].objects):
                     state[0].bodies[w, k].v_free = state[0].bodies[w, k].v  # free for use until the step is predicted
                     state[0].bodies[w, k].w_free = state[0].bodies[w, k].w
                 undo(joints, state, w, i, last, offset)
-            gripped = rebound(joints, state, w, i, last, offset, e, law[1])
-            impulse = impulse * (one - grip) + gripped * grip
-            if grip < one:
+            stuck = rebound(joints, state, w, i, last, offset, e, law[1])
+            impulse = impulse * (one - stick_fraction) + stuck * stick_fraction
+            if stick_fraction < one:
                 for k in range(state[0].objects):
-                    v = state[0].bodies[w, k].v_free * (one - grip)
-                    spin = state[0].bodies[w, k].w_free * (one - grip)
-                    state[0].bodies[w, k].v = v + state[0].bodies[w, k].v * grip
-                    state[0].bodies[w, k].w = spin + state[0].bodies[w, k].w * grip
+                    v = state[0].bodies[w, k].v_free * (one - stick_fraction)
+                    spin = state[0].bodies[w, k].w_free * (one - stick_fraction)
+                    state[0].bodies[w, k].v = v + state[0].bodies[w, k].v * stick_fraction
+                    state[0].bodies[w, k].w = spin + state[0].bodies[w, k].w * stick_fraction
         if law[0] > zero:
             ma = state[0].bodies[w, a].inverse_mass
             mb = state[0].bodies[w, b].inverse_mass
             u = state[0].bodies[w, a].v - state[0].bodies[w, b].v
-            lost = (u - normal * wp.dot(normal, u)) * (law[0] / (ma + mb))
-            state[0].bodies[w, a].v -= lost * ma
-            state[0].bodies[w, b].v += lost * mb
+            tangential_loss = (u - normal * wp.dot(normal, u)) * (law[0] / (ma + mb))
+            state[0].bodies[w, a].v -= tangential_loss * ma
+            state[0].bodies[w, b].v += tangential_loss * mb
         return impulse
 
     @wp.func
@@ -196,7 +196,7 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
         half: int,
         threshold: wp.float64,
     ) -> int:
-        """Newton's impact law for all touching pairs that approach faster than the threshold; returns their number.
+        """Apply Newton's impact law to touching pairs that approach faster than the threshold; return their number.
 
         Pairs are resolved one after another until none approaches, as a shock runs through touching bodies; the points
         of one pair are resolved together, each rebounding with the pair's restitution times its own approach speed.
@@ -256,7 +256,7 @@ def impact_solver(solve_manifolds: Any, energy: Any, take_back: Any) -> Any:
 
 
 @wp.func(inline=False)
-def rub_as_effects_have_it(
+def set_effect_friction(
     parameters: wp.array[Parameters],
     state: wp.array[State],
     world: int,
@@ -265,10 +265,10 @@ def rub_as_effects_have_it(
     threshold: wp.float64,
     h: wp.float64,
 ) -> None:
-    """Give all touching pairs the friction that effects have at the middle of where they touch.
+    """Set the friction of all touching pairs by the effects at the middle of where they touch.
 
-    Pairs that approach faster than the threshold collide now; the others are rubbed over a step of length h, in which
-    the place moves on with the first of them. (Where an impact elsewhere cuts the step, its way was taken as whole.)
+    Pairs that approach faster than the threshold collide now; the others slide over a step of length h, in which
+    the position moves with the first of them. (Where an impact elsewhere cuts the step, its path was taken as whole.)
     """
     base = half * state[0].max_manifolds
     for i in range(base, base + state[0].manifold_count[w, half]):

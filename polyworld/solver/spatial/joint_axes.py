@@ -1,4 +1,4 @@
-"""What acts along a joint's axis: dry friction, damping, motors, stops and springs.
+"""Forces along a joint's axis: dry friction, damping, motors, stops and springs.
 
 Each is an impulse within its bounds, found in turn by Gauss-Seidel while all joints hold: the velocities that an
 impulse adds are those of the whole chain (`Joints.yields`), not those of the two bodies alone.
@@ -22,7 +22,7 @@ RUBBING_HALVINGS = 60
 
 @wp.func
 def rubbing_torque(c: wp.mat33d, free: wp.vec3d, bound: wp.float64) -> wp.vec3d:
-    """The impulse p of length `bound` that opposes the velocity free + c p: (c + m) p = -free for some m > 0.
+    """Return the impulse p of length `bound` that opposes the velocity free + c p: (c + m) p = -free for some m > 0.
 
     Its length falls as m grows; m is found by bisection of its logarithm.
     """
@@ -84,7 +84,7 @@ def move_axis(joints: wp.array[Joints], k: int, j: int, h: wp.float64) -> wp.flo
     v = joints[0].rate[k, axis]
     total = zero
     if joints[0].kinds[j].kind == SPRING:
-        if joint.settled == 1:
+        if joint.is_final == 1:
             return zero
         total = spring_lack(joint, v, h) / (wp.float64(1.0) + spring_slope(joint, h) * c)
         joint.pulled += total
@@ -113,8 +113,8 @@ def move_axis(joints: wp.array[Joints], k: int, j: int, h: wp.float64) -> wp.flo
             joint.rubbing[0] = wanted
         for s in range(2):  # lower, upper
             side = wp.float64(1 - 2 * s)
-            if joint.stop_aim[s] > UNREACHED or joint.stopped[s] != zero:
-                wanted = wp.max(joint.stopped[s] + (joint.stop_aim[s] - side * v) / c, zero)
+            if joint.stop_target[s] > UNREACHED or joint.stopped[s] != zero:
+                wanted = wp.max(joint.stopped[s] + (joint.stop_target[s] - side * v) / c, zero)
                 change = side * (wanted - joint.stopped[s])
                 total += change
                 v += change * c
@@ -175,8 +175,8 @@ def forget(joints: wp.array[Joints], k: int, j: int) -> None:
 
 
 @wp.func
-def let_go(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """Take back the impulses along all axes."""
+def remove_axis_impulses(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
+    """Remove the impulses along all axes."""
     for j in range(joints[0].count):
         d = joints[0].kinds[j]
         for i in range(d.axes):
@@ -188,34 +188,34 @@ def let_go(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
 
 @wp.func
 def gap_to_stop(joints: wp.array[Joints], k: int, j: int, s: int) -> wp.float64:
-    """How far a joint is from its lower (0) or upper (1) stop; negative beyond it."""
+    """Compute how far a joint is from its lower (0) or upper (1) stop; negative beyond it."""
     if s == 0:
-        return joints[0].joint[k, j].place - joints[0].joint[k, j].lower
-    return joints[0].joint[k, j].upper - joints[0].joint[k, j].place
+        return joints[0].joint[k, j].position - joints[0].joint[k, j].lower
+    return joints[0].joint[k, j].upper - joints[0].joint[k, j].position
 
 
 @wp.func
-def aim_at_stops(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
+def set_stop_targets(joints: wp.array[Joints], k: int, h: wp.float64) -> None:
     """Velocities away from the stops that end the step of length h where it may end; for h = 0, now."""
     zero = wp.float64(0.0)
     for j in range(joints[0].count):
         d = joints[0].kinds[j]
-        joints[0].joint[k, j].stop_aim = wp.vec2d(UNREACHED, UNREACHED)
+        joints[0].joint[k, j].stop_target = wp.vec2d(UNREACHED, UNREACHED)
         if d.axes == 1 and d.kind != SPRING:
             for s in range(2):
                 gap = gap_to_stop(joints, k, j, s)
                 side = wp.float64(1 - 2 * s)
                 if gap <= STOPPED:
-                    joints[0].joint[k, j].stop_aim[s] = zero
+                    joints[0].joint[k, j].stop_target[s] = zero
                 elif h > zero and gap < wp.float64(0.5 * NEVER):
                     speed = side * joints[0].joint[k, j].speed[0]
-                    joints[0].joint[k, j].stop_aim[s] = wp.min(zero, -wp.float64(2.0) * gap / h - speed)
+                    joints[0].joint[k, j].stop_target[s] = wp.min(zero, -wp.float64(2.0) * gap / h - speed)
 
 
 @wp.func
 def stop_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Joints at a stop lose the speed with which they run into it, at once and for good."""
-    aim_at_stops(joints, k, wp.float64(0.0))
+    set_stop_targets(joints, k, wp.float64(0.0))
     move_axes(joints, state, k, wp.float64(0.0))
     for j in range(joints[0].count):
         forget(joints, k, j)

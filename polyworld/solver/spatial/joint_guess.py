@@ -1,7 +1,7 @@
 """The forces in joints with which Newton's method begins a step: those of the last, as the bodies have turned since.
 
 A small ball at the end of a long arm is turned so easily that the same force in the same direction, a step later, is
-a worse guess than none; the pull of an arm that hangs on something fixed turns with the arm.
+a worse guess than none; the pull of an arm that hangs on something fixed rotates with the arm.
 """
 
 import warp as wp
@@ -13,7 +13,7 @@ from polyworld.solver.spatial.rows import push
 
 @wp.func
 def turns_with_arm(joints: wp.array[Joints], state: wp.array[State], j: int) -> bool:
-    """Whether a joint's point is fixed in space, so that its force turns with the body that hangs on it."""
+    """Check whether a joint's point is fixed in space, so that its force rotates with the hanging body."""
     return joints[0].kinds[j].points == 3 and joints[0].kinds[j].b >= state[0].objects
 
 
@@ -35,7 +35,7 @@ def remember_forces(joints: wp.array[Joints], state: wp.array[State], k: int, h:
             in_arm = wp.transpose(state[0].bodies[k, d.a].rotation) * along
             for i in range(3):
                 joints[0].force[k, d.first + i] = in_arm[i]
-        for r in range(d.first + d.points, d.first + d.points + d.turns):
+        for r in range(d.first + d.points, d.first + d.points + d.rotations):
             joints[0].force[k, r] = state[0].rows[k, joints[0].base + r].impulse / h
 
 
@@ -54,13 +54,13 @@ def push_as_before(joints: wp.array[Joints], state: wp.array[State], k: int, h: 
                 row = joints[0].base + first + i
                 push(state, k, d.a, d.b, row, wp.dot(state[0].rows[k, row].d, along) * h)
             first += 3
-        for r in range(first, d.first + d.points + d.turns):
+        for r in range(first, d.first + d.points + d.rotations):
             if joints[0].force[k, r] != wp.float64(0.0):
                 push(state, k, d.a, d.b, joints[0].base + r, joints[0].force[k, r] * h)
 
 
 @wp.func
-def take_forces_back(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
+def remove_warm_start(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Undo what has been pushed along all rows that hold the joints."""
     for r in range(joints[0].equalities):
         row = joints[0].base + r

@@ -1,4 +1,4 @@
-"""The records of joints: what they are in all worlds, and what they are up to in one."""
+"""Records of joints: their constants in all worlds, and their state in one."""
 
 import warp as wp
 
@@ -15,14 +15,14 @@ NEVER = 1.0e30  # a time or a stop that is never reached
 
 @wp.struct
 class JointKind:
-    """What a joint is, the same in all worlds.
+    """Constants of a joint, the same in all worlds.
 
-    a, b: the bodies it joins; the world is the body after the last static. column: its place among the world's
+    a, b: the bodies it joins; the world is the body after the last static. column: its index among the world's
     joints.
     frame: columns axis and two tangents, world axes. point, points: its rows hold the coordinates
-    [point, point + points) of the anchor in the frame, and then of the rotation [turn, turn + turns). first: its
-    first row. axis, axes: its rows along which it moves with friction, motors and stops, or along which a spring
-    pulls. direction: 1 or -1, of a motor's effort without a target.
+    [point, point + points) of the anchor in the frame, and then of the rotation [rotation, rotation + rotations).
+    first: its first row. axis, axes: its rows along which it moves with friction, motors and stops, or
+    along which a spring pulls. direction: 1 or -1, of a motor's effort without a target.
     """
 
     kind: int
@@ -31,8 +31,8 @@ class JointKind:
     column: int
     point: int
     points: int
-    turn: int
-    turns: int
+    rotation: int
+    rotations: int
     first: int
     axis: int
     axes: int
@@ -49,8 +49,8 @@ class JointKind:
 class Joint:
     """A joint in one world: where it holds its bodies, in their axes, and how it moves.
 
-    place: angle or displacement from the start, counted beyond full turns; for a spring its length. speed: rate of
-    `place` at the start of the step. The impulses are those of the step so far: of dry friction (along three axes
+    position: angle or displacement from the start, counted beyond full turns; for a spring its length. speed: rate of
+    `position` at the start of the step. The impulses are those of the step so far: of dry friction (along three axes
     for a ball), damping, motor, lower and upper stop, and spring.
     """
 
@@ -68,8 +68,8 @@ class Joint:
     target_speed: wp.float64  # of its motor
     effort: wp.float64  # of its motor, with its sign
     delay: wp.float64
-    place: wp.float64
-    end_place: wp.float64  # at the end of the step, as it looks now
+    position: wp.float64
+    position_at_end: wp.float64  # at the end of the step, as it looks now
     seen_speed: wp.float64  # rate of the spring's length at which end_place was found
     speed: wp.vec3d
     drive: wp.float64  # seconds of the step for which the motor is on
@@ -81,14 +81,14 @@ class Joint:
     last_rubbing: wp.vec3d  # forces of the last step, a guess to begin with
     last_damped: wp.vec3d
     last_pulled: wp.float64
-    stop_aim: wp.vec2d  # least velocity away from the lower and upper stop
+    stop_target: wp.vec2d  # least velocity away from the lower and upper stop
     tension: wp.float64  # force that held its point in the last step [N]
-    settled: int  # 1 where a spring's impulse is final
+    is_final: int  # 1 where a spring's impulse is final
 
 
 @wp.struct
 class Moment:
-    """Where a body is, how it moves, and how joints have accelerated it in the step before [m/s^2, rad/s^2]."""
+    """Pose and velocity of a body, and its acceleration by joints in the step before [m/s^2, rad/s^2]."""
 
     x: wp.vec3d
     q: wp.quatd
@@ -104,7 +104,7 @@ class Joints:
 
     Rows are ordered so that the matrix (J M^-1 J^T) of a chain or tree is narrow. Its row r is kept from column
     column[r] to the diagonal, at start[r] of `matrix`, which holds its Cholesky factor L. inverse: 1 / L[r, r],
-    0 for rows that depend on those before. aim: the velocity that each row is brought to.
+    0 for rows that depend on those before. target: the velocity that each row is brought to.
     """
 
     count: int
@@ -120,7 +120,7 @@ class Joints:
     joint: wp.array2d[Joint]
     matrix: wp.array2d[wp.float64]
     inverse: wp.array2d[wp.float64]
-    aim: wp.array2d[wp.float64]
+    target: wp.array2d[wp.float64]
     work: wp.array2d[wp.float64]
     resists: wp.array2d[wp.int32]  # (K, count) 1 where anything acts along a joint's axes
     held: wp.array2d[wp.float64]  # (K, axes * equalities) what the joints take of a push along each axis
@@ -139,9 +139,9 @@ class Joints:
     end_q: wp.array2d[wp.quatd]
     end_rotation: wp.array2d[wp.mat33d]
     half_impulse: wp.array2d[wp.float64]
-    begun: wp.array2d[Moment]  # (K, n) bodies at the start of two steps, between them, and at their end
-    midway: wp.array2d[Moment]
-    ended: wp.array2d[Moment]
+    at_start: wp.array2d[Moment]  # (K, n) bodies at the start of two steps, between them, and at their end
+    at_middle: wp.array2d[Moment]
+    at_end: wp.array2d[Moment]
     before: wp.array2d[Moment]  # (K, n) reactions of the step before the last
     paced: wp.array[wp.float64]  # (K,) length of the last two steps, 0 where they were not smooth [s]
     parts: wp.array[wp.int32]  # (K,) into which the step was cut

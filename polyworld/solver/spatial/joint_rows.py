@@ -1,6 +1,6 @@
 """Rows of joints, and the impulses that hold all of them at once.
 
-The impulses solve (J M^-1 J^T) p = aim - J v directly, by a Cholesky factor kept within its envelope (George & Liu
+The impulses solve (J M^-1 J^T) p = target - J v directly, by a Cholesky factor kept within its envelope (George & Liu
 1981, ch. 4): a chain or a tree of joints costs time in proportion to its length, and stays together whatever the
 masses. Rows that depend on others, as in closed loops, are left out.
 """
@@ -11,7 +11,7 @@ from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, SPRING, J
 from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
 
-HELD = wp.float64(1.0e-14)  # velocity off its aim that is rounding [m/s or rad/s]
+HELD = wp.float64(1.0e-14)  # velocity off its target that is rounding [m/s or rad/s]
 DEPENDENT = wp.float64(1.0e-10)  # a pivot below this fraction of its diagonal is rounding
 
 
@@ -38,13 +38,13 @@ def turn_error(fa: wp.mat33d, fb: wp.mat33d) -> wp.vec3d:
 
 @wp.func
 def axis_error(fa: wp.mat33d, fb: wp.mat33d) -> wp.vec3d:
-    """Small rotation vector that turns frame b's axis into frame a's."""
+    """Return the small rotation vector from frame b's axis to frame a's."""
     return wp.cross(column(fb, 0), column(fa, 0))
 
 
 @wp.func(inline=False)
 def write_rows(joints: wp.array[Joints], state: wp.array[State], k: int, j: int, lock: wp.vec3d) -> None:
-    """Rows that joint j holds at its bodies' pose, and those along which it moves; and its place there."""
+    """Build the rows that joint j holds at its bodies' pose, those along which it moves, and its position."""
     d = joints[0].kinds[j]
     ia = joints[0].inverse_inertia[k, d.a]
     ib = joints[0].inverse_inertia[k, d.b]
@@ -60,7 +60,7 @@ def write_rows(joints: wp.array[Joints], state: wp.array[State], k: int, j: int,
         along = column(frame, i)
         state[0].rows[k, r] = make_row(along, wp.cross(pa, along), wp.cross(from_b, along), ia, ib, masses, lock)
         r += 1
-    for i in range(d.turn, d.turn + d.turns):
+    for i in range(d.rotation, d.rotation + d.rotations):
         about = column(frame, i)
         state[0].rows[k, r] = make_row(zero, about, about, ia, ib, masses, lock)
         r += 1
@@ -70,11 +70,11 @@ def write_rows(joints: wp.array[Joints], state: wp.array[State], k: int, j: int,
         state[0].rows[k, r] = make_row(zero, axis, axis, ia, ib, masses, lock)
         found = angle_between(ra * joints[0].joint[k, j].frame_a, frame)
         whole = wp.float64(6.283185307179586)
-        before = joints[0].joint[k, j].place
-        joints[0].joint[k, j].place = found + whole * wp.round((before - found) / whole)
+        before = joints[0].joint[k, j].position
+        joints[0].joint[k, j].position = found + whole * wp.round((before - found) / whole)
     elif d.kind == SLIDER:
         state[0].rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(from_b, axis), ia, ib, masses, lock)
-        joints[0].joint[k, j].place = wp.dot(from_b - rb * joints[0].joint[k, j].arm_b, axis)
+        joints[0].joint[k, j].position = wp.dot(from_b - rb * joints[0].joint[k, j].arm_b, axis)
     elif d.kind == BALL:
         for i in range(3):
             about = column(frame, i)
@@ -87,7 +87,7 @@ def write_rows(joints: wp.array[Joints], state: wp.array[State], k: int, j: int,
         if length > wp.float64(1.0e-12):
             axis = apart / length
         state[0].rows[k, r] = make_row(axis, wp.cross(pa, axis), wp.cross(pb, axis), ia, ib, masses, lock)
-        joints[0].joint[k, j].place = length
+        joints[0].joint[k, j].position = length
 
 
 @wp.func
@@ -112,7 +112,7 @@ def coupling(joints: wp.array[Joints], state: wp.array[State], k: int, r: int, c
 
 @wp.func
 def factorise(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """Fill the matrix and turn it into its Cholesky factor, row by row."""
+    """Fill the matrix and factorise it (Cholesky), row by row."""
     zero = wp.float64(0.0)
     for r in range(joints[0].equalities):
         first = joints[0].column[r]
@@ -160,14 +160,14 @@ def backward(joints: wp.array[Joints], k: int) -> None:
 
 @wp.func
 def resists(d: JointKind, joint: Joint) -> bool:
-    """Whether anything acts along the joint's axes."""
+    """Check whether anything acts along the joint's axes."""
     zero = wp.float64(0.0)
     return d.kind == SPRING or joint.friction > zero or joint.damping > zero or d.driven > 0 or d.bounded > 0
 
 
 @wp.func(inline=False)
 def build_axes(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """How all axes along which something acts yield to a push along each, while the joints hold."""
+    """Compute the compliance of all axes along which something acts, while the joints hold."""
     n = joints[0].equalities
     for j in range(joints[0].count):
         if joints[0].resists[k, j] == 1:
@@ -216,10 +216,10 @@ def build_joint_rows(joints: wp.array[Joints], state: wp.array[State], k: int, l
 
 @wp.func(inline=False)
 def hold_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> wp.float64:
-    """Bring all rows to their aims at once. Returns the largest velocity changed [m/s or rad/s]."""
+    """Solve all rows for their targets at once. Returns the largest velocity changed [m/s or rad/s]."""
     worst = wp.float64(0.0)
     for r in range(joints[0].equalities):
-        lack = joints[0].aim[k, r] - velocity_along(
+        lack = joints[0].target[k, r] - velocity_along(
             state, k, joints[0].row_a[r], joints[0].row_b[r], joints[0].base + r
         )
         if joints[0].inverse[k, r] > wp.float64(0.0):
@@ -238,12 +238,12 @@ def hold_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> wp.
 def joint_error(
     d: JointKind, joint: Joint, xa: wp.vec3d, ra: wp.mat33d, xb: wp.vec3d, rb: wp.mat33d
 ) -> tuple[wp.vec3d, wp.vec3d]:
-    """How far a joint is open at its point [m] and in rotation [rad], in its frame on b."""
+    """Return a joint's error at its point [m] and in rotation [rad], in its frame on b."""
     frame = rb * joint.frame_b
     apart = wp.transpose(frame) * (xa + ra * joint.arm_a - xb - rb * joint.arm_b)
-    turned = wp.vec3d()
-    if d.turns == 3:
-        turned = wp.transpose(frame) * turn_error(ra * joint.frame_a, frame)
-    elif d.turns == 2:
-        turned = wp.transpose(frame) * axis_error(ra * joint.frame_a, frame)
-    return apart, turned
+    rotated = wp.vec3d()
+    if d.rotations == 3:
+        rotated = wp.transpose(frame) * turn_error(ra * joint.frame_a, frame)
+    elif d.rotations == 2:
+        rotated = wp.transpose(frame) * axis_error(ra * joint.frame_a, frame)
+    return apart, rotated

@@ -50,7 +50,7 @@ _POINTS = {"anchor": "object", "other_anchor": "other"}
 
 
 def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
-    """The joints of a world, whose rows begin at `base`; room for `rows` worlds at a time."""
+    """Return the joints of a world, whose rows begin at `base`; room for `rows` worlds at a time."""
     n, ground = len(world.objects), len(world.objects) + len(world.statics)
     index = {o.name: i for i, o in enumerate(world.objects)}
     order = _order(world)
@@ -61,13 +61,13 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
         held = _HELD[type(joint)]
         row["kind"], row["column"] = _KINDS[type(joint)], column
         row["a"], row["b"] = index[joint.object], ground if joint.other is None else index[joint.other]
-        row["point"], row["points"], row["turn"], row["turns"], row["axes"] = held
+        row["point"], row["points"], row["rotation"], row["rotations"], row["axes"] = held
         row["first"], row["axis"] = equality, axes
         equality += held[1] + held[3]
         axes += held[4]
         _describe(row, joint, world)
     first = _envelope(kinds[: len(order)], n)
-    owner = [j for j, row in enumerate(kinds[: len(order)]) for _ in range(row["points"] + row["turns"])]
+    owner = [j for j, row in enumerate(kinds[: len(order)]) for _ in range(row["points"] + row["rotations"])]
     axis_owner = [j for j, row in enumerate(kinds[: len(order)]) for _ in range(row["axes"])]
     lengths = np.arange(equality) - first + 1
     jointed = np.zeros(max(n, 1), dtype=np.int32)
@@ -86,7 +86,7 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
     joints.jointed = _ints(jointed)
     joints.joint = _zeros((rows, len(order)), joint_layout.Joint)
     joints.matrix = _zeros((rows, int(lengths.sum())), wp.float64)
-    for name in ("inverse", "aim", "work", "force"):
+    for name in ("inverse", "target", "work", "force"):
         setattr(joints, name, _zeros((rows, equality), wp.float64))
     joints.resists = _zeros((rows, len(order)), wp.int32)
     joints.held = _zeros((rows, axes * equality), wp.float64)
@@ -99,7 +99,7 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
     joints.ready = _zeros((rows,), wp.int32)
     joints.parts, joints.rough = _zeros((rows,), wp.int32), _zeros((rows,), wp.int32)
     joints.taken, joints.paced = _zeros((rows,), wp.float64), _zeros((rows,), wp.float64)
-    for name in ("begun", "midway", "ended", "before"):
+    for name in ("at_start", "at_middle", "at_end", "before"):
         setattr(joints, name, _zeros((rows, n if order else 0), joint_layout.Moment))
     joints.inverse_inertia = _zeros((rows, ground + 1 if order else 0), wp.mat33d)
     for name, dtype in (
@@ -123,7 +123,7 @@ def joint_rows(world: World) -> int:
 
 
 def write_joints(joints: joint_layout.Joints, arrays: RigidArrays, world: World) -> None:
-    """Copy the joints' parameters into the kernel's arrays, which are made anew where a field changes its rows.
+    """Copy the joints' parameters into the kernel's arrays, reallocated where a field changes its rows.
 
     world: as described; a spring is fastened where it lies there, wherever `arrays` start its bodies.
     """
@@ -151,7 +151,7 @@ def _write(joints: joint_layout.Joints, name: str, values: Array, dtype: Any) ->
 
 
 def _order(world: World) -> list[int]:
-    """The joints in an order in which those that share a body are near each other; springs last."""
+    """Return the joints in an order in which those that share a body are near each other; springs last."""
     held = [i for i, j in enumerate(world.joints) if not isinstance(j, Spring)]
     springs = [i for i, j in enumerate(world.joints) if isinstance(j, Spring)]
     if len(held) > 1:
@@ -167,7 +167,7 @@ def _envelope(kinds: Any, n: int) -> NDArray[np.int64]:
     for j, row in enumerate(kinds):
         bodies = {int(b) for b in (row["a"], row["b"]) if b < n}
         near = next(q for q in range(j + 1) if bodies & {int(kinds[q]["a"]), int(kinds[q]["b"])})
-        columns += [int(kinds[near]["first"])] * int(row["points"] + row["turns"])
+        columns += [int(kinds[near]["first"])] * int(row["points"] + row["rotations"])
     return np.array(columns, dtype=np.int64)
 
 

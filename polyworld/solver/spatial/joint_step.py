@@ -13,26 +13,33 @@ import warp as wp
 from polyworld.solver.spatial.advance import Joining
 from polyworld.solver.spatial.constraints import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
-from polyworld.solver.spatial.joint_axes import aim_at_stops, forget, let_go, move_axes, stop_joints, time_to_stop
-from polyworld.solver.spatial.joint_guess import push_as_before, remember_forces, take_forces_back
+from polyworld.solver.spatial.joint_axes import (
+    forget,
+    move_axes,
+    remove_axis_impulses,
+    set_stop_targets,
+    stop_joints,
+    time_to_stop,
+)
+from polyworld.solver.spatial.joint_guess import push_as_before, remember_forces, remove_warm_start
 from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints, Moment
 from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forward, hold_joints, joint_error
 from polyworld.solver.spatial.layout import Body, Row, State
-from polyworld.solver.spatial.motion import place, remaining, spun, turned
+from polyworld.solver.spatial.motion import remaining, rotated, set_pose, spun
 from polyworld.solver.spatial.rows import push, velocity_along
 
 NEWTON_STEPS = 20
 CLOSED = wp.float64(1.0e-12)  # opening of a joint that counts as none [m or rad]
-ASTRAY = wp.float64(1.0e-8)  # an opening at which Newton's method ends that tells that it went astray
-OPEN = wp.float64(1.0e-10)  # what is left open after a step, by overlaps parted, and then mended
-MENDING = 4
+DIVERGED = wp.float64(1.0e-8)  # opening above which Newton's method has not converged
+OPEN = wp.float64(1.0e-10)  # opening left after a step, by overlaps parted, that is projected out
+PROJECTIONS = 4
 RESOLVED = wp.float64(0.5)  # radians of a taut joint's swing in a step
 MOST_PARTS = 64  # into which taut joints cut a step
 
 
 @wp.func
 def hold(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64, contacts: int) -> wp.float64:
-    """Bring all joints and then their axes to their aims, as they stay unless there are contacts to disturb them.
+    """Solve all joints and then their axes for their targets, as they stay unless contacts disturb them.
 
     Returns the largest velocity changed that asks for another sweep.
     """
@@ -53,9 +60,9 @@ def total_energy(_joints: wp.array[Joints], state: wp.array[State], k: int, _a: 
 
 
 @wp.func
-def take_back(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
+def undo_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
     """Undo what the joints did in an impact."""
-    let_go(joints, state, k)
+    remove_axis_impulses(joints, state, k)
     hold_joints(joints, state, k)
 
 
@@ -101,13 +108,13 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
 
 
 @wp.func
-def no_aims(joints: wp.array[Joints], k: int) -> None:
+def clear_targets(joints: wp.array[Joints], k: int) -> None:
     for r in range(joints[0].equalities):
-        joints[0].aim[k, r] = wp.float64(0.0)
+        joints[0].target[k, r] = wp.float64(0.0)
 
 
 @wp.func(inline=False)
-def settle_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
+def solve_joint_velocities(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
     """Rows at this pose; velocities that would pull a joint apart, or run it into a stop, are taken up at once."""
     for j in range(joints[0].count):
         d = joints[0].kinds[j]
@@ -117,7 +124,7 @@ def settle_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock
         forget(joints, k, j)
     if joints[0].ready[k] == 0:
         build_joint_rows(joints, state, k, lock)
-    no_aims(joints, k)
+    clear_targets(joints, k)
     hold_joints(joints, state, k)
     stop_joints(joints, state, k)
 
@@ -136,14 +143,14 @@ def begin_joints(joints: wp.array[Joints], state: wp.array[State], k: int, time:
         speed = wp.vec3d()
         for i in range(d.axes):
             speed[i] = velocity_along(state, k, d.a, d.b, joints[0].base + joints[0].equalities + d.axis + i)
-        joints[0].joint[k, j].settled = 0
+        joints[0].joint[k, j].is_final = 0
         joints[0].joint[k, j].speed = speed
         joints[0].joint[k, j].seen_speed = speed[0]
-        joints[0].joint[k, j].end_place = joints[0].joint[k, j].place + h * speed[0]
+        joints[0].joint[k, j].position_at_end = joints[0].joint[k, j].position + h * speed[0]
         delay = joints[0].joint[k, j].delay
         on = wp.min(time + h, d.switched_off + delay) - wp.max(time, d.switched_on + delay)
         joints[0].joint[k, j].drive = wp.max(on, zero)
-    aim_at_stops(joints, k, h)
+    set_stop_targets(joints, k, h)
 
 
 @wp.func
@@ -154,7 +161,7 @@ def held_orientation(b: Body, start_w: wp.vec3d, h: wp.float64) -> wp.quatd:
     dw = b.w - b.w_free
     if b.isotropic == 1:
         turning = b.w_free - start_w * damped[0]
-        return turned(b.q, (start_w * damped[1] + (turning + dw) * half) * h)
+        return rotated(b.q, (start_w * damped[1] + (turning + dw) * half) * h)
     start = b.rotation * (b.inertia * (wp.transpose(b.rotation) * start_w)) * b.mass
     impulse = b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
     return spun(b, start * damped[1] + (b.angular_momentum - start * damped[0] + impulse) * half, h)
@@ -162,7 +169,7 @@ def held_orientation(b: Body, start_w: wp.vec3d, h: wp.float64) -> wp.quatd:
 
 @wp.func
 def look_ahead(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> wp.float64:
-    """Where the step ends with the velocities so far, and the velocities to aim at so that all joints are closed there.
+    """Predict where the step ends with the velocities so far, and set targets that close all joints there.
 
     Returns by how much the worst is open.
     """
@@ -194,20 +201,20 @@ def look_ahead(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.f
             length = wp.length(apart)
             if wp.dot(apart, state[0].rows[k, row].d) < wp.float64(0.0):  # its ends pass each other
                 length = -length
-            guess = joint.end_place + half * (v - joint.seen_speed)
+            guess = joint.position_at_end + half * (v - joint.seen_speed)
             worst = wp.max(worst, wp.abs(length - guess))
-            joints[0].joint[k, j].end_place = length
+            joints[0].joint[k, j].position_at_end = length
             joints[0].joint[k, j].seen_speed = v
             continue
         opened, askew = joint_error(d, joint, xa, ra, xb, rb)
         r = d.first
         for i in range(d.point, d.point + d.points):
-            joints[0].aim[k, r] = velocity_along(state, k, d.a, d.b, joints[0].base + r) - opened[i] / half
+            joints[0].target[k, r] = velocity_along(state, k, d.a, d.b, joints[0].base + r) - opened[i] / half
             if joints[0].inverse[k, r] > wp.float64(0.0):
                 worst = wp.max(worst, wp.abs(opened[i]))
             r += 1
-        for i in range(d.turn, d.turn + d.turns):
-            joints[0].aim[k, r] = velocity_along(state, k, d.a, d.b, joints[0].base + r) - askew[i] / half
+        for i in range(d.rotation, d.rotation + d.rotations):
+            joints[0].target[k, r] = velocity_along(state, k, d.a, d.b, joints[0].base + r) - askew[i] / half
             if joints[0].inverse[k, r] > wp.float64(0.0):
                 worst = wp.max(worst, wp.abs(askew[i]))
             r += 1
@@ -216,7 +223,7 @@ def look_ahead(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.f
 
 @wp.func
 def guess_axes(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> None:
-    """Begin with the resistance of the last step along all axes."""
+    """Warm-start with the resistance of the last step along all axes."""
     for j in range(joints[0].count):
         if joints[0].resists[k, j] == 1:
             rubbing = joints[0].joint[k, j].last_rubbing * h
@@ -235,9 +242,9 @@ def guess_axes(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.f
 
 @wp.func(inline=False)
 def solve_joints(joints: wp.array[Joints], state: wp.array[State], k: int, half: int, h: wp.float64) -> None:
-    """Impulses of joints and contacts over the step, such that its end pose satisfies the joints: Newton's method.
+    """Solve impulses of joints and contacts for an end pose that satisfies the joints: Newton's method.
 
-    The forces of the last step are a guess to begin with; where that leads nowhere, none are.
+    It starts from the forces of the last step; where that does not converge, from none.
     """
     push_as_before(joints, state, k, h)
     guess_axes(joints, state, k, h)
@@ -246,10 +253,10 @@ def solve_joints(joints: wp.array[Joints], state: wp.array[State], k: int, half:
     for iteration in range(NEWTON_STEPS):
         opening = look_ahead(joints, state, k, h)
         if iteration > 0 and (opening <= CLOSED or opening > wp.float64(0.5) * last):
-            if opening <= ASTRAY or again == 1:
+            if opening <= DIVERGED or again == 1:
                 return
             again = wp.int32(1)
-            take_forces_back(joints, state, k)
+            remove_warm_start(joints, state, k)
             opening = look_ahead(joints, state, k, h)
         last = opening
         solve_contacts(joints, state, k, half, h)
@@ -281,7 +288,7 @@ def longest_part(
 
 @wp.func
 def carries(joints: wp.array[Joints], i: int) -> bool:
-    """Whether a body is held by a joint, and is put in its place with it."""
+    """Check whether a body is held by a joint, which then sets its pose."""
     return joints[0].jointed[i] == 1
 
 
@@ -298,7 +305,7 @@ def swinging(b: Body, arm: wp.vec3d) -> wp.float64:
 def push_halves(
     joints: wp.array[Joints], state: wp.array[State], k: int, first: int, end: int, sign: wp.float64
 ) -> None:
-    """Add half (sign 1), or take back half (sign -1), of the impulses of the rows [first, end)."""
+    """Add half (sign 1), or remove half (sign -1), of the impulses of the rows [first, end)."""
     for r in range(first, end):
         row = joints[0].base + r
         impulse = joints[0].half_impulse[k, r]
@@ -320,23 +327,23 @@ def move_bodies(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
         row = state[0].rows[k, joints[0].base + r]
         p = joints[0].work[k, r]
         state[0].bodies[k, a].shift += row.d * (p * state[0].bodies[k, a].inverse_mass)
-        state[0].bodies[k, a].turn += row.wa * p
+        state[0].bodies[k, a].rotation_shift += row.wa * p
         state[0].bodies[k, b].shift -= row.d * (p * state[0].bodies[k, b].inverse_mass)
-        state[0].bodies[k, b].turn -= row.wb * p
+        state[0].bodies[k, b].rotation_shift -= row.wb * p
     for i in range(state[0].objects):
         if joints[0].jointed[i] == 1:
-            q = turned(state[0].bodies[k, i].q, state[0].bodies[k, i].turn)
+            q = rotated(state[0].bodies[k, i].q, state[0].bodies[k, i].rotation_shift)
             state[0].bodies[k, i].x += state[0].bodies[k, i].shift
             state[0].bodies[k, i].q = q
             state[0].bodies[k, i].rotation = wp.quat_to_matrix(q)
             state[0].bodies[k, i].shift = wp.vec3d()
-            state[0].bodies[k, i].turn = wp.vec3d()
+            state[0].bodies[k, i].rotation_shift = wp.vec3d()
 
 
 @wp.func(inline=False)
-def mend_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
-    """Close what overlaps that were parted have opened, without giving anything speed."""
-    for _pass in range(MENDING):
+def project_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
+    """Project poses onto the joints, which parting overlaps has opened, without changing velocities."""
+    for _pass in range(PROJECTIONS):
         worst = wp.float64(0.0)
         for j in range(joints[0].count):
             d = joints[0].kinds[j]
@@ -351,7 +358,7 @@ def mend_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: 
                 if joints[0].inverse[k, r] > wp.float64(0.0):
                     worst = wp.max(worst, wp.abs(apart[i]))
                 r += 1
-            for i in range(d.turn, d.turn + d.turns):
+            for i in range(d.rotation, d.rotation + d.rotations):
                 joints[0].work[k, r] = -askew[i]
                 if joints[0].inverse[k, r] > wp.float64(0.0):
                     worst = wp.max(worst, wp.abs(askew[i]))
@@ -366,31 +373,31 @@ def mend_joints(joints: wp.array[Joints], state: wp.array[State], k: int, lock: 
 def finish_joints(
     joints: wp.array[Joints], state: wp.array[State], k: int, half: int, h: wp.float64, lock: wp.vec3d
 ) -> None:
-    """Put jointed bodies where the step ends, and let the second half of all impulses act there."""
+    """Set the end poses of jointed bodies, and apply the second half of all impulses there."""
     rows = joints[0].equalities + joints[0].axes
     remember_forces(joints, state, k, h)
     push_halves(joints, state, k, 0, rows, wp.float64(-1.0))
     for i in range(state[0].objects):
         if joints[0].jointed[i] == 1 and state[0].bodies[k, i].active == 1:
-            place(state[0].bodies, k, i, joints[0].end_x[k, i], joints[0].end_q[k, i])
+            set_pose(state[0].bodies, k, i, joints[0].end_x[k, i], joints[0].end_q[k, i])
     build_joint_rows(joints, state, k, lock)
     push_halves(joints, state, k, joints[0].equalities, rows, wp.float64(1.0))
-    no_aims(joints, k)
-    aim_at_stops(joints, k, wp.float64(0.0))
+    clear_targets(joints, k)
+    set_stop_targets(joints, k, wp.float64(0.0))
     for j in range(joints[0].count):
-        joints[0].joint[k, j].settled = 1
+        joints[0].joint[k, j].is_final = 1
         joints[0].joint[k, j].last_rubbing = joints[0].joint[k, j].rubbing / h
         joints[0].joint[k, j].last_damped = joints[0].joint[k, j].damped / h
         joints[0].joint[k, j].last_pulled = joints[0].joint[k, j].pulled / h
     solve_contacts(joints, state, k, half, h)
-    mend_joints(joints, state, k, lock)
+    project_joints(joints, state, k, lock)
 
 
 JOINED = Joining(
-    settle=settle_joints,
+    solve_velocities=solve_joint_velocities,
     longest_part=longest_part,
     time_to_stop=time_to_stop,
-    resolve_impacts=impact_solver(solve_manifolds, total_energy, take_back),
+    resolve_impacts=impact_solver(solve_manifolds, total_energy, undo_joints),
     begin=begin_joints,
     solve=solve_joints,
     carries=carries,

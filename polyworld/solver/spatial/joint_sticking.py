@@ -29,7 +29,7 @@ def state_of(joints: wp.array[Joints], k: int, j: int, h: wp.float64) -> int:
     if joints[0].kinds[j].kind == BALL:
         return FREE
     if joints[0].kinds[j].kind == SPRING:
-        if joint.settled == 1 or h <= zero:
+        if joint.is_final == 1 or h <= zero:
             return FREE
         return PULLED
     if joint.stopped[0] > zero:
@@ -70,22 +70,22 @@ def damped_share(z: wp.float64) -> wp.float64:
 
 @wp.func
 def spring_lack(joint: Joint, v: wp.float64, h: wp.float64) -> wp.float64:
-    """What a spring's impulse lacks of the mean of its forces at both ends of the step, at velocity v."""
+    """Return the mean of a spring's forces at both ends of the step, at velocity v, less its impulse."""
     half = wp.float64(0.5) * h
-    end = joint.end_place + half * (v - joint.seen_speed)
-    extension = wp.float64(0.5) * (joint.place + end) - joint.rest_length
+    end = joint.position_at_end + half * (v - joint.seen_speed)
+    extension = wp.float64(0.5) * (joint.position + end) - joint.rest_length
     return -h * joint.stiffness * extension - half * joint.damping * (joint.speed[0] + v) - joint.pulled
 
 
 @wp.func
 def spring_slope(joint: Joint, h: wp.float64) -> wp.float64:
-    """How much less a spring's impulse is for a unit of velocity at the step's end."""
+    """Return the decrease of a spring's impulse per unit velocity at the step's end."""
     return wp.float64(0.25) * h * h * joint.stiffness + wp.float64(0.5) * h * joint.damping
 
 
 @wp.func
 def wanted(joints: wp.array[Joints], k: int, j: int, state: int, h: wp.float64) -> wp.vec2d:
-    """The velocity that an axis lacks in its state, and its softness."""
+    """Return the velocity that an axis lacks in its state, and its softness."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     axis = joints[0].kinds[j].axis
@@ -94,9 +94,9 @@ def wanted(joints: wp.array[Joints], k: int, j: int, state: int, h: wp.float64) 
     if state == DRIVEN:
         return wp.vec2d(joint.target_speed - v, zero)
     if state == LOWER:
-        return wp.vec2d(joint.stop_aim[0] - v, zero)
+        return wp.vec2d(joint.stop_target[0] - v, zero)
     if state == UPPER:
-        return wp.vec2d(-joint.stop_aim[1] - v, zero)
+        return wp.vec2d(-joint.stop_target[1] - v, zero)
     if state == DAMPED:
         share = damped_share(joint.damping * h * joints[0].yields[k, axis * joints[0].axes + axis])
         slope = joint.damping * h * share

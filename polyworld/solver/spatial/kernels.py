@@ -20,7 +20,7 @@ SLACK = wp.float64(1.0e-9)  # times of steps and starts differ by rounding [s]
 
 @cache
 def roll_out_kernel(jointed: bool) -> Any:
-    """The kernel that runs worlds from start to end, for worlds with joints or without."""
+    """Return the kernel that runs worlds from start to end, for worlds with joints or without."""
     if jointed:
         return _roll_out(pairing(stepping(JOINED)), 2)
     return _roll_out(stepping(FREE), 1)
@@ -28,15 +28,15 @@ def roll_out_kernel(jointed: bool) -> Any:
 
 @cache
 def step_kernel(jointed: bool) -> Any:
-    """The kernel that advances worlds by one step, for worlds with joints or without."""
+    """Return the kernel that advances worlds by one step, for worlds with joints or without."""
     return _step_worlds(stepping(JOINED if jointed else FREE))
 
 
 @wp.func
-def let_in(
+def activate_objects(
     parameters: wp.array[Parameters], state: wp.array[State], start: wp.array[wp.float64], w: int, time: wp.float64
 ) -> None:
-    """Objects take part from their start time on."""
+    """Activate objects from their start time on."""
     scale = parameters[0].time_scale[w % parameters[0].time_scale.shape[0]]
     for i in range(state[0].objects):
         if time >= start[i] * scale - SLACK:
@@ -55,7 +55,7 @@ def load_worlds(
     w = wp.tid()
     load_bodies(geometry, parameters, state, w, w)
     load_joints(joints, state, w, w)
-    let_in(parameters, state, start, w, wp.float64(0.0))
+    activate_objects(parameters, state, start, w, wp.float64(0.0))
 
 
 def _roll_out(advance: Any, together: int) -> Any:
@@ -92,18 +92,18 @@ def _roll_out(advance: Any, together: int) -> Any:
                     state[0].bodies[k, i].active = 1
             end = schedule[0].end[own, segment] * scale
             steps = schedule[0].steps[own, segment]
-            turns = (steps + together - 1) // together
-            for turn in range(turns):
-                h = (end - time) / wp.float64(turns - turn)
+            calls = (steps + together - 1) // together
+            for call in range(calls):
+                h = (end - time) / wp.float64(calls - call)
                 half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, time, h)
                 time += h
-                lost = first_diverged(state, k)
-                if lost >= 0:
-                    samples[0].diverged_object[w] = lost
+                diverged = first_diverged(state, k)
+                if diverged >= 0:
+                    samples[0].diverged_object[w] = diverged
                     samples[0].diverged_time[w] = time
                     return
-                if state[0].crowded[k] == 1:
-                    samples[0].crowded[w] = 1
+                if state[0].overflowed[k] == 1:
+                    samples[0].overflowed[w] = 1
                     return
             time = end
             sample = schedule[0].sample[own, segment]
@@ -129,15 +129,15 @@ def _step_worlds(advance: Any) -> Any:
         time: wp.array[wp.float64],
         h: wp.array[wp.float64],
         half: wp.array[wp.int32],
-        lost: wp.array[wp.int32],
+        diverged: wp.array[wp.int32],
     ) -> None:
         """One step of world w; half says which half of its contact arrays holds the last step's contacts."""
         w = wp.tid()
-        if h[w] <= wp.float64(0.0) or lost[w] >= 0 or state[0].crowded[w] == 1:
+        if h[w] <= wp.float64(0.0) or diverged[w] >= 0 or state[0].overflowed[w] == 1:
             return
         gravity = parameters[0].gravity[w % parameters[0].gravity.shape[0]]
         half[w] = advance(geometry, parameters, joints, state, log, w, w, half[w], gravity, time[w], h[w])
-        lost[w] = first_diverged(state, w)
-        let_in(parameters, state, start, w, time[w] + h[w])
+        diverged[w] = first_diverged(state, w)
+        activate_objects(parameters, state, start, w, time[w] + h[w])
 
     return step_worlds

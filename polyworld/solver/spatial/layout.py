@@ -1,4 +1,4 @@
-"""The records the kernels work on: bodies, shapes, contacts. SI units, world axes unless said otherwise.
+"""Records of the kernels: bodies, shapes, contacts. SI units, world axes unless said otherwise.
 
 Objects come first in every body array, statics after them; a static is a body of zero inverse mass.
 """
@@ -50,7 +50,7 @@ class Geometry:
     face_corners[face_starts[f]:face_starts[f + 1]], rows of `vertices`.
 
     Body i has the shapes first_shape[i] to first_shape[i + 1], objects first. Where `placed` is 1, a shape lies
-    at offset and turn in body axes, else at the body's origin. bound: radius of the ball about a body's origin
+    at offset and rotation in body axes, else at the body's origin. bound: radius of the ball about a body's origin
     that holds all of it [m]. collides (n, n + s): 0 for pairs that pass through each other. tree: id of the
     bounding-volume hierarchy of a shape's triangles, 0 for none. edge_active: bit k set where edge k of a triangle
     may be touched from the side: it is a border or convex. lock: unit normal of the plane that all bodies move
@@ -61,7 +61,7 @@ class Geometry:
     first_shape: wp.array[wp.int32]
     placed: wp.array[wp.int32]
     offset: wp.array[wp.vec3d]
-    turn: wp.array[wp.mat33d]
+    rotation: wp.array[wp.mat33d]
     bound: wp.array[wp.float64]
     collides: wp.array2d[wp.int32]
     lock: wp.vec3d
@@ -81,9 +81,9 @@ class Body:
     """State and parameters of one body in one world.
 
     x, q, v, w: position, orientation, velocity, angular velocity. rotation: matrix of q. v_free, w_free, dx,
-    q_free: where the step ends without contact forces; of an isotropic one turn_free, its rotation vector, and w_start,
-    the angular velocity at the start of the step, tell that. inertia_body and its inverse are for unit mass, about
-    the centre of mass. isotropic: 1 where the inertia is the same about all axes. swept: how far a point of the
+    q_free: where the step ends without contact forces; for an isotropic one rotation_free, its rotation vector, and
+    w_start, the angular velocity at the start of the step, give q_free. inertia_body and its inverse are for unit mass,
+    about the centre of mass. isotropic: 1 where the inertia is the same about all axes. swept: how far a point of the
     body may move in one step [m]. push, push_torque: of deformable objects, constant over the step [N], [N m].
     """
 
@@ -99,11 +99,11 @@ class Body:
     w_free: wp.vec3d
     dx: wp.vec3d
     q_free: wp.quatd
-    turn_free: wp.vec3d
+    rotation_free: wp.vec3d
     w_start: wp.vec3d
     angular_momentum: wp.vec3d
     shift: wp.vec3d
-    turn: wp.vec3d
+    rotation_shift: wp.vec3d
     push: wp.vec3d
     push_torque: wp.vec3d
     radius: wp.float64
@@ -141,9 +141,9 @@ class Contact:
     local: wp.vec3d  # the point in a's axes, by which it is recognised in the next step
     gap: wp.float64
     speed: wp.float64  # relative normal velocity at the start of the step, negative where the pair approaches
-    target: wp.float64  # normal velocity that the solver aims at
-    aim: wp.vec2d  # tangential velocity that the solver aims at
-    grip: wp.float64  # tangential impulse allowed whatever Coulomb's limit
+    target: wp.float64  # of the normal velocity
+    target_velocity: wp.vec2d  # of the tangential velocity
+    stick_impulse: wp.float64  # tangential impulse allowed whatever Coulomb's limit
     coupling: wp.float64  # off-diagonal of the tangential effective mass
     coupling_rolling: wp.float64
     slip: wp.vec2d  # relative velocity along the tangents at the start of the step
@@ -189,7 +189,7 @@ class State:
     scratch: wp.array2d[wp.vec3d]  # (K, corners of the two faces being clipped)
     manifold_count: wp.array2d[wp.int32]  # (K, 2)
     contact_count: wp.array2d[wp.int32]  # (K, 2)
-    crowded: wp.array[wp.int32]  # (K,) 1 where a contact found no room
+    overflowed: wp.array[wp.int32]  # (K,) 1 where the contact buffer is full
     planes: wp.array2d[wp.vec4d]  # (K, s) outward normal and offset of the statics that are planes
     reaction: wp.array2d[wp.vec3d]  # (K, n) acceleration by contacts and joints in the last step, where effects act
     reaction_turning: wp.array2d[wp.vec3d]  # [rad/s^2]
@@ -201,7 +201,7 @@ class State:
 
 @wp.struct
 class Parameters:
-    """What may differ between worlds: fields of (1 or W, ...), as in `polyworld.solver.arrays.RigidArrays`."""
+    """Parameters of the worlds: fields of (1 or W, ...), as in `polyworld.solver.arrays.RigidArrays`."""
 
     mass: wp.array2d[wp.float64]
     friction: wp.array2d[wp.float64]
@@ -256,7 +256,7 @@ class Samples:
     angular_velocity: wp.array3d[wp.vec3d]
     diverged_object: wp.array[wp.int32]
     diverged_time: wp.array[wp.float64]
-    crowded: wp.array[wp.int32]
+    overflowed: wp.array[wp.int32]
 
 
 @wp.struct

@@ -1,4 +1,4 @@
-"""Where two shapes touch: their supporting faces, clipped against each other in the plane of contact.
+"""Contact points of two shapes: their supporting faces, clipped against each other in the plane of contact.
 
 A face is written as corners (u, v, height): coordinates along the two tangents, and height along the contact
 normal, all seen from one origin. Heights of a flat face are linear in (u, v), so the gap at any common (u, v) is
@@ -36,7 +36,7 @@ ANCHOR_LINE = wp.float64(0.5)
 
 @wp.func
 def tangent(n: wp.vec3d) -> wp.vec3d:
-    """A unit vector across n that changes little when n does."""
+    """Return a unit vector across n that changes little when n does."""
     x = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
     if wp.abs(n[0]) > wp.float64(0.8):
         x = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
@@ -157,17 +157,17 @@ def clip(out: wp.array[wp.vec3d], at: int, count: int, q: int, q_count: int, spa
     Sutherland & Hodgman (1974), Comm. ACM 17, 32, in (u, v). An edge as q clips only at its two ends.
     """
     zero = wp.float64(0.0)
-    turn = wp.float64(0.0)
+    winding = wp.float64(0.0)
     for k in range(q_count):
         a = out[q + k]
         b = out[q + (k + 1) % q_count]
-        turn += a[0] * b[1] - a[1] * b[0]
-    turn = sign(turn)
+        winding += a[0] * b[1] - a[1] * b[0]
+    winding = sign(winding)
     n = count
     for k in range(q_count):
         a = out[q + k]
         edge = out[q + (k + 1) % q_count] - a
-        inner = wp.vec3d(-edge[1] * turn, edge[0] * turn, zero)
+        inner = wp.vec3d(-edge[1] * winding, edge[0] * winding, zero)
         if q_count == 2:
             inner = wp.vec3d(edge[0], edge[1], zero)
         made = wp.int32(0)
@@ -296,7 +296,7 @@ def touching_points(
 
 @wp.func
 def friction_anchor(sa: Shape, sb: Shape, normal: wp.vec3d, ra: wp.mat33d, rb: wp.mat33d, count: int) -> wp.float64:
-    """Where friction acts between the patch's centre (0) and its corners (1)."""
+    """Return where friction acts between the patch's centre (0) and its corners (1)."""
     if count == 1:
         return wp.float64(1.0)
     if count == 2:

@@ -10,7 +10,7 @@ FASTEST_SPIN = wp.float64(1.0e9)  # [rad/s]
 
 
 @wp.func
-def turned(q: wp.quatd, rotation: wp.vec3d) -> wp.quatd:
+def rotated(q: wp.quatd, rotation: wp.vec3d) -> wp.quatd:
     """q followed by a rotation vector in world axes [rad]."""
     angle = wp.length(rotation)
     half = wp.float64(0.5)
@@ -23,7 +23,7 @@ def turned(q: wp.quatd, rotation: wp.vec3d) -> wp.quatd:
 
 @wp.func
 def locked(b: Body, normal: wp.vec3d) -> Body:
-    """The body with the freedoms of a plane only: torques turn it about the plane's unit normal, or not at all.
+    """Restrict a body to the freedoms of a plane: torques rotate it about the plane's unit normal, or not at all.
 
     Its inverse inertia is given in world axes, in which it stays the same.
     """
@@ -103,7 +103,7 @@ def move_freely(
     mean = remaining(bodies[k, i].angular_damping, h)[1]
     if bodies[k, i].isotropic == 1:
         turning = bodies[k, i].inverse_inertia * torque * (light * h)
-        bodies[k, i].turn_free = (w * mean + turning * wp.float64(0.5)) * h
+        bodies[k, i].rotation_free = (w * mean + turning * wp.float64(0.5)) * h
         bodies[k, i].w_start = w
         w = w * left + turning
     else:
@@ -120,7 +120,7 @@ def move_freely(
 
 @wp.func
 def end_position(bodies: wp.array2d[Body], k: int, i: int, h: wp.float64) -> wp.vec3d:
-    """Where the step ends. Contact forces count as constant over it, so the velocity they add acts half the time."""
+    """Return where the step ends. Contact forces are constant over it, so the velocity they add acts half the time."""
     return bodies[k, i].x + bodies[k, i].dx + (bodies[k, i].v - bodies[k, i].v_free) * (wp.float64(0.5) * h)
 
 
@@ -129,42 +129,42 @@ def end_orientation(bodies: wp.array2d[Body], k: int, i: int, h: wp.float64) -> 
     """Orientation in which the step ends, by the same rule.
 
     Turns about changing axes do not commute: of an angular velocity that changes evenly their logarithm is taken to
-    fourth order (Magnus 1954, Commun. Pure Appl. Math. 7, 649); where a torque-free turn comes first, that of the
+    fourth order (Magnus 1954, Commun. Pure Appl. Math. 7, 649); where a torque-free rotation comes first, that of the
     product (Baker, Campbell & Hausdorff) is corrected by it.
     """
     change = bodies[k, i].w - bodies[k, i].w_free
     added = change * (wp.float64(0.5) * h)
     if bodies[k, i].isotropic == 1:
         bent = wp.cross(bodies[k, i].w, bodies[k, i].w_start) * (h * h / wp.float64(12.0))
-        return turned(bodies[k, i].q, bodies[k, i].turn_free + added + bent)
+        return rotated(bodies[k, i].q, bodies[k, i].rotation_free + added + bent)
     if wp.dot(change, change) > wp.float64(0.0):
-        return turned(bodies[k, i].q_free, added - wp.cross(change, bodies[k, i].w_free) * (h * h / wp.float64(6.0)))
+        return rotated(bodies[k, i].q_free, added - wp.cross(change, bodies[k, i].w_free) * (h * h / wp.float64(6.0)))
     return bodies[k, i].q_free
 
 
 @wp.func
-def place(bodies: wp.array2d[Body], k: int, i: int, x: wp.vec3d, q: wp.quatd) -> None:
-    """Put a body where its step ends; the angular impulse is kept exactly as the body turns."""
+def set_pose(bodies: wp.array2d[Body], k: int, i: int, x: wp.vec3d, q: wp.quatd) -> None:
+    """Set a body's pose at the end of its step; the angular momentum is kept exactly."""
     if bodies[k, i].isotropic == 0:
         b = bodies[k, i]
         dw = b.w - b.w_free
         bodies[k, i].angular_momentum += b.rotation * (b.inertia * (wp.transpose(b.rotation) * dw)) * b.mass
     bodies[k, i].x = x + bodies[k, i].shift
-    turn = bodies[k, i].turn
+    rotation = bodies[k, i].rotation_shift
     end = q
-    if wp.dot(turn, turn) > wp.float64(0.0):
-        end = turned(q, turn)
+    if wp.dot(rotation, rotation) > wp.float64(0.0):
+        end = rotated(q, rotation)
     bodies[k, i].q = end
     bodies[k, i].rotation = wp.quat_to_matrix(end)
     if bodies[k, i].isotropic == 0:
         bodies[k, i].w = angular_velocity(bodies[k, i], end, bodies[k, i].angular_momentum)
     bodies[k, i].shift = wp.vec3d()
-    bodies[k, i].turn = wp.vec3d()
+    bodies[k, i].rotation_shift = wp.vec3d()
 
 
 @wp.func
 def out_of_bounds(bodies: wp.array2d[Body], k: int, i: int) -> bool:
-    """Whether a body's state cannot be trusted: not finite, too fast, too far."""
+    """Check whether a body's state is invalid: not finite, too fast, too far."""
     v = bodies[k, i].v
     x = bodies[k, i].x
     speed = wp.max(wp.abs(v[0]), wp.max(wp.abs(v[1]), wp.abs(v[2])))

@@ -20,7 +20,7 @@ def world_inverse_inertia(bodies: wp.array2d[Body], w: int, i: int) -> wp.mat33d
 def make_row(
     d: wp.vec3d, ja: wp.vec3d, jb: wp.vec3d, ia: wp.mat33d, ib: wp.mat33d, masses: wp.float64, lock: wp.vec3d
 ) -> Row:
-    """A row; where bodies move in a plane only (unit normal `lock`), what would lead out of it is left out."""
+    """Build a row; where bodies move in a plane only (unit normal `lock`), what would lead out of it is left out."""
     row = Row()
     row.d = d
     row.ja = ja
@@ -37,12 +37,14 @@ def make_row(
 
 
 @wp.func
-def along(state: wp.array[State], w: int, r: int, apart: wp.vec3d, turn_a: wp.vec3d, turn_b: wp.vec3d) -> wp.float64:
-    """What of two bodies' velocities or small moves goes along row r: of a's centre less b's, and of their turns."""
+def along(
+    state: wp.array[State], w: int, r: int, apart: wp.vec3d, rotation_a: wp.vec3d, rotation_b: wp.vec3d
+) -> wp.float64:
+    """Project velocities or small displacements on row r: a's centre less b's, and both rotations."""
     return (
         wp.dot(state[0].rows[w, r].d, apart)
-        + wp.dot(state[0].rows[w, r].ja, turn_a)
-        - wp.dot(state[0].rows[w, r].jb, turn_b)
+        + wp.dot(state[0].rows[w, r].ja, rotation_a)
+        - wp.dot(state[0].rows[w, r].jb, rotation_b)
     )
 
 

@@ -65,14 +65,14 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
 
 
 def _place_shapes(g: layout.Geometry, world: World, pieces: list[tuple[geometry.Piece, ...]], tables: _Tables) -> None:
-    """Which shapes each body has and where they lie in its axes; statics have one, at their origin."""
+    """Find which shapes each body has and where they lie in its axes; statics have one, at their origin."""
     statics = len(world.statics)
     g.first_shape = _array(np.cumsum([0, *(len(p) for p in pieces), *[1] * statics]), wp.int32)
     placed = [int(isinstance(o.shape, Compound)) for o, own in zip(world.objects, pieces, strict=True) for _ in own]
     g.placed = _array(placed + [0] * statics, wp.int32)
     objects = list(chain.from_iterable(pieces))
     g.offset = _array([p.position for p in objects] + [np.zeros(3)] * statics, wp.vec3d)
-    g.turn = _array([p.rotation for p in objects] + [np.eye(3)] * statics, wp.mat33d)
+    g.rotation = _array([p.rotation for p in objects] + [np.eye(3)] * statics, wp.mat33d)
     own = [geometry.circumscribed_radius(o.shape) for o in world.objects]
     g.bound = _array(own + [shape["bound"] for shape in tables.shapes[len(objects) :]], wp.float64)
     collides = np.ones((len(world.objects), len(world.objects) + statics), dtype=np.int32)
@@ -106,7 +106,7 @@ def _add(tables: _Tables, shape: geometry.ConvexShape) -> None:
 
 
 def _add_hull(tables: _Tables, hull: trimesh.Trimesh) -> dict[str, Any]:
-    """A convex mesh's vertices and its flat faces, triangles of one plane joined."""
+    """Return a convex mesh's vertices and its flat faces, triangles of one plane joined."""
     vertices = np.asarray(hull.vertices, dtype=float)
     offset, first = len(tables.vertices), len(tables.normals)
     tables.vertices.extend(vertices)
@@ -144,9 +144,9 @@ def _add_hull(tables: _Tables, hull: trimesh.Trimesh) -> dict[str, Any]:
 def _add_static(tables: _Tables, static: StaticObject) -> None:
     shape = static.shape
     if isinstance(shape, Plane):
-        turn = geometry.quaternion_matrix(np.asarray(static.orientation, dtype=float))
+        orientation = geometry.quaternion_matrix(np.asarray(static.orientation, dtype=float))
         normal = np.asarray(shape.normal, dtype=float)
-        normal = turn @ (normal / np.linalg.norm(normal))
+        normal = orientation @ (normal / np.linalg.norm(normal))
         offset = shape.offset + float(normal @ np.asarray(static.position, dtype=float))
         tables.shapes.append({"kind": layout.PLANE, "size": normal, "bound": offset})
         tables.trees.append(None)

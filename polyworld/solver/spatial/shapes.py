@@ -1,4 +1,4 @@
-"""What a convex shape tells the contact search: support points, extents, face normals and closest points."""
+"""Queries of convex shapes for the contact search: support points, extents, face normals and closest points."""
 
 import warp as wp
 
@@ -77,7 +77,7 @@ def support(vertices: wp.array[wp.vec3d], shape: Shape, d: wp.vec3d, inset: wp.f
 
 @wp.func
 def extent(vertices: wp.array[wp.vec3d], shape: Shape, d: wp.vec3d) -> wp.float64:
-    """How far the shape reaches along the unit vector d (body axes) from its origin [m]."""
+    """Return the support of the shape along the unit vector d (body axes) from its origin [m]."""
     return wp.dot(support(vertices, shape, d, wp.float64(0.0)), d) + rounding(shape)
 
 
@@ -156,7 +156,7 @@ def outward_at(shape: Shape, p: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def has_closed_form(shape: Shape) -> bool:
-    """Whether `outward_at` knows the shape."""
+    """Check whether `outward_at` knows the shape."""
     return shape.kind == SPHERE or shape.kind == BOX or shape.kind == CYLINDER or shape.kind == CAPSULE
 
 
@@ -174,7 +174,7 @@ def candidate_count(shape: Shape) -> int:
 
 @wp.func
 def candidate(geometry: wp.array[Geometry], shape: Shape, i: int) -> wp.vec3d:
-    """The i-th of a shape's face normals (body axes)."""
+    """Return the i-th of a shape's face normals (body axes)."""
     zero = wp.float64(0.0)
     if shape.kind == CONVEX or shape.kind == TRIANGLE:
         return geometry[0].face_normals[shape.first_face + i]

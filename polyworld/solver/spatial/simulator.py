@@ -11,7 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
-from polyworld.solver.passing import passed
+from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     ParameterBuffers,
@@ -27,7 +27,7 @@ from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
-from polyworld.solver.spread import shares, spread
+from polyworld.solver.thread_pool import run_in_pool, shares
 from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
@@ -98,31 +98,31 @@ class SpatialSimulator:
         samples.angular_velocity = zeros(shape, wp.vec3d)
         samples.diverged_object = zeros((w,), wp.int32)
         samples.diverged_time = zeros((w,), wp.float64)
-        samples.crowded = zeros((w,), wp.int32)
+        samples.overflowed = zeros((w,), wp.int32)
         self._samples = samples
         self._state = allocate_state(self.world, self._pieces)
         self._joints = allocate_joints(self.world, self._state)
         self._log = allocate_log(self.world, w, self.record_events)
         self._fixed = [
-            passed(self._geometry, layout.Geometry),
-            passed(self._schedule, layout.Schedule),
-            passed(self._state, layout.State),
-            passed(samples, layout.Samples),
-            passed(self._log, layout.Log),
+            by_reference(self._geometry, layout.Geometry),
+            by_reference(self._schedule, layout.Schedule),
+            by_reference(self._state, layout.State),
+            by_reference(samples, layout.Samples),
+            by_reference(self._log, layout.Log),
         ]
-        self._passed_joints: Any = None
+        self._joints_reference: Any = None
         fields = ("position", "orientation", "velocity", "angular_velocity")
         self._motion = {name: getattr(samples, name).numpy() for name in fields}
 
     def _write(self, arrays: RigidArrays, worlds: int) -> None:
         self._parameters.write(arrays)
         write_joints(self._joints, arrays, self.world)
-        self._passed_joints = passed(self._joints, Joints, self._passed_joints)
+        self._joints_reference = by_reference(self._joints, Joints, self._joints_reference)
         for content in self._motion.values():
             content[:worlds] = np.nan
         self._samples.diverged_object.numpy()[:worlds] = -1
         self._samples.diverged_time.numpy()[:worlds] = np.nan
-        self._samples.crowded.numpy()[:] = 0
+        self._samples.overflowed.numpy()[:] = 0
         clear_log(self._log)
 
     def _launch(self, worlds: int) -> None:
@@ -132,7 +132,7 @@ class SpatialSimulator:
         pieces = min(shares(worlds, self.threads), self._pieces)
         edges = np.linspace(0, worlds, pieces + 1).astype(int)
         geometry, schedule, state, samples, log = self._fixed
-        parameters, joints = self._parameters.passed, self._passed_joints
+        parameters, joints = self._parameters.reference, self._joints_reference
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
@@ -144,11 +144,11 @@ class SpatialSimulator:
             )
 
         kernel.module.load("cpu", block_dim=1)  # before the threads ask for it
-        spread(piece, pieces, self.threads)
+        run_in_pool(piece, pieces, self.threads)
 
     def _read(self, arrays: RigidArrays, schedule: NDArray[np.int64], count: int) -> BatchTrajectory:
         out, worlds = self._samples, len(schedule)
-        check_room(self._state, out.crowded.numpy())
+        check_room(self._state, out.overflowed.numpy())
         diverged = out.diverged_object.numpy()[:worlds] >= 0
         starts = np.array([o.start_time for o in self.world.objects])
         times = self.sample_times[schedule, :count] * arrays.time_scale

@@ -1,4 +1,4 @@
-"""Where a world's statics stand in each of its variants, as the kernels read it."""
+"""Poses of a world's statics in each of its variants, as the kernels read them."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def static_poses(world: World, arrays: RigidArrays) -> tuple[Array, Array, Array
     for s, static in enumerate(world.statics):
         if isinstance(static.shape, Plane):
             normal = np.asarray(static.shape.normal, dtype=float)
-            normal = turned(orientation[:, s], normal / np.linalg.norm(normal))
+            normal = rotated(orientation[:, s], normal / np.linalg.norm(normal))
             planes[:, s, :3] = normal
             planes[:, s, 3] = static.shape.offset + dot(normal, position[:, s])
         elif isinstance(static.shape, Wall):
             _, centre, rotation = geometry.wall_box(static.shape)
-            position[:, s] = turned(orientation[:, s], centre) + position[:, s]
+            position[:, s] = rotated(orientation[:, s], centre) + position[:, s]
             orientation[:, s] = geometry.quaternion_product(orientation[:, s], box_orientation(rotation))
     return position, np.roll(orientation, -1, axis=-1), planes
 
 
-def turned(orientation: Array, vector: Array) -> Array:
-    """A vector (3,) turned by each of some quaternions (R, 4).
+def rotated(orientation: Array, vector: Array) -> Array:
+    """Return a vector (3,) turned by each of some quaternions (R, 4).
 
     Summed term by term, so that a row's result does not depend on how many rows there are.
     """

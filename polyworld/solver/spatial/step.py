@@ -1,4 +1,4 @@
-"""Bodies at the start of a run, under forces alone, and where they are lost."""
+"""Bodies at the start of a run, under forces alone, and the check for divergence."""
 
 import warp as wp
 
@@ -76,12 +76,12 @@ def load_bodies(
     state[0].manifold_count[k, 1] = 0
     state[0].contact_count[k, 0] = 0
     state[0].contact_count[k, 1] = 0
-    state[0].crowded[k] = 0
+    state[0].overflowed[k] = 0
 
 
 @wp.func
 def sweep_bodies(geometry: wp.array[Geometry], state: wp.array[State], k: int, fall: wp.float64, h: wp.float64) -> None:
-    """How far any point of each body may move within h."""
+    """Bound how far any point of each body may move within h."""
     for i in range(state[0].objects):
         state[0].bodies[k, i].swept = h * (
             wp.length(state[0].bodies[k, i].v) + wp.length(state[0].bodies[k, i].w) * geometry[0].bound[i] + fall

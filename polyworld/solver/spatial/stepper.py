@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
-from polyworld.solver.passing import passed
+from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     SHARED,
@@ -52,15 +52,15 @@ class RigidStepper:
         self.log = allocate_log(world, n_worlds, record_events)
         self._start: Any = wp.array([o.start_time for o in world.objects], dtype=wp.float64, device="cpu")
         self._half = zeros((n_worlds,), wp.int32)
-        self._lost = zeros((n_worlds,), wp.int32)
+        self._diverged = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
         self._parameters = ParameterBuffers(world, n_worlds)
         self._fixed = [
-            passed(self.geometry, layout.Geometry),
-            passed(self.state, layout.State),
-            passed(self.log, layout.Log),
+            by_reference(self.geometry, layout.Geometry),
+            by_reference(self.state, layout.State),
+            by_reference(self.log, layout.Log),
         ]
-        self._passed_joints: Any = None
+        self._joints_reference: Any = None
         self.write(rigid_arrays(world))
 
     def write(self, arrays: RigidArrays) -> None:
@@ -71,15 +71,15 @@ class RigidStepper:
         }
         self._parameters.write(replace(arrays, **wide))
         write_joints(self.joints, replace(arrays, **wide), self.world)
-        self._passed_joints = passed(self.joints, Joints, self._passed_joints)
+        self._joints_reference = by_reference(self.joints, Joints, self._joints_reference)
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
         clear_log(self.log)
         self._half.numpy()[:] = 0
-        self._lost.numpy()[:] = -1
+        self._diverged.numpy()[:] = -1
         geometry, state, _ = self._fixed
-        parameters, joints = self._parameters.passed, self._passed_joints
+        parameters, joints = self._parameters.reference, self._joints_reference
         wp.launch(
             load_worlds,
             dim=self.n_worlds,
@@ -96,11 +96,11 @@ class RigidStepper:
         if not self.names:
             return
         geometry, state, log = self._fixed
-        parameters, joints = self._parameters.passed, self._passed_joints
+        parameters, joints = self._parameters.reference, self._joints_reference
         wp.launch(
             self._kernel,
             dim=self.n_worlds,
-            inputs=[geometry, parameters, joints, state, log, self._start, time, h, self._half, self._lost],
+            inputs=[geometry, parameters, joints, state, log, self._start, time, h, self._half, self._diverged],
             device="cpu",
         )
 
@@ -109,9 +109,9 @@ class RigidStepper:
 
         Raises RuntimeError where a world ran out of room for contacts.
         """
-        check_room(self.state, self.state.crowded.numpy())
-        lost: NDArray[np.int32] = self._lost.numpy()
-        return lost
+        check_room(self.state, self.state.overflowed.numpy())
+        diverged: NDArray[np.int32] = self._diverged.numpy()
+        return diverged
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""

@@ -1,4 +1,4 @@
-"""Where the links of a tree are and how they accelerate: the articulated-body algorithm.
+"""Kinematics and accelerations of the links of a tree: the articulated-body algorithm.
 
 Of each link in turn, from the leaves on, its freedoms are eliminated, so that its parent feels what is left of its
 inertia and force (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 7; a joint of several freedoms counts as
@@ -12,11 +12,11 @@ from polyworld.effects.law import wrench
 from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
-from polyworld.solver.spatial.motion import turned
+from polyworld.solver.spatial.motion import rotated
 from polyworld.solver.spatial.step import turning_of
 from polyworld.solver.spatial.tree_layout import FREE, Link
 
-SERIES = wp.float64(1.0e-2)  # turns below this [rad] are small
+SERIES = wp.float64(1.0e-2)  # rotations below this [rad] are small
 
 
 @wp.func
@@ -37,20 +37,20 @@ def angular(motion: wp.spatial_vectord) -> wp.vec3d:
 
 
 @wp.func
-def rate_of_turn(turn: wp.vec3d, omega: wp.vec3d) -> wp.vec3d:
-    """Rate of a rotation vector whose rotation turns with angular velocity omega (Iserles et al. 2000, Acta Num. 9)."""
-    square = wp.dot(turn, turn)
+def rotation_rate(rotation: wp.vec3d, omega: wp.vec3d) -> wp.vec3d:
+    """Return the rate of a rotation vector at the angular velocity omega (Iserles et al. 2000, Acta Num. 9)."""
+    square = wp.dot(rotation, rotation)
     factor = wp.float64(1.0 / 12.0) + square * wp.float64(1.0 / 720.0)
     if square > SERIES * SERIES:
         half = wp.float64(0.5) * wp.sqrt(square)
         factor = (wp.float64(1.0) - half / wp.tan(half)) / square
-    across = wp.cross(turn, omega)
-    return omega - wp.float64(0.5) * across + factor * wp.cross(turn, across)
+    across = wp.cross(rotation, omega)
+    return omega - wp.float64(0.5) * across + factor * wp.cross(rotation, across)
 
 
 @wp.func(inline=False)
 def begin_links(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """Links where their bodies are now, no freedom moved, with the speeds of the bodies."""
+    """Set links to the poses and speeds of their bodies, no freedom moved."""
     zero = wp.float64(0.0)
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
@@ -59,13 +59,13 @@ def begin_links(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
         v = state[0].bodies[k, d.body].v
         omega = state[0].bodies[k, d.body].w
         link = Link()
-        link.begun_x = x
+        link.start_x = x
         link.origin = x
-        link.turn = q
+        link.relative_q = q
         speed = wp.vec3d()
         if d.kind == FREE:
             for m in range(3):
-                joints[0].tree.ways[k, d.first + 3 + m].begun = v[m]
+                joints[0].tree.coordinates[k, d.first + 3 + m].start_speed = v[m]
             speed = omega
         else:
             joint = joints[0].joint[k, d.joint]
@@ -82,7 +82,7 @@ def begin_links(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
                 rp = state[0].bodies[k, p].rotation
                 vp = state[0].bodies[k, p].v
                 omega_p = state[0].bodies[k, p].w
-            link.turn = wp.normalize(wp.quat_inverse(qp) * q)
+            link.relative_q = wp.normalize(wp.quat_inverse(qp) * q)
             frame = joint.frame_b
             link.arm = joint.arm_a
             link.other_arm = joint.arm_b
@@ -103,17 +103,17 @@ def begin_links(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
                 speed = omega - omega_p
         joints[0].tree.links[k, n] = link
         for m in range(wp.min(d.freedoms, 3)):
-            joints[0].tree.ways[k, d.first + m].begun = speed[m]
+            joints[0].tree.coordinates[k, d.first + m].start_speed = speed[m]
         for m in range(d.freedoms):
-            joints[0].tree.ways[k, d.first + m].place = zero
-            joints[0].tree.ways[k, d.first + m].speed = joints[0].tree.ways[k, d.first + m].begun
+            joints[0].tree.coordinates[k, d.first + m].position = zero
+            joints[0].tree.coordinates[k, d.first + m].speed = joints[0].tree.coordinates[k, d.first + m].start_speed
 
 
 @wp.func(inline=False)
-def place_links(joints: wp.array[Joints], k: int, slope: int) -> None:
-    """Where the links are and how they move, from the places and speeds of their freedoms.
+def update_links(joints: wp.array[Joints], k: int, slope: int) -> None:
+    """Compute poses and motions of the links from the positions and speeds of their freedoms.
 
-    Also the rates of the places, kept from `slope` on.
+    Also the rates of the positions, kept from `slope` on.
     """
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
@@ -129,60 +129,60 @@ def place_links(joints: wp.array[Joints], k: int, slope: int) -> None:
         vp = linear(motion)
         omega = angular(motion)
         origin = joints[0].tree.links[k, n].origin
-        place = wp.vec3d()
+        position = wp.vec3d()
         speed = wp.vec3d()
         for m in range(wp.min(d.freedoms, 3)):
-            place[m] = joints[0].tree.ways[k, d.first + m].place
-            speed[m] = joints[0].tree.ways[k, d.first + m].speed
+            position[m] = joints[0].tree.coordinates[k, d.first + m].position
+            speed[m] = joints[0].tree.coordinates[k, d.first + m].speed
         along = rp * joints[0].tree.links[k, n].axis
-        x = joints[0].tree.links[k, n].begun_x
-        q = wp.normalize(qp * joints[0].tree.links[k, n].turn)
+        x = joints[0].tree.links[k, n].start_x
+        q = wp.normalize(qp * joints[0].tree.links[k, n].relative_q)
         joint_point = xp + rp * joints[0].tree.links[k, n].other_arm
         if d.kind == HINGE:
-            q = turned(q, along * place[0])
+            q = rotated(q, along * position[0])
         elif d.kind == BALL:
-            q = turned(q, rp * place)
+            q = rotated(q, rp * position)
         elif d.kind == FREE:
-            q = turned(q, place)
+            q = rotated(q, position)
         rotation = wp.quat_to_matrix(q)
         if d.kind == FREE:
             for m in range(3):
-                x[m] = x[m] + joints[0].tree.ways[k, d.first + 3 + m].place
+                x[m] = x[m] + joints[0].tree.coordinates[k, d.first + 3 + m].position
         else:
             x = joint_point - rotation * joints[0].tree.links[k, n].arm
             if d.kind == SLIDER:
-                x += along * (joints[0].tree.links[k, n].travel + place[0])
+                x += along * (joints[0].tree.links[k, n].travel + position[0])
         bias = wp.spatial_vectord()
         rate = speed
         if d.kind == HINGE:
             p = joint_point - origin
-            put_way(joints, k, d.first, wp.cross(p, along), along)
+            set_axis(joints, k, d.first, wp.cross(p, along), along)
             turning = wp.cross(omega, along)
             going = vp + wp.cross(omega, p)
             bias = wrench(wp.cross(going, along) + wp.cross(p, turning), turning) * speed[0]
         elif d.kind == SLIDER:
-            put_way(joints, k, d.first, along, wp.vec3d())
+            set_axis(joints, k, d.first, along, wp.vec3d())
             bias = wrench(wp.cross(omega, along), wp.vec3d()) * speed[0]
         elif d.kind == BALL:
             p = joint_point - origin
             for m in range(3):
-                put_way(joints, k, d.first + m, wp.cross(p, unit_vector(m)), unit_vector(m))
+                set_axis(joints, k, d.first + m, wp.cross(p, unit_vector(m)), unit_vector(m))
             bias = wrench(wp.cross(vp + wp.cross(omega, p), speed), wp.vec3d())
-            rate = rate_of_turn(place, wp.transpose(rp) * speed)
+            rate = rotation_rate(position, wp.transpose(rp) * speed)
         elif d.kind == FREE:
             v = wp.vec3d()
             for m in range(3):
-                put_way(joints, k, d.first + m, wp.cross(x - origin, unit_vector(m)), unit_vector(m))
-                put_way(joints, k, d.first + 3 + m, unit_vector(m), wp.vec3d())
-                v[m] = joints[0].tree.ways[k, d.first + 3 + m].speed
+                set_axis(joints, k, d.first + m, wp.cross(x - origin, unit_vector(m)), unit_vector(m))
+                set_axis(joints, k, d.first + 3 + m, unit_vector(m), wp.vec3d())
+                v[m] = joints[0].tree.coordinates[k, d.first + 3 + m].speed
                 joints[0].tree.slopes[k, slope + d.first + 3 + m] = v[m]
             bias = wrench(wp.cross(v, speed), wp.vec3d())
-            rate = rate_of_turn(place, speed)
+            rate = rotation_rate(position, speed)
         for m in range(wp.min(d.freedoms, 3)):
             joints[0].tree.slopes[k, slope + d.first + m] = rate[m]
         for m in range(d.freedoms):
-            way = d.first + m
-            motion += joints[0].tree.ways[k, way].along * joints[0].tree.ways[k, way].speed
+            coordinate = d.first + m
+            motion += joints[0].tree.coordinates[k, coordinate].along * joints[0].tree.coordinates[k, coordinate].speed
         joints[0].tree.links[k, n].x = x
         joints[0].tree.links[k, n].q = q
         joints[0].tree.links[k, n].rotation = rotation
@@ -191,8 +191,8 @@ def place_links(joints: wp.array[Joints], k: int, slope: int) -> None:
 
 
 @wp.func
-def put_way(joints: wp.array[Joints], k: int, way: int, moving: wp.vec3d, turning: wp.vec3d) -> None:
-    joints[0].tree.ways[k, way].along = wrench(moving, turning)
+def set_axis(joints: wp.array[Joints], k: int, coordinate: int, moving: wp.vec3d, turning: wp.vec3d) -> None:
+    joints[0].tree.coordinates[k, coordinate].along = wrench(moving, turning)
 
 
 @wp.func(inline=False)
@@ -244,14 +244,14 @@ def load_links(
         push = wp.cross(omega, v * mass) - force
         twist = wp.cross(omega, spin) + wp.cross(linear(motion), v * mass) - torque - wp.cross(rel, force)
         joints[0].tree.links[k, n].force = wrench(push, twist)
-        lever = wp.skew(rel) * mass
-        about = own - wp.skew(rel) * lever
+        first_moment = wp.skew(rel) * mass
+        about = own - wp.skew(rel) * first_moment
         inertia = wp.spatial_matrixd()
         for r in range(3):
             inertia[r, r] = mass
             for c in range(3):
-                inertia[r, c + 3] = -lever[r, c]
-                inertia[r + 3, c] = lever[r, c]
+                inertia[r, c + 3] = -first_moment[r, c]
+                inertia[r + 3, c] = first_moment[r, c]
                 inertia[r + 3, c + 3] = about[r, c]
         joints[0].tree.inertia[k, n] = inertia
 
@@ -266,7 +266,7 @@ def note_free(
     torque: wp.vec3d,
     omega: wp.vec3d,
 ) -> None:
-    """How the link would accelerate if it hung on nothing: what it does beside that is what joints do."""
+    """Store how the link would accelerate if it hung on nothing: the rest is what joints do."""
     b = state[0].bodies[k, joints[0].tree.kinds[n].body]
     b.w = omega
     b.rotation = joints[0].tree.links[k, n].rotation
@@ -276,23 +276,23 @@ def note_free(
 
 @wp.func
 def push_along(joints: wp.array[Joints], k: int, n: int, m: int, time: wp.float64) -> wp.float64:
-    """What damping, dry friction and a motor do along freedom m of link n [N or N m]."""
+    """Return the effort of damping, dry friction and a motor along freedom m of link n [N or N m]."""
     zero = wp.float64(0.0)
     d = joints[0].tree.kinds[n]
     if d.kind == FREE:
         return zero
     damping = joints[0].joint[k, d.joint].damping
     friction = joints[0].joint[k, d.joint].friction
-    speed = joints[0].tree.ways[k, d.first + m].speed
+    speed = joints[0].tree.coordinates[k, d.first + m].speed
     total = -damping * speed
     if friction > zero:
         if d.kind == BALL:
             all_ = wp.vec3d()
             for c in range(3):
-                all_[c] = joints[0].tree.ways[k, d.first + c].speed
+                all_[c] = joints[0].tree.coordinates[k, d.first + c].speed
             total -= friction * speed / wp.max(wp.length(all_), wp.float64(1.0e-300))
         else:
-            total -= friction * joints[0].tree.ways[k, d.first + m].way
+            total -= friction * joints[0].tree.coordinates[k, d.first + m].direction
     if d.kind != BALL and joints[0].kinds[d.joint].driven == 1 and motor_on(joints, k, d.joint, time) == 1:
         total += d.sign * joints[0].joint[k, d.joint].effort
     return total
@@ -313,20 +313,20 @@ def accelerate(joints: wp.array[Joints], k: int, stage: int, time: wp.float64) -
     time: at which motors are on or off.
     """
     count = joints[0].tree.count
-    for turn in range(count):
-        n = count - 1 - turn
+    for back in range(count):
+        n = count - 1 - back
         d = joints[0].tree.kinds[n]
         inertia = joints[0].tree.inertia[k, n]
         force = joints[0].tree.links[k, n].force
         for m in range(d.freedoms):
-            way = d.first + m
-            along = joints[0].tree.ways[k, way].along
+            coordinate = d.first + m
+            along = joints[0].tree.coordinates[k, coordinate].along
             felt = inertia * along
             weight = wp.dot(along, felt)
             push = push_along(joints, k, n, m, time) - wp.dot(along, force)
-            joints[0].tree.ways[k, way].inertial = felt
-            joints[0].tree.ways[k, way].weight = weight
-            joints[0].tree.ways[k, way].push = push
+            joints[0].tree.coordinates[k, coordinate].inertial = felt
+            joints[0].tree.coordinates[k, coordinate].weight = weight
+            joints[0].tree.coordinates[k, coordinate].push = push
             inertia = inertia - wp.outer(felt, felt * (wp.float64(1.0) / weight))
             force = force + felt * (push / weight)
         if d.parent >= 0:
@@ -340,10 +340,12 @@ def accelerate(joints: wp.array[Joints], k: int, stage: int, time: wp.float64) -
         a = joints[0].tree.links[k, n].bias
         if d.parent >= 0:
             a = a + joints[0].tree.links[k, d.parent].acceleration
-        for turn in range(d.freedoms):
-            way = d.first + d.freedoms - 1 - turn
-            rest = joints[0].tree.ways[k, way].push - wp.dot(joints[0].tree.ways[k, way].inertial, a)
-            rate = rest / joints[0].tree.ways[k, way].weight
-            joints[0].tree.rates[k, at + way] = rate
-            a = a + joints[0].tree.ways[k, way].along * rate
+        for back in range(d.freedoms):
+            coordinate = d.first + d.freedoms - 1 - back
+            rest = joints[0].tree.coordinates[k, coordinate].push - wp.dot(
+                joints[0].tree.coordinates[k, coordinate].inertial, a
+            )
+            rate = rest / joints[0].tree.coordinates[k, coordinate].weight
+            joints[0].tree.rates[k, at + coordinate] = rate
+            a = a + joints[0].tree.coordinates[k, coordinate].along * rate
         joints[0].tree.links[k, n].acceleration = a

@@ -32,16 +32,16 @@ class Link:
     """A link in one world: where it was when a step began, and where it is and how it moves at a stage of the step.
 
     origin: of its tree, fixed over the step [m]. arm: the joint's point in the body's axes, other_arm in the parent's
-    (of the world: in space), axis in the parent's. turn: orientation at the beginning, seen from the parent. travel: of
-    a slider at the beginning [m].
+    (of the world: in space), axis in the parent's. relative_q: orientation at the start, seen from the parent. travel:
+    of a slider at the start [m].
     """
 
     origin: wp.vec3d
-    begun_x: wp.vec3d
+    start_x: wp.vec3d
     arm: wp.vec3d
     other_arm: wp.vec3d
     axis: wp.vec3d
-    turn: wp.quatd
+    relative_q: wp.quatd
     travel: wp.float64
     x: wp.vec3d
     q: wp.quatd
@@ -56,28 +56,28 @@ class Link:
 
 @wp.struct
 class Freedom:
-    """One way in which a link moves on its joint.
+    """One degree of freedom of a link on its joint.
 
     along: motion for a unit of speed. inertial: force for a unit of acceleration along it, what hangs on it yielding;
     weight: its part along the freedom. push: along it, less what it takes to hold the rest.
-    place: turned or moved since the step began [rad or m]; speed; begun: speed when the step began. way: 1 or -1 where
-    it slips with dry friction, by its direction; 0 where there is none.
+    position: since the step began [rad or m]; speed; start_speed: when the step began. direction: 1 or -1 of its slip
+    with dry friction; 0 where there is none.
     """
 
     along: wp.spatial_vectord
     inertial: wp.spatial_vectord
     weight: wp.float64
     push: wp.float64
-    place: wp.float64
+    position: wp.float64
     speed: wp.float64
-    begun: wp.float64
-    way: wp.float64
+    start_speed: wp.float64
+    direction: wp.float64
 
 
 @wp.struct
 class Tree:
-    """All links of K worlds. count: 0 where the joints make no tree. slopes, rates: derivatives of places and speeds at
-    the stages of a step, those of stage s from s * freedoms on. known: 1 where the speeds' at the first are known.
+    """All links of K worlds. count: 0 where the joints make no tree. slopes, rates: derivatives of positions and speeds
+    at the stages of a step, those of stage s from s * freedoms on. known: 1 where the speeds' at the first are known.
     """
 
     count: int
@@ -85,7 +85,7 @@ class Tree:
     kinds: wp.array[LinkKind]
     links: wp.array2d[Link]
     inertia: wp.array2d[wp.spatial_matrixd]
-    ways: wp.array2d[Freedom]
+    coordinates: wp.array2d[Freedom]
     slopes: wp.array2d[wp.float64]
     rates: wp.array2d[wp.float64]
     known: wp.array[wp.int32]

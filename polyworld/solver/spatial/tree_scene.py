@@ -35,9 +35,9 @@ _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1
 
 
 def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
-    """The tree of joints (records of `JointKind`) on a number of bodies, with room for `rows` worlds at a time.
+    """Build the tree of joints (records of `JointKind`) on a number of bodies, with room for `rows` worlds at a time.
 
-    It has no links where a spring is among the joints, or a body is held in two ways.
+    It has no links where a spring is among the joints, or a body is held by two of them.
     """
     links = _links(kinds, bodies)
     freedoms = sum(int(link["freedoms"]) for link in links)
@@ -47,7 +47,7 @@ def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
     room = rows if links else 1
     tree.links = _zeros((room, len(links)), tree_layout.Link)
     tree.inertia = _zeros((room, len(links)), wp.spatial_matrixd)
-    tree.ways = _zeros((room, freedoms), tree_layout.Freedom)
+    tree.coordinates = _zeros((room, freedoms), tree_layout.Freedom)
     tree.slopes = _zeros((room, len(_STAGES) * freedoms), wp.float64)
     tree.rates = _zeros((room, len(_STAGES) * freedoms), wp.float64)
     tree.known = _zeros((rows,), wp.int32)

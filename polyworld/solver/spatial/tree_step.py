@@ -16,19 +16,19 @@ from polyworld.solver.spatial.tree_dynamics import (
     begin_links,
     linear,
     load_links,
-    place_links,
+    update_links,
 )
 from polyworld.solver.spatial.tree_layout import FREE
 
 STAGES = 7
 NODES = 7  # rows of the method
 ERROR = 8
-EXACT = wp.float64(1.0e-7)  # error of a step's speeds, as a share of them, and of its ways
+EXACT = wp.float64(1.0e-7)  # error of a step's speeds, as a share of them, and of its positions
 REST = wp.float64(1.0e-9)  # speeds below this [m/s or rad/s] have no error to speak of
 SMALLEST = wp.float64(1.0 / 64.0)  # part of a step
 RESTING = wp.float64(1.0e-9)  # speed of an axis at rest [m/s or rad/s]
 NOTHING = wp.float64(1.0e-9)  # part of a step in which nothing moves
-SLIPPING = wp.float64(0.5)  # cosine of the turn of a ball's slip in a step
+SLIPPING = wp.float64(0.5)  # cosine of the rotation of a ball's slip in a step
 
 
 @wp.func(inline=False)
@@ -53,7 +53,7 @@ def move_tree(
         time = start + done
         begin_links(joints, state, k)
         part = until_switched(joints, k, time, part)
-        if not find_ways(parameters, joints, state, w, k, gravity, time):
+        if not find_slip_directions(parameters, joints, state, w, k, gravity, time):
             return done
         error = try_step(parameters, joints, state, w, k, gravity, time, part)
         if not (error <= wp.float64(1.0)):  # also where it is no number
@@ -81,7 +81,7 @@ def move_tree(
 
 
 @wp.func(inline=False)
-def find_ways(
+def find_slip_directions(
     parameters: wp.array[Parameters],
     joints: wp.array[Joints],
     state: wp.array[State],
@@ -90,35 +90,35 @@ def find_ways(
     gravity: wp.vec3d,
     time: wp.float64,
 ) -> bool:
-    """Which way axes with dry friction slip; those at rest, as they are pushed. Returns whether all do slip."""
+    """Set the slip direction of axes with dry friction; at rest, by the push. Returns whether all do slip."""
     zero = wp.float64(0.0)
     resting = wp.int32(0)
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
         if d.freedoms == 1:
-            way = zero
+            direction = zero
             if joints[0].joint[k, d.joint].friction > zero:
-                begun = joints[0].tree.ways[k, d.first].begun
-                if wp.abs(begun) > RESTING:
-                    way = wp.sign(begun)
+                start_speed = joints[0].tree.coordinates[k, d.first].start_speed
+                if wp.abs(start_speed) > RESTING:
+                    direction = wp.sign(start_speed)
                 else:
                     resting = 1
-            joints[0].tree.ways[k, d.first].way = way
+            joints[0].tree.coordinates[k, d.first].direction = direction
     if resting == 0:
         return True
     for _pass in range(2):  # without friction of what rests, and with it
-        place_links(joints, k, 0)
+        update_links(joints, k, 0)
         load_links(parameters, joints, state, w, k, gravity, time)
         accelerate(joints, k, 0, time)
         for n in range(joints[0].tree.count):
             d = joints[0].tree.kinds[n]
             if d.freedoms != 1 or joints[0].joint[k, d.joint].friction <= zero:
                 continue
-            if wp.abs(joints[0].tree.ways[k, d.first].begun) <= RESTING:
+            if wp.abs(joints[0].tree.coordinates[k, d.first].start_speed) <= RESTING:
                 rate = joints[0].tree.rates[k, d.first]
-                if _pass == 1 and rate * joints[0].tree.ways[k, d.first].way <= zero:
+                if _pass == 1 and rate * joints[0].tree.coordinates[k, d.first].direction <= zero:
                     return False
-                joints[0].tree.ways[k, d.first].way = wp.sign(rate)
+                joints[0].tree.coordinates[k, d.first].direction = wp.sign(rate)
     joints[0].tree.known[k] = 1
     return True
 
@@ -128,10 +128,10 @@ def slipping(joints: wp.array[Joints], k: int) -> wp.float64:
     """Part of the step up to which no axis that slips comes to rest, nearly: 1 where none does."""
     part = wp.float64(1.0)
     for f in range(joints[0].tree.freedoms):
-        way = joints[0].tree.ways[k, f].way
-        if way * joints[0].tree.ways[k, f].speed < -RESTING:
-            begun = wp.abs(joints[0].tree.ways[k, f].begun)
-            part = wp.min(part, begun / (begun + wp.abs(joints[0].tree.ways[k, f].speed)))
+        direction = joints[0].tree.coordinates[k, f].direction
+        if direction * joints[0].tree.coordinates[k, f].speed < -RESTING:
+            start_speed = wp.abs(joints[0].tree.coordinates[k, f].start_speed)
+            part = wp.min(part, start_speed / (start_speed + wp.abs(joints[0].tree.coordinates[k, f].speed)))
     return part
 
 
@@ -168,15 +168,15 @@ def try_step(
     middle = time + wp.float64(0.5) * h
     for stage in range(STAGES):
         for f in range(freedoms):
-            place = wp.float64(0.0)
+            position = wp.float64(0.0)
             gain = wp.float64(0.0)
             for s in range(stage):
                 share = joints[0].tree.method[stage, s]
-                place += share * joints[0].tree.slopes[k, s * freedoms + f]
+                position += share * joints[0].tree.slopes[k, s * freedoms + f]
                 gain += share * joints[0].tree.rates[k, s * freedoms + f]
-            joints[0].tree.ways[k, f].place = place * h
-            joints[0].tree.ways[k, f].speed = joints[0].tree.ways[k, f].begun + gain * h
-        place_links(joints, k, stage * freedoms)
+            joints[0].tree.coordinates[k, f].position = position * h
+            joints[0].tree.coordinates[k, f].speed = joints[0].tree.coordinates[k, f].start_speed + gain * h
+        update_links(joints, k, stage * freedoms)
         if stage > 0 or joints[0].tree.known[k] == 0:
             instant = time + joints[0].tree.method[NODES, stage] * h
             load_links(parameters, joints, state, w, k, gravity, instant)
@@ -196,37 +196,37 @@ def slides(joints: wp.array[Joints], n: int, m: int) -> int:
 
 @wp.func
 def error_of(joints: wp.array[Joints], k: int, h: wp.float64) -> wp.float64:
-    """Errors of all speeds and places together, as a share of what they may be, turns and ways each by their scale."""
+    """Return the error of all speeds and positions over its tolerance, each relative to its scale."""
     freedoms = joints[0].tree.freedoms
     scale = wp.vec2d(REST, REST)
     speeds = wp.vec2d()
-    places = wp.vec2d()
+    positions = wp.vec2d()
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
         for m in range(d.freedoms):
             f = d.first + m
             of = slides(joints, n, m)
             speed = wp.float64(0.0)
-            place = wp.float64(0.0)
-            most = wp.abs(joints[0].tree.ways[k, f].begun) + wp.abs(joints[0].tree.ways[k, f].speed)
+            position = wp.float64(0.0)
+            most = wp.abs(joints[0].tree.coordinates[k, f].start_speed) + wp.abs(joints[0].tree.coordinates[k, f].speed)
             for s in range(STAGES):
                 share = joints[0].tree.method[ERROR, s] * h
                 speed += share * joints[0].tree.rates[k, s * freedoms + f]
-                place += share * joints[0].tree.slopes[k, s * freedoms + f]
+                position += share * joints[0].tree.slopes[k, s * freedoms + f]
                 most = wp.max(most, h * wp.abs(joints[0].tree.rates[k, s * freedoms + f]))
             # Added, not compared, so that what is no number shows.
             speeds[of] = speeds[of] + wp.abs(speed)
-            places[of] = places[of] + wp.abs(place)
+            positions[of] = positions[of] + wp.abs(position)
             scale[of] = wp.max(scale[of], most)
     worst = wp.float64(0.0)
     for of in range(2):
-        worst += (speeds[of] + places[of] / h) / (EXACT * scale[of])
+        worst += (speeds[of] + positions[of] / h) / (EXACT * scale[of])
     return worst
 
 
 @wp.func
 def kept_on(joints: wp.array[Joints], k: int) -> bool:
-    """Whether balls that rub slip on as they did, and no joint is at a stop."""
+    """Check whether balls with friction keep slipping as they did, and no joint is at a stop."""
     zero = wp.float64(0.0)
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
@@ -238,25 +238,25 @@ def kept_on(joints: wp.array[Joints], k: int) -> bool:
             before = zero
             after = zero
             for m in range(d.freedoms):
-                begun = joints[0].tree.ways[k, d.first + m].begun
-                speed = joints[0].tree.ways[k, d.first + m].speed
-                together += begun * speed
-                before += begun * begun
+                start_speed = joints[0].tree.coordinates[k, d.first + m].start_speed
+                speed = joints[0].tree.coordinates[k, d.first + m].speed
+                together += start_speed * speed
+                before += start_speed * start_speed
                 after += speed * speed
             if not (together > SLIPPING * wp.sqrt(before * after)):
                 return False
         if joints[0].kinds[d.joint].bounded > 0:
-            place = joint.place + d.sign * joints[0].tree.ways[k, d.first].place
-            if joint.lower > wp.float64(-0.5 * NEVER) and wp.min(place, joint.place) <= joint.lower:
+            position = joint.position + d.sign * joints[0].tree.coordinates[k, d.first].position
+            if joint.lower > wp.float64(-0.5 * NEVER) and wp.min(position, joint.position) <= joint.lower:
                 return False
-            if joint.upper < wp.float64(0.5 * NEVER) and wp.max(place, joint.place) >= joint.upper:
+            if joint.upper < wp.float64(0.5 * NEVER) and wp.max(position, joint.position) >= joint.upper:
                 return False
     return True
 
 
 @wp.func
 def take_step(parameters: wp.array[Parameters], joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """Put the bodies where their links are."""
+    """Copy the links' poses to the bodies."""
     freedoms = joints[0].tree.freedoms
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
@@ -276,7 +276,7 @@ def take_step(parameters: wp.array[Parameters], joints: wp.array[Joints], state:
             state[0].reaction[k, d.body] = going - joints[0].tree.links[k, n].free
             state[0].reaction_turning[k, d.body] = turning - joints[0].tree.links[k, n].free_turning
         if d.freedoms == 1:
-            joints[0].joint[k, d.joint].place += d.sign * joints[0].tree.ways[k, d.first].place
+            joints[0].joint[k, d.joint].position += d.sign * joints[0].tree.coordinates[k, d.first].position
     for f in range(freedoms):
         joints[0].tree.rates[k, f] = joints[0].tree.rates[k, (STAGES - 1) * freedoms + f]
     joints[0].ready[k] = 0

@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.joint_layout import Joints
-from polyworld.solver.spatial.joint_step import settle_joints
+from polyworld.solver.spatial.joint_step import solve_joint_velocities
 from polyworld.solver.spatial.layout import Geometry, Parameters, State
 from polyworld.solver.spatial.step import sweep_bodies
 from polyworld.solver.spatial.tree_step import move_tree
@@ -56,12 +56,12 @@ def follow_tree(
 
 @wp.func
 def held_together(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> bool:
-    """Whether all bodies are there; their joints then hold them."""
+    """Check whether all bodies are active; their joints then hold them."""
     for i in range(state[0].objects):
         if state[0].bodies[k, i].active == 0:
             return False
     for j in range(joints[0].count):
         if joints[0].joint[k, j].active == 0:
-            settle_joints(joints, state, k, lock)
+            solve_joint_velocities(joints, state, k, lock)
             return True
     return True

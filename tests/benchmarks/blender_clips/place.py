@@ -74,14 +74,14 @@ def find_room(clip: Clip, setting: Setting) -> Room:
 
 
 def far_from_path(clip: Clip, point: Array, radius: float) -> bool:
-    """Tell whether a place keeps a distance from all paths, seen from above."""
+    """Return whether a place keeps a distance from all paths, seen from above."""
     reach = max((b.reach for b in clip.scene.bodies), default=0.1)
     apart = np.linalg.norm((path_points(clip) - point)[:, :2], axis=1)
     return bool(apart.min() > radius + reach + 0.02)
 
 
 def covers_point(clip: Clip, points: Array) -> bool:
-    """Tell whether a thing within the hull of points (n, 3) may hide a measured point of the clip."""
+    """Return whether a thing within the hull of points (n, 3) may hide a measured point of the clip."""
     camera = clip.cameras[0]
     seen = camera.project(points)
     if np.isnan(seen).any() or seen[:, 2].min() < 0.3:
@@ -96,7 +96,7 @@ def covers_point(clip: Clip, points: Array) -> bool:
 
 
 def covers_path(clip: Clip, points: Array) -> bool:
-    """Tell whether a thing may stand between the camera and a path."""
+    """Return whether a thing may stand between the camera and a path."""
     camera = clip.cameras[0]
     seen, path = camera.project(points), camera.project(path_points(clip))
     low, high = seen[:, :2].min(axis=0) - 15, seen[:, :2].max(axis=0) + 15

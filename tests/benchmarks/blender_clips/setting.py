@@ -60,7 +60,7 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Setting:
-    """What is drawn beyond the other generator's look. Angles in degrees, lengths in m."""
+    """Draws beyond the other generator's look. Angles in degrees, lengths in m."""
 
     light: str
     lamps: tuple[Lamp, ...]

@@ -25,7 +25,7 @@ Update = Callable[[int], None]  # reshape what bends for a frame
 
 @dataclass
 class Built:
-    """What was built. updates: to call before each frame; shown: pieces of furniture that found room."""
+    """Objects built. updates: to call before each frame; shown: pieces of furniture that found room."""
 
     updates: list[Update] = field(default_factory=list)
     shown: list[str] = field(default_factory=list)
@@ -200,7 +200,7 @@ def build_light(stage: Stage, clip: Clip, setting: Setting, room: Room) -> None:
 
 
 def _window(stage: Stage, room: Room, flat: Array, rise: float, rgb: Vec) -> None:
-    """Stand a wall with a barred window, unseen by the camera, between the sun and the scene."""
+    """Stand a wall with a barred window, hidden from the camera, between the sun and the scene."""
     away, wide, high = 2.6, 1.5, 1.1
     middle = away * rise
     yaw = float(np.arctan2(flat[1], flat[0])) + np.pi / 2

@@ -25,7 +25,7 @@ class Rejected(Exception):
 
 @dataclass
 class Plan:
-    """What a section asks for. rig: base rig with * (orientation) and 0 (smooth) marks."""
+    """Request of a section. rig: base rig with * (orientation) and 0 (smooth) marks."""
 
     section: str
     style: str
@@ -60,7 +60,7 @@ def _usable(path: Path, launch: Launch, shortest: float) -> bool:
 
 
 def _outside(law: Law, launch: Launch) -> bool:
-    """Every body starts on the free side of the hidden walls."""
+    """Check that every body starts on the free side of the hidden walls."""
     for plane in law.planes:
         if plane.hidden:
             for s, b in zip(launch.starts, law.scene.bodies, strict=True):

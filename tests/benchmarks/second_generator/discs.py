@@ -90,7 +90,7 @@ def _piece(sol: Any, bodies: list[Any]) -> Callable[[Array], tuple[Array, Array]
 
 
 def _stays(law: Law, t: float, y: Array, i: int) -> bool:
-    """Whether a halted disc is held by Coulomb friction against the hidden force there."""
+    """Return whether a halted disc is held by Coulomb friction against the hidden force there."""
     body, m = law.scene.bodies[i], law.masses[i]
     x = np.array([y[6 * i], y[6 * i + 1], body.height / 2])
     f = law.force(t, x, np.zeros(3), np.zeros(3), m)

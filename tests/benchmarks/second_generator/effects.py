@@ -57,7 +57,7 @@ GROUPS = [
 
 @dataclass
 class Context:
-    """What a draw may look at: scene, launches, and the base paths as a cloud of points (m)."""
+    """Input of a draw: scene, launches, and the base paths as a cloud of points (m)."""
 
     rng: Generator
     scene: Scene
@@ -91,13 +91,13 @@ class Context:
         return float(np.mean([np.linalg.norm(s.w) for run in self.launches for s in run.starts])) + 1e-3
 
     def level_way(self) -> Array:
-        """A random horizontal direction (along x for planar motion)."""
+        """Return a random horizontal direction (along x for planar motion)."""
         if self.scene.planar:
             return np.array([float(self.rng.choice([-1.0, 1.0])), 0.0, 0.0])
         return heading(self.rng.uniform(-np.pi, np.pi))
 
     def place(self, spread: float) -> Array:
-        """A point near the paths (m), in their plane where they have one."""
+        """Return a point near the paths (m), in their plane where they have one."""
         p = self.cloud[self.rng.integers(len(self.cloud))] + self.rng.normal(size=3) * spread * self.size
         if self.scene.planar:
             p[1] = 0.0
@@ -272,7 +272,7 @@ def _observer(name: str, c: Context) -> Knob | None:
 
 
 def accepted(name: str, scene: Scene, p: dict[str, Any]) -> list[str]:
-    """Alternatives that cannot, or hardly, be told from the effect in this scene (the name itself left out)."""
+    """Return alternatives indistinguishable, or hardly, from the effect in this scene (the name itself left out)."""
     open_air = not scene.floor
     sliding = scene.rig in ("puck", "discs", "roll")
     on_floor = open_air or abs(p.get("c", [0, 0, 0])[2] if isinstance(p.get("c"), list) else 0.0) < 1e-9

@@ -23,7 +23,7 @@ def draw_spin(rng: Generator, planar: bool, top: float) -> Array:
 
 
 def ball_scene(rng: Generator, style: str, rig: str, orient: bool, planar: bool, smooth: bool) -> Scene:
-    """A ball over (or without) a floor; smooth: a frictionless contact."""
+    """Return a ball over (or without) a floor; smooth: a frictionless contact."""
     radius = float(rng.choice([0.01, 0.02, 0.0335, 0.05, 0.11]) if style == "b" else rng.uniform(0.012, 0.06))
     density = float(np.exp(rng.uniform(np.log(60), np.log(2500))))
     e = float(rng.uniform(0.55, 0.93))

@@ -93,7 +93,7 @@ class Law:
         self.breaks = sorted(t for e in effects if e.name == "push" for t in (e.p["t_on"], e.p["t_off"]))
 
     def force(self, t: float, x: Array, v: Array, w: Array, m: float) -> Array:
-        """Sum of the hidden body forces, gravity left out (N)."""
+        """Return the sum of the hidden body forces, gravity left out (N)."""
         total = np.zeros(3)
         for f, p in self.forces:
             total = total + f(p, t, x, v, w, m)

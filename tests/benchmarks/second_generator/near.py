@@ -11,7 +11,7 @@ from .scene import Effect
 
 
 def near_effect(kind: str, c: Context) -> Knob:
-    """One law by kind; catalogue names are drawn as there.
+    """Return one law by kind; catalogue names are drawn as there.
 
     power: F = -k |v|^(n-1) v. crisis: k(v) falls to half beyond v_c over d_v. spin: torque -c w. fifth_root:
     e = e0 - a v^(1/5), the given e being that of a drop test at v_test. exponential: e = e0 exp(-v/v0). lens: 0.3..1.2%
@@ -75,7 +75,7 @@ TABLE: dict[str, tuple[list[str], list[str], str, list[str]]] = {
 
 
 def near_plan(rng: Generator, style: str, kinds: list[str]) -> list[Plan]:
-    """One plan for each kind of TABLE asked for."""
+    """Return one plan for each kind of TABLE asked for."""
     out = []
     for kind in kinds:
         rigs, laws, family, ok = TABLE[kind]

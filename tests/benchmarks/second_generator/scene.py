@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-G_GIVEN = 9.81  # m/s^2, the gravity the analyst is told
+G_GIVEN = 9.81  # m/s^2, the gravity given to the analyst
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -44,7 +44,7 @@ class Body:
 
 @dataclass
 class Scene:
-    """What stands in the laboratory and is told to the analyst."""
+    """Objects of the laboratory, known to the analyst."""
 
     bodies: list[Body]
     planes: list[Plane]  # known surfaces, the floor among them

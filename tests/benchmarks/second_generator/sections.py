@@ -1,4 +1,4 @@
-"""What each section asks for, as plans."""
+"""Plan the cases of each section."""
 
 from numpy.random import Generator
 
@@ -71,7 +71,7 @@ def _turns(rng: Generator, names: list[str], count: int) -> list[str]:
 
 
 def _pair(rng: Generator, style: str) -> Plan:
-    """Two effects that share a rig and are not of one group of look-alikes."""
+    """Return two effects that share a rig and are not of one group of look-alikes."""
     while True:
         a, b = (str(n) for n in rng.choice(list(RIGS), 2, replace=False))
         if any(a in g and b in g for g in GROUPS):

@@ -89,7 +89,7 @@ def _rhs(law: Law, mode: str, orient: bool) -> Callable[[float, Array], Array]:
 
 
 def inside(law: Law, x: Array, v: Array) -> bool:
-    """Whether a sliding body is in the friction patch (on its edge: whether it moves inwards)."""
+    """Return whether a sliding body is in the friction patch (on its edge: whether it moves inwards)."""
     patch = law.p.get("friction_patch")
     if patch is None:
         return False

@@ -41,7 +41,7 @@ def start_state(scene: Scene, launch: Launch) -> Array:
 
 
 def refit(scene: Scene, launch: Launch, track: Track, t_start: float, rows: int = 60) -> Array:
-    """Residuals (body, time, k) of the best base path; t_start: clock time of the release."""
+    """Return residuals (body, time, k) of the best base path; t_start: clock time of the release."""
     pick = np.unique(np.linspace(0, len(track.t) - 1, min(rows, len(track.t))).round().astype(int))
     ts = track.t[pick] - t_start
     k = 2 if scene.flat or scene.rig == "roll" else 3

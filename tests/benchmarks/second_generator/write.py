@@ -50,7 +50,7 @@ NOTES = {
 
 
 def scene_json(rng: Generator, scene: Scene) -> dict[str, Any]:
-    """The analyst's base model."""
+    """Return the analyst's base model."""
     objects = []
     for b in scene.bodies:
         shape: dict[str, Any] = {"kind": b.kind, "radius": b.radius}

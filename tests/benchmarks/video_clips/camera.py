@@ -34,7 +34,7 @@ class Camera:
         return np.stack([u, v, depth], axis=1)
 
     def inside(self, points: Array, margin: float = 0.0) -> np.ndarray:
-        """Tell which points lie in the frame, margin pixels from its edges."""
+        """Return which points lie in the frame, margin pixels from its edges."""
         uvz = self.project(points)
         with np.errstate(invalid="ignore"):
             return (

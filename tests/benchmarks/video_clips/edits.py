@@ -156,7 +156,7 @@ def _candidates(rng: Generator, scene: Scene) -> list[Edit]:
 
 
 def _overlaps(scene: Scene, before: Scene) -> bool:
-    """Tell whether an edit pushes a body into another one or a stop."""
+    """Return whether an edit pushes a body into another one or a stop."""
     for i, a in enumerate(scene.bodies):
         others: list[Body | Fixture] = [*scene.bodies[:i], *scene.bodies[i + 1 :]]
         old = next(b for b in before.bodies if b.name == a.name)

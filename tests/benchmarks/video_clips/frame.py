@@ -111,7 +111,7 @@ class Sight:
         mujoco.mj_kinematics(self.model, self.data)
 
     def clear(self, eye: Array, point: Array, tolerance: float = 0.004) -> bool:
-        """Tell whether nothing stands between the eye and the point."""
+        """Return whether nothing stands between the eye and the point."""
         way = point - eye
         geom = np.zeros(1, dtype=np.int32)
         arguments: list[Any] = [self.model, self.data, eye, way, None, 1, -1, geom]

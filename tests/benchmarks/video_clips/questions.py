@@ -52,7 +52,7 @@ def length_error(run: Run, name: str, t: float, start: float, size: float) -> fl
 
 
 def touches_between(run: Run, a: str, b: str, start: float, end: float) -> bool:
-    """Tell whether two things touch at any time between start and end (s)."""
+    """Return whether two things touch at any time between start and end (s)."""
     key = tuple(sorted((a, b)))
     return any((p, q) == key and s <= end and e >= start for p, q, s, e in run.touches)
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.gap.stepping import coarsened
 from polyworld.recording import Recording, Run
 from polyworld.world import World

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.multistart import best_of_starts
 from polyworld.estimation.noise import measured_noise
@@ -18,7 +19,6 @@ from polyworld.estimation.refitting import (
     refit_ill_runs,
     restarted,
 )
-from polyworld.estimation.trial import FitContext
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
 from polyworld.gap.search import Search
@@ -129,7 +129,7 @@ def test_a_contender_on_segments_is_not_held_by_states_bent_to_another_law() -> 
     assert cut is not None
     contest = Contest(cut.context, cut, SearchSettings(), lambda _step, _figures: None)
     coriolis = catalogue()["coriolis"]
-    parent = cut.ground(base.hypothesis, base.values)
+    parent = cut.fit_base(base.hypothesis, base.values)
     predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, coriolis, plan.recording)))
     best = contest.fit(predictions, 1, parent.chi2)[0]
     assert best.chi2 < 1.1 * cut.context.observations
@@ -156,7 +156,7 @@ def test_what_a_law_contains_is_tried_whatever_was_predicted() -> None:
     assert best.passes
 
 
-def test_short_windows_are_fitted_in_as_few_parts_as_they_have_samples_for() -> None:
+def test_short_segments_are_fitted_in_as_few_parts_as_they_have_samples_for() -> None:
     plan = laid_out(scene(2, 1)[0], 2, 1)
     cut = segment_context(FitContext(plan, measured_noise(plan), 1), 4)
     assert cut is not None
@@ -165,5 +165,5 @@ def test_short_windows_are_fitted_in_as_few_parts_as_they_have_samples_for() -> 
     samples = max(len(r.times) for r in cut.context.design.runs)
     assert samples < len(plan.runs[0].times) / 2.0
     assert len(short) > 1
-    assert np.diff([0.0, *short]).min() * samples > 3.0  # less than that many samples tell no state
+    assert np.diff([0.0, *short]).min() * samples > 3.0  # less than that many samples determine no state
     assert np.diff([0.0, *whole]).min() * samples < 3.0

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import Point, covariances, first_steps, linearised_centrally, standard_steps
+from polyworld.estimation.descent import Estimate, covariances, first_steps, linearised_centrally, standard_steps
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.intervals import LEVEL, intervals95
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.run_parts import in_parts
-from polyworld.estimation.trial import FitContext, FittedHypothesis
+from polyworld.estimation.run_segments import in_segments
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
@@ -147,7 +147,7 @@ def test_the_damping_of_a_double_pendulum_has_the_interval_that_fits_at_its_ends
     double_pendulum: tuple[World, Recording, float],
 ) -> None:
     world, data, true = double_pendulum
-    cut = in_parts(data, world)
+    cut = in_segments(data, world)
     assert len(cut.runs) > 2  # a whole run is too chaotic
     trial = damped(world, cut, true)
     ((low, high),) = intervals95(trial.context, trial)
@@ -166,7 +166,7 @@ def test_central_slopes_give_an_error_that_one_sided_ones_miss(
     world, data, true = double_pendulum
     run = data.runs[0]
     trial = damped(world, Recording((run.rows(run.times < 2.4),)), true)
-    forward, at = trial.context.forward(trial.hypothesis), Point(trial.values, trial.fit.states)
+    forward, at = trial.context.forward(trial.hypothesis), Estimate(trial.values, trial.fit.states)
     shared, own = standard_steps(forward, trial.fit.linear)
     small = (0.01 * shared, tuple(0.01 * s for s in own))
     exact = covariances(forward, linearised_centrally(forward, trial.context.noise, at, small))[0][0, 0]
@@ -192,7 +192,7 @@ def test_a_slope_of_which_one_side_diverges_is_taken_from_the_other(side: float)
     world = World(objects=(ball,), environment=Environment(gravity=(0, 0, 0)), effects=(runaway,))
     plan = design(world, data)
     forward = Forward(plan, world, (Unknown("pull", ("environment.gravity.x",), "m/s^2", 0.0, -20.0, 20.0, 1.0),))
-    noise, at = measured_noise(plan), Point(np.zeros(1), profile.start_states(plan))
+    noise, at = measured_noise(plan), Estimate(np.zeros(1), profile.start_states(plan))
     _, own = first_steps(forward)
     both, one = (linearised_centrally(forward, noise, at, (np.array([step]), own)) for step in (1e-3, 10.0))
     outside = at.values[None] + np.array([[side * 10.0], [-side * 10.0]])

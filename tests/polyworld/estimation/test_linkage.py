@@ -11,11 +11,11 @@ from scipy.integrate import solve_ivp
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.linkage import linkages
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.states import state_coordinates
-from polyworld.estimation.trial import FitContext
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions

@@ -169,7 +169,7 @@ def test_noise_of_rotations_is_found_beyond_full_turns() -> None:
     assert noise.levels[0].unit == "rad"
 
 
-def test_levels_of_axes_are_told_apart_and_those_of_alike_runs_pooled() -> None:
+def test_levels_of_axes_are_separated_and_those_of_alike_runs_pooled() -> None:
     rng = np.random.default_rng(11)
 
     def deep(rng: np.random.Generator, shape: tuple[int, int], sigma: float) -> Array:
@@ -185,7 +185,7 @@ def test_levels_of_axes_are_told_apart_and_those_of_alike_runs_pooled() -> None:
     assert np.std(np.log(across)) < 0.15  # single series scatter by about 0.17
 
 
-def test_noise_that_the_recording_tells_is_believed_unless_the_data_are_noisier() -> None:
+def test_noise_that_the_recording_states_is_believed_unless_the_data_are_noisier() -> None:
     rng = np.random.default_rng(12)
     times = np.arange(200) / 120.0
     places = 10.0 + rng.normal(0, 0.01, (200, 3))

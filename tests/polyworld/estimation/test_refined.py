@@ -4,9 +4,9 @@ import numpy as np
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis, refined, step_error
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.trial import FitContext, FittedHypothesis, refined, step_error
 from polyworld.world import World
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 

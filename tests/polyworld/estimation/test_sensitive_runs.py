@@ -5,14 +5,14 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.multistart import best_of_starts
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.normal_equations import LONGEST
 from polyworld.estimation.profile import FINE_HORIZONS, start_states
-from polyworld.estimation.run_parts import halved
-from polyworld.estimation.score_test import leads
-from polyworld.estimation.trial import FitContext
+from polyworld.estimation.run_segments import split_runs
+from polyworld.estimation.score_test import score_test_starts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.sensitive_runs import sensitive_runs
@@ -29,21 +29,21 @@ def test_a_run_that_is_stuck_whole_shows_by_its_segments_and_more_are_not() -> N
     context, right = plain(4, 2)
     cut = segment_context(context, 2)
     assert cut is not None
-    on_windows = cut.ground(right.hypothesis, right.values)
-    assert sensitive_runs(right, cut, on_windows) == ()
+    on_segments = cut.fit_base(right.hypothesis, right.values)
+    assert sensitive_runs(right, cut, on_segments) == ()
     stuck = bent_run(right, 1, "disc3.velocity.y", 0.2)
     assert stuck.chi2 > right.chi2 + 100.0
-    assert sensitive_runs(stuck, cut, on_windows) == ("run1",)
+    assert sensitive_runs(stuck, cut, on_segments) == ("run1",)
     other = bent_run(right, 0, "disc3.velocity.y", -0.4)
     both = [other.fit.states[0], *stuck.fit.states[1:]]
     most = context.fit(right.hypothesis, right.values, both, iterations=0)
     assert np.all((most.costs - right.costs)[:2] > 100.0)
-    assert sensitive_runs(most, cut, on_windows) == ()  # a law that lacks something shows in most runs
+    assert sensitive_runs(most, cut, on_segments) == ()  # a law that lacks something shows in most runs
 
 
-def test_named_runs_are_halved_and_the_others_stay() -> None:
+def test_named_runs_are_split_in_two_and_the_others_stay() -> None:
     recording = laid_out(scene(4, 2)[0], 4, 2).recording
-    parts = halved(recording, ("run1",)).runs
+    parts = split_runs(recording, ("run1",)).runs
     assert [p.part_of for p in parts if p.part_of is not None] == ["run1", "run1"]
     halves = [p for p in parts if p.part_of == "run1"]
     whole = next(r for r in recording.runs if r.name == "run1")
@@ -52,7 +52,7 @@ def test_named_runs_are_halved_and_the_others_stay() -> None:
 
 
 def test_spins_that_nobody_measured_are_found_with_their_signs() -> None:
-    """What they do before a collision is the same for both; each body by itself is no way to the right pattern."""
+    """Motion before a collision is the same for both; each body by itself is no way to the right pattern."""
     plan = laid_out(scene(5, 3)[0], 5, 3)
     noise = measured_noise(plan)
     found = best_of_starts(plan.world, plan, noise, 1, 0.0)
@@ -95,9 +95,9 @@ def test_what_the_score_test_makes_of_a_spin_that_shows_nowhere_stays_within_rea
     plan = design(coarsened(World.model_validate(described), data), data)
     context = FitContext(plan, measured_noise(plan), 1)
     base = context.fit(Hypothesis(plan.world, ()), np.zeros(0), start_states(plan))
-    found = leads(context, base, extended(base.hypothesis, catalogue()["quadratic_drag"], data), 1)
+    found = score_test_starts(context, base, extended(base.hypothesis, catalogue()["quadratic_drag"], data), 1)
     assert found
-    for lead in found:
-        assert lead.states is not None
-        change = np.abs(lead.states[0] - base.fit.states[0])
+    for tested in found:
+        assert tested.states is not None
+        change = np.abs(tested.states[0] - base.fit.states[0])
         assert np.all(change <= 1.0001 * LONGEST * plan.runs[0].typical)

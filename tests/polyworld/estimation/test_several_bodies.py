@@ -22,10 +22,10 @@ OFFERED = ("quadratic_drag", "linear_drag", "tilt", "restitution_error", "fricti
 
 
 def found(hidden: Discs, discs: Discs, starts: list[Started], seed: int) -> GapReport:
-    data, sealed = recordings(hidden, starts, seed)
+    data, held_out = recordings(hidden, starts, seed)
     offered = [catalogue()[n] for n in OFFERED]
     settings = GapSettings(null_control=False, experiment=False)
-    return find_gap(world(discs, starts[0]), data, held_out=sealed, candidates=offered, settings=settings)
+    return find_gap(world(discs, starts[0]), data, held_out=held_out, candidates=offered, settings=settings)
 
 
 @pytest.mark.parametrize("count", [2, 6])

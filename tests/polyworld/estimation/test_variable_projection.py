@@ -8,13 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.estimation import profile
-from polyworld.estimation.descent import Point
+from polyworld.estimation.descent import Estimate
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.normal_equations import Linearised
 from polyworld.estimation.refitting import fit_near
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.variable_projection import asked_for, profiled
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
@@ -57,7 +57,7 @@ def colliding(count: int, seed: int) -> tuple[FitContext, Hypothesis]:
 def states_at(
     context: FitContext, hypothesis: Hypothesis, values: Array, states: tuple[Array, ...]
 ) -> tuple[Array, ...]:
-    at = Point(values, states)
+    at = Estimate(values, states)
     return profile.fit_per_run(context.forward(hypothesis), context.noise, at, horizons=(1.0,), iterations=12)[0].states
 
 
@@ -65,7 +65,7 @@ def states_at(
 def fitted(count: int, seed: int) -> FittedHypothesis:
     """From the true value, with states that follow collision by collision."""
     context, law = colliding(count, seed)
-    at = Point(np.array([TRUE]), profile.start_states(context.design))
+    at = Estimate(np.array([TRUE]), profile.start_states(context.design))
     horizons = profile.FINE_HORIZONS
     at, _ = profile.fit_per_run(context.forward(law), context.noise, at, horizons=horizons, iterations=6)
     return context.fit(law, np.array([TRUE]), at.states, iterations=40)
@@ -103,7 +103,7 @@ def test_a_fit_begins_from_a_value_half_of_the_true_one() -> None:
 def test_runs_fitted_independently_keep_what_they_share() -> None:
     context, law = colliding(3, 3)
     values = np.array([1.2 * TRUE])
-    begin = Point(values, profile.start_states(context.design))
+    begin = Estimate(values, profile.start_states(context.design))
     horizons = profile.FINE_HORIZONS
     at, costs = profile.fit_per_run(context.forward(law), context.noise, begin, horizons=horizons, iterations=6)
     np.testing.assert_array_equal(at.values, values)

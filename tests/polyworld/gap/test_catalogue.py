@@ -7,10 +7,10 @@ import pytest
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.score_test import leads
-from polyworld.estimation.trial import FitContext
+from polyworld.estimation.score_test import score_test_starts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.kinks import kinks
 from polyworld.parameters import parameter_paths, read_parameter
@@ -273,8 +273,8 @@ def best_fit(world, recording, name):
     context = FitContext(plan, measured_noise(plan), 30)
     base = context.fit(Hypothesis(world, ()), np.zeros(0), profile.start_states(plan), horizons=profile.HORIZONS)
     hypotheses = extended(base.hypothesis, catalogue()[name], recording)
-    found = leads(context, base, hypotheses, 3)[:3]
-    fits = [context.fit(lead.hypothesis, lead.values, base.fit.states, iterations=20) for lead in found]
+    found = score_test_starts(context, base, hypotheses, 3)[:3]
+    fits = [context.fit(tested.hypothesis, tested.values, base.fit.states, iterations=20) for tested in found]
     return min(fits, key=lambda t: (round(t.chi2), t.hypothesis.extra))
 
 
@@ -307,7 +307,7 @@ def test_a_wall_that_nobody_sees_is_found_from_the_kinks_of_paths():
     assert_recovered(trial, {"turn_z": 2.6 - np.pi, "offset": offset / normal[0], "restitution": 0.8})
 
 
-def test_a_puck_tells_viscous_friction_and_a_wrong_coefficient_of_friction():
+def test_a_puck_separates_viscous_friction_and_a_wrong_coefficient_of_friction():
     rng = np.random.default_rng(4)
     viscous = scenes.puck_recording(lambda x, v: 0.1 * scenes.G + 0.25 * v, rng)
     assert_recovered(best_fit(scenes.puck_world(), viscous, "viscous_friction"), {"coefficient": 0.05})
@@ -315,7 +315,7 @@ def test_a_puck_tells_viscous_friction_and_a_wrong_coefficient_of_friction():
     assert_recovered(best_fit(scenes.puck_world(), wrong, "friction_error"), {"friction": 0.13})
 
 
-def test_a_pendulum_tells_damping_of_its_joint_and_a_motor():
+def test_a_pendulum_separates_damping_of_its_joint_and_a_motor():
     rng = np.random.default_rng(5)
     damped = scenes.pendulum_recording(lambda rate: -0.02 * rate, rng)
     assert_recovered(best_fit(scenes.pendulum_world(), damped, "joint_damping"), {"damping": 0.02})

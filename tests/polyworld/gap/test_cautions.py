@@ -1,4 +1,4 @@
-"""What a recording cannot tell is said, whatever the verdict."""
+"""Limits of a recording are stated, whatever the verdict."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def test_a_whole_recording_calls_for_no_caution() -> None:
     assert cautions(design(ball_world(), with_turns(seen(0, 1, 2)))) == ()
 
 
-def test_a_spin_that_nobody_measured_is_told_with_what_it_is_taken_for() -> None:
+def test_a_spin_that_nobody_measured_is_reported_with_what_it_is_taken_for() -> None:
     (said,) = cautions(design(ball_world(), seen(0, 1, 2)))
     assert said.startswith("neither turns nor spins of ball were measured")
     assert "(0, 0, 0) rad/s" in said

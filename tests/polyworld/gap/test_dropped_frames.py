@@ -8,7 +8,7 @@ import pytest
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import extended
 from polyworld.gap.catalogue import catalogue
-from polyworld.gap.dropped_frames import dropped_frame_leads
+from polyworld.gap.dropped_frames import score_test_dropped_frames
 from polyworld.gap.examine import fitted_base
 from polyworld.recording import Recording, Run
 from tests.polyworld.gap_scenes import ball_world
@@ -31,17 +31,17 @@ def turning(velocity: float, spin: float, sigma: float = 0.001, dropped: float =
     return Recording(tuple(runs))
 
 
-@pytest.mark.parametrize("told_by", ["places and turns", "turns alone"])
-def test_onset_and_length_of_a_gap_in_the_frames(told_by: str) -> None:
+@pytest.mark.parametrize("shown_by", ["places and turns", "turns alone"])
+def test_onset_and_length_of_a_gap_in_the_frames(shown_by: str) -> None:
     recording = turning(4.0, 15.0)
-    if told_by == "turns alone":
+    if shown_by == "turns alone":
         still = turning(0.0, 15.0).runs
         recording = Recording(
             tuple(replace(r, positions=np.where([True, False, False], r.positions, np.nan)) for r in still)
         )
     base = fitted_base(design(ball_world(), recording), ())
     ways = [h for h in extended(base.hypothesis, catalogue()["dropped_frames"], recording)]
-    best = dropped_frame_leads(base.context, base, ways, 3)[0]
+    best = score_test_dropped_frames(base.context, base, ways, 3)[0]
     values = dict(zip((u.name for u in best.hypothesis.unknowns), best.values, strict=True))
     assert best.hypothesis.world.observer is not None
     assert best.hypothesis.world.observer.shift_run == "run0"
@@ -55,6 +55,6 @@ def test_a_lag_of_a_third_of_a_frame_is_no_frame_that_was_dropped() -> None:
         recording = turning(4.0, 15.0, dropped=lag)
         base = fitted_base(design(ball_world(), recording), ())
         ways = extended(base.hypothesis, catalogue()["dropped_frames"], recording)
-        onsets = dropped_frame_leads(base.context, base, ways, 3)
+        onsets = score_test_dropped_frames(base.context, base, ways, 3)
         assert bool(onsets) is found
-        assert all(abs(lead.values[0]) > 0.5 / RATE for lead in onsets)
+        assert all(abs(tested.values[0]) > 0.5 / RATE for tested in onsets)

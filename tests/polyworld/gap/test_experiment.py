@@ -90,7 +90,7 @@ def test_two_names_for_the_same_motion_are_not_claimed_to_be_separable():
     plan = design(ball_world(), one_launch(1))
     noise = measured_noise(plan)
     first, _ = contender(plan, noise, "quadratic_drag", 0.03)
-    second = Contender(("twin",), first.world, first.unknowns, first.values, first.covariance)
+    second = Contender(("equivalent",), first.world, first.unknowns, first.values, first.covariance)
     proposed = propose_experiment(plan, noise, (first, second))
     assert proposed is not None
     assert not proposed.decides

@@ -53,7 +53,7 @@ def test_a_law_of_the_catalogue_is_identified_without_remainder() -> None:
     assert report.remainder is None
 
 
-def test_no_name_is_given_where_sealed_data_get_worse() -> None:
+def test_no_name_is_given_where_held_out_data_get_worse() -> None:
     dragged, still = recorded(power_drag(2.0), 4), recorded(Bouncing(), 5, count=2)
     report = judged(dragged, "quadratic_drag", held_out=still)
     assert report.verdict.kind == "unexplained"
@@ -98,7 +98,7 @@ def test_a_search_whose_time_is_over_at_once_reports_the_world_as_it_is() -> Non
     assert payload["goodness"]["passes"] is False
 
 
-def test_a_clock_tells_cancelling_from_the_end_of_time() -> None:
+def test_a_clock_distinguishes_cancelling_from_the_end_of_time() -> None:
     assert not Clock()()
     assert Clock(cancelled=lambda: True)()
     clock = Clock(1e-6)

@@ -20,8 +20,8 @@ def with_drag(k: float) -> World:
 
 def test_the_true_law_leaves_the_noise_alone_and_the_base_world_more() -> None:
     rng = np.random.default_rng(3)
-    sealed = ball_recording(DRAG, launches(rng, 3), rng, 0.001, duration=1.0, rate=60.0)
-    gap = held_out_gap(ball_world(), with_drag(K), sealed)
+    held_out = ball_recording(DRAG, launches(rng, 3), rng, 0.001, duration=1.0, rate=60.0)
+    gap = held_out_gap(ball_world(), with_drag(K), held_out)
     assert gap.noise_floor == pytest.approx(0.001, rel=0.15)
     assert gap.gap_before > 0.005
     assert gap.gap_after < 0.0006
@@ -29,8 +29,8 @@ def test_the_true_law_leaves_the_noise_alone_and_the_base_world_more() -> None:
     assert gap.closed > 0.9
 
 
-def test_sealed_data_on_which_something_else_acts_contradict_the_verdict() -> None:
-    """Nothing is missing in what is fitted, but drag acts in the sealed data: that nothing is missing is not said."""
+def test_held_out_data_on_which_something_else_acts_contradict_the_verdict() -> None:
+    """Nothing is missing in what is fitted, but drag acts in the held-out data: that nothing is missing is not said."""
     rng = np.random.default_rng(6)
     fitted = ball_recording(Bouncing(), launches(rng, 3), rng, 0.001, duration=1.0, rate=60.0)
     dragged = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
@@ -40,15 +40,15 @@ def test_sealed_data_on_which_something_else_acts_contradict_the_verdict() -> No
     )
     assert report.verdict.kind == "unexplained"
     assert [check.name for check in report.checks] == ["held_out_remainder"]
-    assert "sealed data do not bear this out" in report.checks[0].found
+    assert "sealed data do not support this" in report.checks[0].found
     assert held_out_gap(ball_world(), with_drag(K), dragged).contradicts is None
     assert held_out_gap(ball_world(), ball_world(), fitted).contradicts is None
 
 
 def test_a_law_that_does_nothing_closes_nothing() -> None:
     rng = np.random.default_rng(4)
-    sealed = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
-    gap = held_out_gap(ball_world(), with_drag(0.0), sealed)
+    held_out = ball_recording(DRAG, launches(rng, 2), rng, 0.001, duration=1.0, rate=60.0)
+    gap = held_out_gap(ball_world(), with_drag(0.0), held_out)
     assert gap.closed == pytest.approx(0.0, abs=1e-6)
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from polyworld.estimation.criteria import extended_bic, held_out, held_out_gain
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.normal_equations import Linearised
 from polyworld.estimation.profile import Fit
-from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
 
@@ -41,7 +41,7 @@ class _Fit:
 
 @dataclass
 class _Trial:
-    """What `leave_noise` asks of a trial."""
+    """A trial as `leave_noise` uses it."""
 
     hypothesis: _Hypothesis
     chi2: float
@@ -87,7 +87,7 @@ def test_two_within_ten_are_ambiguous_best_first() -> None:
     assert names(result) == [("drag",), ("tilt",)]
 
 
-def test_another_form_of_the_same_effect_is_told_beside_the_best() -> None:
+def test_another_form_of_the_same_effect_is_reported_beside_the_best() -> None:
     linear, square = trial("spin_damping", 1000.0), trial("spin_damping", 1004.0)
     square.fit.linear.r[0][0] = 50.0  # it moves otherwise
     far = trial("spin_damping", 1100.0)
@@ -102,7 +102,7 @@ def test_none_passing_the_gate_is_unexplained() -> None:
     assert verdict().kind == "unexplained"
 
 
-def test_a_richer_law_that_foretells_the_same_is_not_a_rival() -> None:
+def test_a_richer_law_that_predicts_the_same_is_not_a_competitor() -> None:
     simple, rich = trial("drag", 1000.0, separation=0.0), trial("wind", 998.0, extra=2, separation=1.0)
     assert names(verdict(simple, rich)) == [("drag",)]
 

@@ -53,8 +53,8 @@ def flights(
         moved = solve_ivp(rate, (0.0, TIMES[-1]), start, t_eval=TIMES, rtol=1e-10, atol=1e-12).y.T
         places = moved[:, :3] + rng.normal(0.0, SIGMA, (len(TIMES), 3))
         spins = moved[:, 6:] + rng.normal(0.0, SPIN_SIGMA, (len(TIMES), 3))
-        unseen = np.full((len(TIMES), 1, 4), np.nan)
-        runs.append(Run(f"r{k}", ("ball",), TIMES, places[:, None], unseen, angular_velocities=spins[:, None]))
+        unobserved = np.full((len(TIMES), 1, 4), np.nan)
+        runs.append(Run(f"r{k}", ("ball",), TIMES, places[:, None], unobserved, angular_velocities=spins[:, None]))
     return Recording(tuple(runs))
 
 
@@ -75,7 +75,7 @@ def test_drag_and_lift_of_eight_flights_with_measured_spins_are_named_together()
     assert not any("spins" in text for text in report.cautions)
 
 
-def test_a_spin_that_decays_in_flight_is_told_from_measured_spins_alone() -> None:
+def test_a_spin_that_decays_in_flight_is_found_from_measured_spins_alone() -> None:
     rate = 0.8  # [1/s]
     report = find_gap(
         flight_world(),

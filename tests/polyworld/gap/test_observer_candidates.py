@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.profile import start_states
-from polyworld.estimation.trial import FitContext
 from polyworld.gap.catalogue import catalogue
 from polyworld.observer import Observer
 from polyworld.parameters import parameter_paths
@@ -29,7 +29,7 @@ def thrown(*statics: StaticObject) -> World:
 
 
 def flown(name: str, instants: np.ndarray, speed: tuple[float, float, float], sigma: float, seed: int) -> Run:
-    """What was seen at stamps of 60 Hz of a ball thrown from (0, 0, 2), at the true instants given."""
+    """Return what was seen at stamps of 60 Hz of a ball thrown from (0, 0, 2), at the true instants given."""
     t = instants[:, None]
     place = np.array([0.0, 0.0, 2.0]) + np.array(speed) * t + np.array([0.0, 0.0, -4.905]) * t**2
     place = place + np.random.default_rng(seed).normal(0.0, sigma, place.shape)
@@ -87,7 +87,7 @@ def test_tilt_is_offered_about_the_axes_that_show_it() -> None:
     assert tilt(thrown(floor), data)[0].same_as == ()
 
 
-def test_a_time_offset_is_offered_only_where_something_tells_the_beginning() -> None:
+def test_a_time_offset_is_offered_only_where_something_shows_the_beginning() -> None:
     offset = BY_NAME["observer_time_offset"].variants
     data = recording()
     assert offset(thrown(), data) == ()
@@ -105,8 +105,8 @@ def test_dropped_and_repeated_frames_are_found_to_the_frame(dropped: int, sigma:
     ground = context.fit(base, np.zeros(0), start_states(plan))
     ways = extended(base, candidate, data)
     assert [h.parts[-1].variant.label for h in ways] == ["in run r0", "in run r1", "in run r2"]
-    assert candidate.leads is not None
-    found = candidate.leads(context, ground, ways, 2)
+    assert candidate.score_test is not None
+    found = candidate.score_test(context, ground, ways, 2)
     assert found[0].hypothesis is ways[1]
     assert abs(found[0].values[1] - 29.5 / RATE) <= 1.5 / RATE
     trial = context.fit(ways[1], found[0].values, ground.fit.states)
@@ -129,7 +129,7 @@ def test_scale_and_clock_are_recovered_from_free_flight() -> None:
         assert way.parts[0].variant.same_as  # in free flight either is as good as the other, and as wrong gravity
 
 
-def test_a_slanted_camera_is_told_from_wrong_gravity_and_needs_a_plane_of_motion() -> None:
+def test_a_slanted_camera_is_distinguished_from_wrong_gravity_and_needs_a_plane_of_motion() -> None:
     world, data = thrown(), recording(0, 30, 0.0)
     candidate = BY_NAME["observer_keystone"]
     assert candidate.variants(world, data) == ()  # depth was measured

@@ -1,4 +1,4 @@
-"""What could have been seen, against the closed form for a constant push, and by planting it."""
+"""Effects that could have been seen, against the closed form for a constant push, and by planting it."""
 
 import json
 
@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from polyworld.estimation.criteria import extended_bic
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import extended
-from polyworld.estimation.score_test import leads
-from polyworld.estimation.trial import FittedHypothesis
+from polyworld.estimation.score_test import score_test_starts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.examine import fitted_base
 from polyworld.gap.power import noncentrality_needed, power_check
@@ -44,7 +44,7 @@ def test_noncentrality_needed_gives_the_power_stated() -> None:
 
 
 @pytest.mark.parametrize(("times", "seen"), [(1.3, True), (0.3, False)])
-def test_planted_pushes_are_seen_from_the_strength_told_on(times: float, seen: bool) -> None:
+def test_planted_pushes_are_seen_from_the_strength_reported_on(times: float, seen: bool) -> None:
     tilt = catalogue()["tilt"]
     least = min(p.strength for p in power_check(fitted(1), [tilt]))
     alarms = 0
@@ -52,8 +52,8 @@ def test_planted_pushes_are_seen_from_the_strength_told_on(times: float, seen: b
         trial = fitted(10 + seed, np.array([times * least, 0.0, 0.0]))
         ways = extended(trial.hypothesis, tilt, trial.context.design.recording)
         alarms += any(
-            extended_bic(lead.chi2, 2, trial.context.observations, 1, 30) < trial.ebic - PowerSettings().alarm
-            for lead in leads(trial.context, trial, ways, 1)
+            extended_bic(tested.chi2, 2, trial.context.observations, 1, 30) < trial.ebic - PowerSettings().alarm
+            for tested in score_test_starts(trial.context, trial, ways, 1)
         )
     assert alarms == (3 if seen else 0)
 

@@ -7,8 +7,8 @@ import pytest
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, extended
-from polyworld.estimation.trial import FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
@@ -105,7 +105,7 @@ def test_annotated_objects_slow_down_in_proportion_to_speed_and_to_its_square_be
 
 
 @needs("cube_toss")
-def test_flights_of_the_cube_are_short_of_gravity_and_cannot_tell_why() -> None:
+def test_flights_of_the_cube_are_short_of_gravity_and_cannot_show_why() -> None:
     world, recording = cube_flight((0, 10, 20, 30))
     base = ground(world, recording)
     gravity = with_effect(base, "gravity_error")

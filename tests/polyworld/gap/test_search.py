@@ -38,7 +38,7 @@ def test_quadratic_drag_is_named_and_its_coefficient_lies_in_the_interval() -> N
     assert high - low < 0.004
 
 
-def test_a_wrong_restitution_is_told_from_drag() -> None:
+def test_a_wrong_restitution_is_distinguished_from_drag() -> None:
     report = found(hidden(Bouncing(after=lambda speed, along: (0.7 * speed, along)))).to_dict()
     assert report["credible_set"] == [["restitution_error"]]
     assert report["effects"][0]["unknowns"]["restitution"]["value"] == pytest.approx(0.7, abs=0.01)

@@ -1,4 +1,4 @@
-"""Runs cut into windows: where they begin, when they cannot be cut, and that they lead to what whole runs hide."""
+"""Runs cut into segments: where they begin, when they cannot be cut, and that they lead to what whole runs hide."""
 
 from dataclasses import replace
 
@@ -8,9 +8,9 @@ import pytest
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
@@ -52,18 +52,18 @@ def test_segments_cover_each_run_and_do_not_begin_at_an_impact(sigma: float) -> 
         run = clear.runs[index // 4]
         begin = int(np.flatnonzero(run.times == piece.times[0])[0])
         rising = np.diff(run.positions[begin : begin + 4, 0, 2]) / np.diff(run.times[begin : begin + 4])
-        # A rebound would add at least its own speed; where a run begins is not for windows to choose.
+        # A rebound would add at least its own speed; where a run begins is not for segments to choose.
         assert begin == 0 or np.all(np.diff(rising) < 1.0)
 
 
-def test_wind_that_whole_runs_hide_is_found_on_windows_and_leads_to_the_whole_fit() -> None:
+def test_wind_that_whole_runs_hide_is_found_on_segments_and_leads_to_the_whole_fit() -> None:
     plan = design(ball_world(), seen(Bouncing(acceleration=in_wind)))
     context = fitted_base(plan, ()).context
     nothing = Hypothesis(plan.world, ())
     whole = context.fit(nothing, np.zeros(0), profile.start_states(plan))
     cut = segment_context(context, 4)
     assert cut is not None
-    ground = cut.ground(nothing, np.zeros(0))
+    ground = cut.fit_base(nothing, np.zeros(0))
     assert ground.chi2 / cut.context.observations < 0.1 * whole.chi2 / context.observations
     (wind,) = (
         h for h in extended(nothing, catalogue()["wind"], plan.recording) if "along" in h.parts[-1].variant.label
@@ -77,7 +77,7 @@ def test_wind_that_whole_runs_hide_is_found_on_windows_and_leads_to_the_whole_fi
     assert fitted.chi2 < 1.2 * context.observations
 
 
-def test_forcing_keeps_its_phase_from_window_to_window() -> None:
+def test_forcing_keeps_its_phase_from_segment_to_segment() -> None:
     turn = 2.0 * np.pi * 1.7
     ball = Bouncing(acceleration=lambda t, _x, _v, _w: np.array([2.0 * np.sin(turn * t + 0.6), 0.0, 0.0]))
     plan = design(ball_world(), seen(ball))
@@ -88,12 +88,12 @@ def test_forcing_keeps_its_phase_from_window_to_window() -> None:
     names = [u.name for u in forcing.unknowns]
     true = {"amplitude_x": 2.0, "frequency": 1.7, "phase": 0.6}
     start = np.array([true.get(n, 0.0) for n in names])
-    there = cut.context.fit(forcing, start, cut.ground(nothing, np.zeros(0)).fit.states)
+    there = cut.context.fit(forcing, start, cut.fit_base(nothing, np.zeros(0)).fit.states)
     assert there.chi2 < 1.2 * cut.context.observations
 
 
 @pytest.mark.parametrize("lacking", ["a stretch that was not seen", "turns where there is friction"])
-def test_what_a_window_could_not_know_keeps_runs_whole(lacking: str) -> None:
+def test_what_a_segment_could_not_know_keeps_runs_whole(lacking: str) -> None:
     recording = seen(Bouncing())
     world = ball_world()
     if lacking == "a stretch that was not seen":
@@ -108,13 +108,13 @@ def test_what_a_window_could_not_know_keeps_runs_whole(lacking: str) -> None:
     assert segment_context(fitted_base(design(world, recording), ()).context, 4) is None
 
 
-def test_a_base_unknown_stays_shared_by_all_windows() -> None:
+def test_a_base_unknown_stays_shared_by_all_segments() -> None:
     free = Unknown("restitution", ("objects.ball.restitution",), "1", 0.8, 0.0, 1.0, 0.1)
     recording = seen(Bouncing(after=lambda speed, along: (0.7 * speed, along)))
     plan = design(ball_world(), recording)
     cut = segment_context(fitted_base(plan, (free,)).context, 4)
     assert cut is not None
-    assert cut.ground(Hypothesis(plan.world, (free,)), np.array([0.8])).values == pytest.approx([0.7], abs=0.005)
+    assert cut.fit_base(Hypothesis(plan.world, (free,)), np.array([0.8])).values == pytest.approx([0.7], abs=0.005)
 
 
 def test_friction_far_less_than_what_grips_is_found_from_other_strengths() -> None:
@@ -140,7 +140,7 @@ def test_friction_far_less_than_what_grips_is_found_from_other_strengths() -> No
 
     def best(friction: Candidate) -> FittedHypothesis:
         contest = Contest(cut.context, cut, SearchSettings(), lambda _step, _figures: None)
-        parent = cut.ground(base.hypothesis, base.values)
+        parent = cut.fit_base(base.hypothesis, base.values)
         predictions = contest.predict([parent], lambda t: list(extended(t.hypothesis, friction, data)))
         return contest.fit(predictions, 1, parent.chi2)[0]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.score_test import ScoreTestStart
-from polyworld.estimation.trial import FitContext, FittedHypothesis
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.contest import Contest
@@ -37,7 +37,7 @@ def on_windows(
     plan = design(puck_world(SMOOTH), recording)
     cut = segment_context(FitContext(plan, measured_noise(plan), 1), pieces)
     assert cut is not None
-    return cut, cut.ground(Hypothesis(plan.world, base), np.array([u.start for u in base]))
+    return cut, cut.fit_base(Hypothesis(plan.world, base), np.array([u.start for u in base]))
 
 
 def with_patch(ground: FittedHypothesis) -> Hypothesis:
@@ -45,18 +45,18 @@ def with_patch(ground: FittedHypothesis) -> Hypothesis:
     return patch
 
 
-def values_of(lead: ScoreTestStart) -> dict[str, float]:
-    return dict(zip([u.name for u in lead.hypothesis.unknowns], lead.values.tolist(), strict=True))
+def values_of(tested: ScoreTestStart) -> dict[str, float]:
+    return dict(zip([u.name for u in tested.hypothesis.unknowns], tested.values.tolist(), strict=True))
 
 
-def is_there(lead: ScoreTestStart) -> bool:
-    found = values_of(lead)
+def is_there(tested: ScoreTestStart) -> bool:
+    found = values_of(tested)
     return (found["x"], found["y"], found["radius"]) == pytest.approx((*CENTRE, RADIUS), abs=0.3 * RADIUS)
 
 
 def leads_there(ground: FittedHypothesis, found: list[ScoreTestStart]) -> bool:
     context = ground.context
-    fits = [context.fit(lead.hypothesis, lead.values, ground.fit.states, iterations=6) for lead in found]
+    fits = [context.fit(tested.hypothesis, tested.values, ground.fit.states, iterations=6) for tested in found]
     best = min(fits, key=lambda f: f.chi2)
     right = is_there(replace(found[0], values=best.values))
     return right and best.chi2 < 1.1 * context.observations

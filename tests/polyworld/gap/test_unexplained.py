@@ -70,7 +70,7 @@ def directions(found: ResidualForce) -> list[str]:
     return direction
 
 
-def test_drag_with_another_power_is_told_with_its_exponent():
+def test_drag_with_another_power_is_found_with_its_exponent():
     power, strength = 1.5, 0.3
     found = described(lambda _t, _x, v: -strength * np.linalg.norm(v) ** (power - 1) * v)
     assert found.explains
@@ -81,14 +81,14 @@ def test_drag_with_another_power_is_told_with_its_exponent():
     assert found.to_json()["depends_on"] == ["speed"]
 
 
-def test_drag_of_each_component_is_told_from_drag_along_the_velocity():
+def test_drag_of_each_component_is_distinguished_from_drag_along_the_velocity():
     found = described(lambda _t, _x, v: -0.3 * np.abs(v) * v)
     assert found.explains
     assert directions(found) == ["against each component by itself"]
     assert found.numbers["p"].value == pytest.approx(2.0, abs=0.1)
 
 
-def test_drag_that_is_weaker_along_one_axis_is_told_with_the_exponent_of_the_force():
+def test_drag_that_is_weaker_along_one_axis_is_found_with_the_exponent_of_the_force():
     found = described(lambda _t, _x, v: -np.array([0.15, 0.35]) * np.linalg.norm(v) ** 1.2 * v)
     assert found.explains
     assert directions(found) == ["against the velocity, by axes"]
@@ -97,7 +97,7 @@ def test_drag_that_is_weaker_along_one_axis_is_told_with_the_exponent_of_the_for
     assert high - low < 0.5
 
 
-def test_a_force_that_grows_with_the_place_is_told_with_its_components():
+def test_a_force_that_grows_with_the_place_is_found_with_its_components():
     found = described(lambda _t, x, _v: 0.9 * x[1] * np.array([0.8, -0.6]))
     assert found.explains
     assert "x.y" in found.expression
@@ -109,7 +109,7 @@ def test_a_force_that_grows_with_the_place_is_told_with_its_components():
     assert found.numbers["ky"].value / length == pytest.approx(-0.9 * 0.6, rel=0.05)
 
 
-def test_a_force_that_dies_away_is_told_with_its_time():
+def test_a_force_that_dies_away_is_found_with_its_time():
     found = described(lambda t, _x, _v: 1.5 * np.exp(-t / 0.35) * np.array([0.6, 0.8]))
     assert found.explains
     assert found.expression.startswith("exp(-t/tau)")
@@ -205,13 +205,13 @@ def test_a_world_that_holds_an_unexplained_force_may_get_another():
     ]
 
 
-def test_a_law_that_is_sought_on_windows_holds_on_whole_runs():
+def test_a_law_that_is_sought_on_segments_holds_on_whole_runs():
     """An attraction that bends paths by their own length, far from any straight line."""
     ground = fitted_base(design(puck_world(), recorded(lambda _t, x, _v: -9.0 * np.linalg.norm(x) * x, 4)), ())
     cut = segment_context(ground.context, 4)
     assert cut is not None
-    on_windows = cut.ground(ground.hypothesis, ground.values)
-    found = describe_unexplained(ground, near=Near(cut, on_windows.context.noise, on_windows.fit))
+    on_segments = cut.fit_base(ground.hypothesis, ground.values)
+    found = describe_unexplained(ground, near=Near(cut, on_segments.context.noise, on_segments.fit))
     assert found.explains
     assert len(found.trial.fit.states) == len(ground.fit.states)
     assert directions(found) == ["towards a point"]

@@ -39,7 +39,7 @@ def throw(seed: int, drag: float = 0.0, lift: float = LIFT) -> tuple[Run, Array]
     return Run(f"throw{seed}", ("ball",), times, seen, np.full((70, 1, 4), np.nan)), rate
 
 
-def test_each_throw_gets_a_rate_of_its_own_and_so_does_the_sealed_one() -> None:
+def test_each_throw_gets_a_rate_of_its_own_and_so_does_the_held_out_one() -> None:
     throws = [throw(seed) for seed in range(3)]
     report = find_gap(
         WORLD,
@@ -91,8 +91,8 @@ def test_throws_without_lift_miss_nothing() -> None:
 
 def test_it_is_not_offered_where_spins_are_known() -> None:
     (variants, recording) = (catalogue()["magnus_lift"].variants, Recording((throw(0)[0],)))
-    (unseen,) = variants(WORLD, recording)
-    assert [u.run for u in unseen.unknowns] == ["throw0"] * 3
+    (unobserved,) = variants(WORLD, recording)
+    assert [u.run for u in unobserved.unknowns] == ["throw0"] * 3
     spinning = WORLD.model_copy(update={"objects": (BALL.model_copy(update={"angular_velocity": (0.0, 50.0, 0.0)}),)})
     (known,) = variants(spinning, recording)
     assert [u.name for u in known.unknowns] == ["coefficient"]

@@ -45,7 +45,7 @@ def turned(angle: float) -> float:
     return abs((angle - ANGLE + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def test_two_hits_tell_how_a_rough_wall_runs() -> None:
+def test_two_hits_show_how_a_rough_wall_runs() -> None:
     aside = np.array([-NORMAL[1], NORMAL[0], 0.0])
     throws = [-3.5 * NORMAL + s * aside for s in (1.5, -1.5)]
     data = recorded([Launch((0.0, float(v[1]) * 0.3, 2.0), (float(v[0]), float(v[1]), 2.0)) for v in throws])

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def spiral(count: int, scale: float = 1.0) -> Array:
-    """Half a turn of a circle, its points crowded towards one end."""
+    """Half a turn of a circle, its points denser towards one end."""
     angle = np.pi * np.linspace(0.0, 1.0, count) ** 2
     return scale * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
 
@@ -84,7 +84,7 @@ def test_a_material_point_follows_an_affine_motion_exactly(
     )
 
 
-def test_a_place_off_the_cloth_is_that_of_the_nearest_point_and_tells_how_far_it_is() -> None:
+def test_a_place_off_the_cloth_is_that_of_the_nearest_point_and_reports_how_far_it_is() -> None:
     found = material_points(mesh(CLOTH), np.array([[1.3, 0.2, 0.4]]))
     assert found.places(mesh(CLOTH).nodes)[0] == pytest.approx([1.0, 0.2, 0.0])
     assert found.distance[0] == pytest.approx(0.5)

@@ -39,7 +39,7 @@ def test_principal_stretches_do_not_depend_on_how_the_body_turns() -> None:
     assert found == pytest.approx(np.array([[1.3, 1.1, 0.7], [1.3, 1.1, 0.7], [1.0, 1.0, 1.0]]), abs=1e-9)
 
 
-def test_a_sheet_has_two_stretches_and_every_triangle_tells_its_own() -> None:
+def test_a_sheet_has_two_stretches_and_every_triangle_has_its_own() -> None:
     mesh = cloth()
     moved = (mesh.nodes * [1.2, 0.9, 1.0]) @ TURN.T
     assert principal_stretches(moved, mesh.nodes, mesh.measure) == pytest.approx([1.2, 0.9, 0.0], abs=1e-9)

@@ -123,7 +123,7 @@ def test_launches_that_change_little_by_little_are_not_one_course() -> None:
     assert found.distinct_courses >= 3
 
 
-def test_courses_below_the_noise_are_not_told_from_each_other() -> None:
+def test_courses_that_differ_by_less_than_the_noise_are_indistinguishable() -> None:
     launches: list[Launch] = [((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (1.15, 0, 2))]
     assert screen(OPEN, thrown(launches, noise=1e-3)).distinct_courses == 2
     assert screen(OPEN, thrown(launches, noise=0.2)).distinct_courses == 1

@@ -181,7 +181,7 @@ def test_a_floor_that_is_too_high_and_a_radius_that_is_too_large_are_cautions() 
 
 
 def test_a_tilted_box_may_reach_deeper_than_half_its_edge_only_as_far_as_its_corners_do() -> None:
-    """Boxes that stand on a corner: their centre is higher than half an edge, which orientations tell."""
+    """Boxes that stand on a corner: their centre is higher than half an edge, as orientations show."""
     half = 0.05
     times = cases.sampling(60.0, 1.0)
     box = RigidObject(name="ball", shape=Box(half_extents=(half,) * 3), mass=1.0, position=(0.0, 0.0, 1.0))

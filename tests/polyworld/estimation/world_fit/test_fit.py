@@ -179,7 +179,7 @@ def test_a_prior_pulls_by_its_weight_against_the_data() -> None:
     assert alone.value == pytest.approx(2.0, abs=4.0 / np.sqrt(precision))
 
 
-def test_what_the_data_cannot_tell_is_named_with_the_reason() -> None:
+def test_what_the_data_cannot_determine_is_named_with_the_reason() -> None:
     tracks = observe(thrown_ball(), frames=60)
     blind = Unknown("bounce", ("objects.ball.restitution",), "", 0.5, 0.0, 1.0, 0.2)
     both = [
@@ -190,7 +190,7 @@ def test_what_the_data_cannot_tell_is_named_with_the_reason() -> None:
     reasons = {u.parameters: u.reason for u in result.undetermined}
     assert reasons[("bounce",)] == "no contact involving ball in the observed frames"
     assert not any("vy" in names for names in reasons)
-    # Two frames tell a displacement: of velocity and acceleration only a combination.
+    # Two frames determine a displacement: of velocity and acceleration only a combination.
     short = observe(thrown_ball(), frames=2, sigma=0.001)
     result = fit(FitProblem(thrown_ball(), short, both, make_simulator=ClosedForm), SearchSettings(generations=5))
     assert ("gravity",) in {u.parameters for u in result.undetermined}

@@ -44,7 +44,7 @@ def test_hidden_parameters_are_found_though_the_model_is_coarser_than_the_data(n
     assert best.loss < 0.1 * best.loss_start
 
 
-def test_masks_of_a_flowing_fluid_tell_its_viscosity() -> None:
+def test_masks_of_a_flowing_fluid_determine_its_viscosity() -> None:
     column = SCENES["viscous fluid"]
     camera = look_at(np.array([0.3, -1.2, 0.15]), np.array([0.3, 0.0, 0.1]), focal=400.0, width=320, height=160)
 

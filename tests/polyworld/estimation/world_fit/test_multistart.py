@@ -35,9 +35,9 @@ def test_the_true_spin_is_found_among_those_that_look_alike_from_frame_to_frame(
     spins = [start.best.value("spin").value for start in starts]
     assert spins[0] == pytest.approx(TRUE_SPIN, abs=0.05)
     assert starts[0].best.loss == pytest.approx(1.0, abs=0.3)
-    astray = [start for start, spin in zip(starts, spins, strict=True) if abs(spin - TRUE_SPIN) > 1.0]
-    assert astray
-    assert all(start.best.loss > 2.0 * starts[0].best.loss for start in astray)
+    diverged = [start for start, spin in zip(starts, spins, strict=True) if abs(spin - TRUE_SPIN) > 1.0]
+    assert diverged
+    assert all(start.best.loss > 2.0 * starts[0].best.loss for start in diverged)
 
 
 def test_starts_come_in_order_and_refining_makes_none_worse() -> None:

@@ -92,7 +92,7 @@ def test_a_law_shows_below_a_noise_that_was_stated_three_times_too_large() -> No
 
 
 def test_a_world_that_gets_a_law_is_another_world() -> None:
-    """What is drawn from the posterior is set in the world with the law, which is found by its id."""
+    """Draws from the posterior are set in the world with the law, which is found by its id."""
     tracks = tracks_of({"ball": thrown(frames(20), (2.0, 0.0, 3.0), 0.0, 0.0)})
     world = scene([ball()], tracks, statics=())
     known = world.id

@@ -67,7 +67,7 @@ def string(segments: int = 24, **fields: Any) -> World:
 
 
 def observed(readout: Readout, sigma: float, seed: int = 2, values: Array | None = None) -> ObservedTracks:
-    """What a string of finer division shows, with noise."""
+    """Return observations of a string of finer division, with noise."""
     truth = string(61, stretch_stiffness=STIFFNESS, linear_damping=DAMPING)
     batch = ClosedString(truth, FRAMES * 0.02, n_worlds=1).run()
     exact = read(readout, truth, batch, values)[0]
@@ -177,7 +177,7 @@ def test_readouts_that_do_not_fit_the_world_are_refused_with_what_does() -> None
         Objective(blind, observed(ImageOccupancy(object="string", columns=4, rows=4), 0.1))
 
 
-def test_default_unknowns_suit_the_material_and_loads_on_a_rope_have_masses_to_tell() -> None:
+def test_default_unknowns_suit_the_material_and_loads_on_a_rope_have_masses_to_fit() -> None:
     loads = tuple(
         RigidObject(name=n, shape=Sphere(radius=0.05), position=(x, 0.0, 0.0), representation="rigid_spatial")
         for n, x in (("left", 0.0), ("right", LENGTH))

@@ -1,4 +1,4 @@
-"""Where a body stops slipping within a step.
+"""Correction of positions where a body stops slipping within a step.
 
 The contact solver has one friction for a whole step, which is right for the velocities at its end. But friction that is
 at its limit until the slip is over, and holds the body after that, moves it elsewhere than the same impulse spread over
@@ -18,7 +18,7 @@ LEVEL = wp.float64(1.0e-12)  # distance from the surface that counts as none [m]
 
 @wp.func
 def end_slips(state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
-    """Move bodies of which all contacts with another slip at the start of a step of length h and grip at its end.
+    """Move bodies of which all contacts with another slip at the start of a step of length h and stick at its end.
 
     With the limit b [N s] of friction in the step, the impulse j that it had, and the part p of the step that the slip
     took, constant forces before and after that differ from constant ones by p (b - j) h / 2 of impulse times time.
@@ -43,7 +43,7 @@ def end_slips(state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
 
 @wp.func
 def slipping_part(state: wp.array[State], w: int, i: int, offset: int) -> wp.float64:
-    """The part of a step in which the contacts of a manifold slipped, where they grip at its end; else 0.
+    """Return the part of a step in which a manifold's contacts slipped, where they stick at its end; else 0.
 
     The slip changes from what it was to nothing by the impulse of friction, and what it would be without friction is
     known: so is what friction at its limit would have done.
@@ -51,7 +51,7 @@ def slipping_part(state: wp.array[State], w: int, i: int, offset: int) -> wp.flo
     a = state[0].manifolds[w, i].a
     b = state[0].manifolds[w, i].b
     slipped = wp.float64(0.0)
-    gripped = wp.float64(0.0)
+    stuck = wp.float64(0.0)
     start = state[0].manifolds[w, i].first
     for c in range(start, start + state[0].manifolds[w, i].count):
         r = ROWS * (c - offset)
@@ -68,10 +68,10 @@ def slipping_part(state: wp.array[State], w: int, i: int, offset: int) -> wp.flo
             used = -x * state[0].rows[w, r + 1].impulse - y * state[0].rows[w, r + 2].impulse
             free = x * free_velocity_along(state, w, a, b, r + 1) + y * free_velocity_along(state, w, a, b, r + 2)
             slipped += speed * used
-            gripped += free * (most - used)
-    if slipped <= wp.float64(0.0) or gripped <= wp.float64(0.0):
+            stuck += free * (most - used)
+    if slipped <= wp.float64(0.0) or stuck <= wp.float64(0.0):
         return wp.float64(0.0)
-    return slipped / (slipped + gripped)
+    return slipped / (slipped + stuck)
 
 
 @wp.func
@@ -88,9 +88,9 @@ def shift(state: wp.array[State], w: int, i: int, r: int, amount: wp.float64) ->
     b = state[0].manifolds[w, i].b
     d = state[0].rows[w, r].d
     state[0].bodies[w, a].shift += d * (amount * state[0].bodies[w, a].inverse_mass)
-    state[0].bodies[w, a].turn += state[0].rows[w, r].wa * amount
+    state[0].bodies[w, a].rotation_shift += state[0].rows[w, r].wa * amount
     state[0].bodies[w, b].shift -= d * (amount * state[0].bodies[w, b].inverse_mass)
-    state[0].bodies[w, b].turn -= state[0].rows[w, r].wb * amount
+    state[0].bodies[w, b].rotation_shift -= state[0].rows[w, r].wb * amount
 
 
 @wp.func
@@ -105,7 +105,9 @@ def keep_touching(state: wp.array[State], w: int, i: int, offset: int) -> None:
             r = ROWS * (c - offset)
             if state[0].rows[w, r].impulse > wp.float64(0.0):
                 apart = state[0].bodies[w, a].shift - state[0].bodies[w, b].shift
-                away = along(state, w, r, apart, state[0].bodies[w, a].turn, state[0].bodies[w, b].turn)
+                away = along(
+                    state, w, r, apart, state[0].bodies[w, a].rotation_shift, state[0].bodies[w, b].rotation_shift
+                )
                 shift(state, w, i, r, -away / state[0].rows[w, r].k)
                 furthest = wp.max(furthest, wp.abs(away))
         if furthest <= LEVEL:

@@ -7,11 +7,11 @@ import pytest
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
+from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.refitting import refit_ill_runs
-from polyworld.estimation.score_test import leads
-from polyworld.estimation.trial import FitContext
+from polyworld.estimation.score_test import score_test_starts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.refined_starts import closer
 from tests.polyworld.gap_scenes import (
@@ -34,7 +34,7 @@ def bouncing() -> tuple[FitContext, Hypothesis]:
     return FitContext(plan, measured_noise(plan), 1), Hypothesis(plan.world, ())
 
 
-def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
+def test_a_run_whose_state_was_bent_is_refitted_by_itself() -> None:
     context, base = bouncing()
     right = context.fit(base, np.zeros(0), profile.start_states(context.design))
     bent = list(right.fit.states)
@@ -48,7 +48,7 @@ def test_a_run_whose_state_was_bent_is_fitted_anew_by_itself() -> None:
     assert refit_ill_runs(right) is right
 
 
-def test_a_run_that_is_a_little_off_is_fitted_anew_where_all_others_are_explained() -> None:
+def test_a_run_that_is_a_little_off_is_refitted_where_all_others_are_explained() -> None:
     context, base = bouncing()
     right = context.fit(base, np.zeros(0), profile.start_states(context.design))
     vertical = np.array([label.endswith("velocity.z") for label in context.design.runs[2].labels])
@@ -76,9 +76,9 @@ def test_a_patch_between_the_starts_of_a_grid_is_come_closer_to() -> None:
         {"friction": 0.0, "radius": 0.5, "x": 0.6, "y": 0.0},
     )
     few = replace(patch, parts=(replace(part, variant=replace(part.variant, starts=coarse)),))
-    found = leads(context, ground, [few], 2)
+    found = score_test_starts(context, ground, [few], 2)
     best = closer(context, ground, few, found)[0]
-    assert best.chi2 < min(lead.chi2 for lead in found)
+    assert best.chi2 < min(tested.chi2 for tested in found)
     fit = context.fit(few, best.values, ground.fit.states)
     values = few.of_part(0, fit.values)
     assert np.hypot(values["x"] - CENTRE[0], values["y"] - CENTRE[1]) < 0.06

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.estimation.design import design
-from polyworld.estimation.run_parts import MOST, in_parts
+from polyworld.estimation.run_segments import MOST, in_segments
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.cautions import cautions
-from polyworld.gap.single_coordinate import follows_one_course
+from polyworld.gap.single_coordinate import is_single_coordinate
 from polyworld.recording import Recording, Run
 from polyworld.representations.joint import Hinge
 from polyworld.representations.rigid import RigidObject
@@ -41,7 +41,7 @@ def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
     launch = Launch(np.array([0.0, 0.0, height]), np.array([0.4, 0.2, 0.0]))
     elastic = Bouncing(after=lambda speed, along: (speed, along))
     recording = ball_recording(elastic, [launch], rng, 1e-6, duration=18.0, rate=120.0)
-    (run,), parts = recording.runs, in_parts(recording, ball_world()).runs
+    (run,), parts = recording.runs, in_segments(recording, ball_world()).runs
     assert len(parts) > 3
     assert max(len(p.times) for p in parts) < MOST
     np.testing.assert_array_equal(np.concatenate([p.times for p in parts]), run.times)
@@ -54,26 +54,26 @@ def test_parts_follow_each_other_and_do_not_begin_at_an_impact() -> None:
 
 def test_parts_have_names_of_their_own_whatever_the_clock_reads() -> None:
     (run,) = slide(2 * MOST).runs
-    parts = in_parts(Recording((replace(run, times=run.times + 1.7e9),)), TABLE).runs
+    parts = in_segments(Recording((replace(run, times=run.times + 1.7e9),)), TABLE).runs
     assert len({part.name for part in parts}) == 4
 
 
 def test_a_run_that_is_not_long_or_cannot_begin_anywhere_stays_whole() -> None:
-    assert in_parts(slide(MOST), TABLE).runs[0].part_of is None
+    assert in_segments(slide(MOST), TABLE).runs[0].part_of is None
     long = slide(2 * MOST)
-    assert len(in_parts(long, TABLE).runs) == 4
+    assert len(in_segments(long, TABLE).runs) == 4
     document = TABLE.model_dump()
     other = {**document["objects"][0], "name": "other", "position": [5.0, 5.0, 0.01]}
-    unseen = World.model_validate({**document, "objects": [document["objects"][0], other]})
-    assert in_parts(long, unseen) is long  # where the other is in the middle of the run, nobody knows
-    assert in_parts(long, TABLE, unseen) is long  # both are asked of the same runs, or of none
+    unobserved = World.model_validate({**document, "objects": [document["objects"][0], other]})
+    assert in_segments(long, unobserved) is long  # where the other is in the middle of the run, nobody knows
+    assert in_segments(long, TABLE, unobserved) is long  # both are asked of the same runs, or of none
     slipped = World.model_validate({**document, "observer": {"shift": 0.1, "shift_time": 3.0}})
-    assert in_parts(long, slipped) is long
+    assert in_segments(long, slipped) is long
     led = Recording((replace(long.runs[0], lead=0.5),))
-    assert in_parts(led, TABLE) is led
+    assert in_segments(led, TABLE) is led
 
 
-def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> None:
+def test_a_long_run_gets_the_law_of_its_drag_and_is_reported_to_be_in_segments() -> None:
     report = find_gap(
         TABLE,
         slide(1600),
@@ -95,12 +95,12 @@ def test_a_long_run_gets_the_law_of_its_drag_and_is_told_to_be_in_parts() -> Non
 
 
 def test_parts_of_one_coordinate_are_still_one_course() -> None:
-    one, two = (in_parts(slide(2 * MOST, axes), TABLE) for axes in (1, 2))
-    assert follows_one_course(design(TABLE, one))
-    assert not follows_one_course(design(TABLE, two))
+    one, two = (in_segments(slide(2 * MOST, axes), TABLE) for axes in (1, 2))
+    assert is_single_coordinate(design(TABLE, one))
+    assert not is_single_coordinate(design(TABLE, two))
 
 
-def test_frames_dropped_in_a_long_run_are_told_by_the_run_and_its_clock() -> None:
+def test_frames_dropped_in_a_long_run_are_reported_by_the_run_and_its_clock() -> None:
     (run,) = slide(2 * MOST).runs
     keep = np.arange(len(run.times))
     keep = keep[(keep < 1400) | (keep >= 1408)]  # 8 frames are gone, unnoticed: later stamps are too early
@@ -145,12 +145,12 @@ def test_swings_on_each_other_are_cut_where_they_are_chaotic() -> None:
         )
 
     world = hung(np.array([0, 0, -arm]), np.array([0, 0, -2 * arm]))
-    assert len(in_parts(swung(0.1, 0.05), world).runs) == 1
-    wild = in_parts(swung(2.0, 2.5), world)
+    assert len(in_segments(swung(0.1, 0.05), world).runs) == 1
+    wild = in_segments(swung(2.0, 2.5), world)
     assert len(wild.runs) >= 3
     np.testing.assert_array_equal(np.concatenate([r.times for r in wild.runs]), np.arange(300) / 100.0)
     assert any("too chaotic" in c for c in cautions(design(world, wild)))
     (run,) = swung(2.0, 2.5, count=201, rate=20.0).runs
     for seen in (25, 28, 30):  # out of view before the first cut
         places = np.where(np.arange(201)[:, None, None] < seen, run.positions, np.nan)
-        assert len(in_parts(Recording((replace(run, positions=places),)), world).runs) == 1
+        assert len(in_segments(Recording((replace(run, positions=places),)), world).runs) == 1

@@ -11,28 +11,28 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from polyworld.estimation.linkage import is_held, linkages
-from polyworld.estimation.predictability import extent_of, foreseeable, swings_on_others
+from polyworld.estimation.predictability import extent_of, predictable_instants, swings_on_others
 from polyworld.recording import Recording, Run
 from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
 
 Array = NDArray[np.float64]
 
-FEWEST = 16  # samples of a stretch
+FEWEST = 16  # samples of a segment
 MOST = 1024  # samples of a run that is fitted as one
-PART = 512  # samples of the parts of a longer one, about
-SHORTEST = 40  # samples of a part of a run that cannot be predicted
+SEGMENT = 512  # samples of the segments of a longer one, about
+SHORTEST = 40  # samples of a segment of a run that cannot be predicted
 ABOUT = 8  # samples about the start of a stretch that have to lie on a parabola,
 ROUGH = 1.4  # and times what one ordinarily leaves, beyond which no stretch begins there
 
 
-def in_parts(recording: Recording, *worlds: World) -> Recording:
-    """The recording with its long runs in parts, where all the worlds may start anywhere and every part shows how.
+def in_segments(recording: Recording, *worlds: World) -> Recording:
+    """Split the long runs of a recording into segments, where all the worlds may start anywhere and each shows how.
 
     Over a long run a small error of a parameter adds up to turns and bounces, rollouts need steps as fine as the whole
-    run asks for, and each costs the whole run. Parts have initial states of their own (multiple shooting without
+    run asks for, and each costs the whole run. Segments have initial states of their own (multiple shooting without
     conditions of continuity); what they show of an effect comes from what it does within one, and from how that differs
-    from part to part. Bodies that swing on each other are followed only as far as the first world can predict them.
+    from one to another. Bodies that swing on each other are followed only as far as the first world can predict them.
     """
     swinging = swings_on_others(worlds[0])
     if not swinging and all(len(run.times) <= MOST for run in recording.runs):
@@ -41,12 +41,12 @@ def in_parts(recording: Recording, *worlds: World) -> Recording:
         return recording
     parts: list[Run] = []
     for run in recording.runs:
-        parts += _between(run, _foreseen(worlds[0], run) if swinging else _even(run))
+        parts += _between(run, _predictable_edges(worlds[0], run) if swinging else _even_edges(run))
     return Recording(tuple(parts))
 
 
-def halved(recording: Recording, names: Sequence[str]) -> Recording:
-    """The recording with the named runs in two parts each."""
+def split_runs(recording: Recording, names: Sequence[str]) -> Recording:
+    """Split each of the named runs into two segments."""
     parts: list[Run] = []
     for run in recording.runs:
         if run.name not in names:
@@ -59,8 +59,8 @@ def halved(recording: Recording, names: Sequence[str]) -> Recording:
 
 
 def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World:
-    """A world that was found on parts, as it is to be read with the recording: where frames were dropped is given by
-    the run's name and a time from its start."""
+    """Convert a world that was found on segments for whole runs: where frames were dropped is given by the run's name
+    and a time from its start."""
     seen = world.observer
     part = next((r for r in parts.runs if seen is not None and r.name == seen.shift_run and r.part_of), None)
     if seen is None or part is None:
@@ -72,24 +72,24 @@ def of_whole_runs(world: World, recording: Recording, parts: Recording) -> World
 
 
 def _slips(world: World) -> bool:
-    """Whether the observer's clock slips, at an instant that counts from the start of a whole run."""
+    """Return whether the observer's clock slips, at an instant that counts from the start of a whole run."""
     return world.observer is not None and world.observer.shift != 0.0
 
 
-def _even(run: Run) -> list[int]:
-    """Where the parts of a long run begin, and where the last ends; just begin and end of one that is not long."""
+def _even_edges(run: Run) -> list[int]:
+    """Return where segments of a long run begin, and the last ends; just begin and end of one that is not long."""
     count = len(run.times)
     if count <= MOST:
         return [0, count]
-    number, rough, edges = count // PART, roughness(run), [0]
+    number, rough, edges = count // SEGMENT, roughness(run), [0]
     for k in range(1, number):
         middle, reach = k * count // number, count // number // 4
         edges.append(smooth_near(rough, middle, range(middle - reach, middle + reach + 1)))
     return [*edges, count]
 
 
-def _foreseen(world: World, run: Run) -> list[int]:
-    """The same of parts that can be predicted, each from its own start."""
+def _predictable_edges(world: World, run: Run) -> list[int]:
+    """Return the same of segments that can be predicted, each from its own start."""
     count, edges, extent = len(run.times), [0], extent_of(run)
     index, rough = np.arange(count), roughness(run)
     while True:
@@ -97,7 +97,7 @@ def _foreseen(world: World, run: Run) -> list[int]:
         ahead = run.rows((index >= first) & (index < first + MOST))
         if not is_seen(run, ahead):
             return [0, count]
-        reach = max(foreseeable(world, ahead, extent), SHORTEST)
+        reach = max(predictable_instants(world, ahead, extent), SHORTEST)
         length = (count - first) // -(-(count - first) // reach)  # what is left, in equal parts no longer than that
         if length == count - first:
             return [*edges, count]
@@ -105,7 +105,7 @@ def _foreseen(world: World, run: Run) -> list[int]:
 
 
 def _between(run: Run, edges: Sequence[int]) -> list[Run]:
-    """Parts that follow each other without a gap; the run itself where one of them would show too little."""
+    """Cut a run into adjacent segments; return the run itself where one of them would show too little."""
     if len(edges) == 2:
         return [run]
     kept = np.arange(len(run.times))
@@ -117,15 +117,16 @@ def _between(run: Run, edges: Sequence[int]) -> list[Run]:
 
 
 def smooth_near(rough: Array, wanted: int, there: Sequence[int]) -> int:
-    """The instant nearest to the one wanted, of those there are, at which a stretch may begin: not just before or at an
-    impact, where its state could hardly be determined."""
+    """Return the instant nearest to the one wanted, of those there are, at which a stretch may begin: not just before
+    or at an impact, where its state could hardly be determined."""
     nearest = sorted(there, key=lambda k: abs(k - wanted))
     smooth = [k for k in nearest if rough[k] <= ROUGH]
     return smooth[0] if smooth else min(nearest, key=lambda k: rough[k])
 
 
 def starts_anywhere(world: World, recording: Recording) -> bool:
-    """Whether every body that moves is rigid, free or in a linkage, there from the start, and seen in every run."""
+    """Return whether every body that moves is rigid, free or in a linkage, there from the start, and seen in every
+    run."""
     items = [world.item(name) for name in world.moving_names]
     linked = {link.item.name for linkage in linkages(world) for link in linkage.links}
     if any(is_held(world, i.name) and i.name not in linked for i in items):
@@ -138,7 +139,7 @@ def starts_anywhere(world: World, recording: Recording) -> bool:
         return False
     if world.planar or not (world.statics or len(items) > 1) or not any(o.friction for o in world.objects):
         return True
-    # Where turns were not measured, spins in space are as they were when a run began, which a window cannot know.
+    # Where turns were not measured, spins in space are as they were when a run began, which a segment cannot know.
     free = [i.name for i in items if i.name not in linked]
     turns = [run.orientations[:, run.names.index(name)] for run in recording.runs for name in free]
     return all(bool(np.isfinite(turn).any()) for turn in turns)
@@ -172,7 +173,7 @@ def roughness(run: Run) -> Array:
 
 
 def is_seen(run: Run, piece: Run, fewest: int = FEWEST // 2) -> bool:
-    """Whether all that was measured in a run was measured at no fewer instants in a piece of it."""
+    """Return whether all that was measured in a run was measured at no fewer instants in a piece of it."""
     for whole, part in ((run.positions, piece.positions), (run.orientations, piece.orientations)):
         needed: Sequence[int] = np.flatnonzero(np.isfinite(whole).any(axis=0)).tolist()
         there = np.isfinite(part).sum(axis=0).ravel()

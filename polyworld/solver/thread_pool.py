@@ -1,4 +1,4 @@
-"""Pieces of one job on the threads of this process."""
+"""A pool of threads that share the pieces of one job."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def shares(worlds: int, threads: int) -> int:
     return min(worlds, 4 * threads if worlds >= 4 * threads * SHARE else threads)
 
 
-def spread(work: Callable[[int], None], pieces: int, threads: int) -> None:
-    """Do `work` for 0 to pieces - 1 on so many threads, and wait for all of them; raises what a piece raised."""
+def run_in_pool(work: Callable[[int], None], pieces: int, threads: int) -> None:
+    """Run `work` for 0 to pieces - 1 on so many threads, and wait for all of them; raises what a piece raised."""
     if pieces == 1 or threads == 1:
         for index in range(pieces):
             work(index)

@@ -1,4 +1,4 @@
-"""Records as kernels take them."""
+"""Records passed to kernels by reference."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import Any
 import warp as wp
 
 
-def passed(record: Any, kind: Any, before: Any = None) -> Any:
-    """A record as kernels take it, an array of one: structs are passed by value from function to function, and to copy
-    those of a whole world would take longer than a step does.
+def by_reference(record: Any, kind: Any, before: Any = None) -> Any:
+    """Return a record as an array of one, to pass it by reference.
+
+    Warp passes structs by value from function to function, and to copy those of a whole world would take longer than a
+    step does.
 
     kind: the record's struct. before: an array to write it to. The array keeps the record, and so what it points to.
     """

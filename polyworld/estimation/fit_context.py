@@ -1,4 +1,4 @@
-"""Fits of hypotheses to one design: the place where forward models are kept and criteria computed."""
+"""Fit hypotheses to one design: keep their forward models, and compute criteria."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation import profile
 from polyworld.estimation.criteria import extended_bic, held_out
-from polyworld.estimation.descent import Point, trial_costs
+from polyworld.estimation.descent import Estimate, trial_costs
 from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.goodness import Goodness, goodness
@@ -84,8 +84,8 @@ class FittedHypothesis:
         return held_out(self.context.design, self.hypothesis.unknowns, self.fit)
 
     @cached_property
-    def ground(self) -> NuisanceProjection:
-        """Return what is fitted, to project further effects off."""
+    def nuisance(self) -> NuisanceProjection:
+        """Projection of further effects off what is fitted."""
         return NuisanceProjection(self.fit)
 
     @property
@@ -116,7 +116,7 @@ class FittedHypothesis:
 
 
 class NuisanceProjection:
-    """What is fitted, with the initial states projected out, run by run.
+    """Projection off what is fitted, nuisance parameters: the initial states of each run, then the shared unknowns.
 
     bases[run] (m, n): orthonormal, of what the initial state can take up. answers[run] (N, m): what the initial state
     does to take up a residual. slopes[run] (m, S): derivatives by the shared unknowns, less what the initial state
@@ -141,7 +141,7 @@ class NuisanceProjection:
         self.inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
 
     def off(self, run: int, vectors: Array) -> Array:
-        """Vectors (..., m) of one run less what its initial state can take up."""
+        """Return vectors (..., m) of one run less what its initial state can take up."""
         basis = self.bases[run]
         rest: Array = vectors - (vectors @ basis) @ basis.T
         return rest
@@ -177,11 +177,11 @@ class FitContext:
         return sum(f.rollouts for _, f in self._forwards.values())
 
     def with_noise(self, noise: Noise) -> FitContext:
-        """The same context under other noise; forward models are shared."""
+        """Return the same context under other noise; forward models are shared."""
         return replace(self, noise=noise)
 
     def forward(self, hypothesis: Hypothesis) -> Forward:
-        """The forward model of a hypothesis; each is built once."""
+        """Return the forward model of a hypothesis; each is built once."""
         key = id(hypothesis)
         if key in self._forwards:
             self._forwards[key] = self._forwards.pop(key)  # the last used come last
@@ -215,17 +215,17 @@ class FitContext:
         return FittedHypothesis(hypothesis, found, self)
 
     def nearest(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Start:
-        """The one of some starts of a hypothesis at which chi2 is least; the first where none is finite."""
+        """Return the start of a hypothesis at which chi2 is least; the first where none is finite."""
         return options[int(np.argmin(self.costs(hypothesis, options)))]
 
     def costs(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Array:
-        """chi2 (K,) at K starts of a hypothesis, infinite where a rollout diverges."""
+        """Return chi2 (K,) at K starts of a hypothesis, infinite where a rollout diverges."""
         total: Array = self.run_costs(hypothesis, options).sum(axis=1)
         return total
 
     def run_costs(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Array:
-        """chi2 (K, R) of each run at K starts of a hypothesis, infinite where a rollout diverges."""
-        points = [Point(o.values, o.states) for o in options]
+        """Return chi2 (K, R) of each run at K starts of a hypothesis, infinite where a rollout diverges."""
+        points = [Estimate(o.values, o.states) for o in options]
         return trial_costs(self.forward(hypothesis), self.noise, points, 1.0)
 
     def raw_residuals(self, trial: FittedHypothesis) -> list[Array]:
@@ -239,8 +239,8 @@ class FitContext:
 
 
 def refined(trial: FittedHypothesis, substep: float, shortest: float) -> FittedHypothesis:
-    """A trial fitted with shorter steps, as long as longer ones leave errors that show: down to `substep` [s], and
-    where it then fails the gate, down to `shortest` [s]."""
+    """Refit with shorter steps, as long as longer ones leave errors that show: down to `substep` [s],
+    and where it then fails the gate, down to `shortest` [s]."""
     while True:
         now = trial.hypothesis.world.time.substep
         coarse = now > substep / SAME_STEP
@@ -253,13 +253,13 @@ def refined(trial: FittedHypothesis, substep: float, shortest: float) -> FittedH
 
 
 def step_error(trial: FittedHypothesis, step: float) -> float:
-    """Sum of squares of what a rollout with other steps [s] changes in the whitened residuals of a fit, less what the
-    initial states can take up."""
+    """Return the sum of squares of what a rollout with other steps [s] changes in the whitened residuals of a fit, less
+    what the initial states can take up."""
     context = trial.context
     settings = [Settings(r.index, trial.values[None], trial.fit.states[r.index][None]) for r in context.design.runs]
     finer = Forward(context.design, trial.hypothesis.stepped(step).world, trial.hypothesis.unknowns, context.cancelled)
     total = 0.0
     for r, raw in zip(context.design.runs, finer.residuals(settings), strict=True):
         change = context.noise.whiten(r.index, raw)[0] - trial.fit.linear.r[r.index]
-        total += float(np.sum(trial.ground.off(r.index, change) ** 2)) if np.all(np.isfinite(change)) else np.inf
+        total += float(np.sum(trial.nuisance.off(r.index, change) ** 2)) if np.all(np.isfinite(change)) else np.inf
     return total

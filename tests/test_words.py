@@ -1,0 +1,50 @@
+"""The sources speak the field's language: words of an earlier private dialect do not come back."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SOURCES = sorted(
+    path
+    for folder in ("atw_mcp", "polyworld", "evidence_store", "prompts")
+    for path in (ROOT / folder).rglob("*")
+    if path.suffix in (".py", ".md")
+)
+INSTEAD = {
+    r"told|tells?|telling|untold": "reports, states, shows, distinguishes",
+    r"foretells?|foretold": "predicts, predicted",
+    r"lent|lends?|take_back": "predicted, remove the prediction",
+    r"anew|begun": "again, restarted, initial fit",
+    r"astray|in vain": "diverged, no minimum found",
+    r"borne": "supported",
+    r"mending|mended": "refitted, corrected, projected",
+    r"hasty|touchy": "short-window, sensitive",
+    r"twins|rivals?": "observationally equivalent, competitors",
+    r"whereabouts": "poses",
+    r"crowded": "contact buffer overflow",
+    r"holdback": "held-out",
+}
+
+
+@pytest.mark.parametrize("words", INSTEAD)
+def test_no_word_of_the_old_dialect_is_left(words: str) -> None:
+    pattern = re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECASE)
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
+        for path in [*SOURCES, ROOT / "README.md"]
+        for number, line in enumerate(path.read_text().splitlines(), start=1)
+        if pattern.search(line)
+    ]
+    assert not found, f"write {INSTEAD[words]!r} instead:\n" + "\n".join(found)
+
+
+def test_docstrings_open_with_what_is_done() -> None:
+    opening = re.compile(r'^\s*"""What (?:is|are|a|an|the)\b', re.MULTILINE)
+    found = [
+        str(path.relative_to(ROOT)) for path in SOURCES if path.suffix == ".py" and opening.search(path.read_text())
+    ]
+    assert not found
