@@ -15,9 +15,9 @@ from typing import Any
 import anyio
 from mcp.shared.exceptions import MCPError
 
-from atw_mcp import gap_command
+from atw_mcp.calls.forms import did_you_mean
 from atw_mcp.client import Session, ToolFailed, connected
-from atw_mcp.forms import did_you_mean
+from atw_mcp.gap import command as gap_command
 from atw_mcp.printing import ProgressLine, print_reply, tool_line
 from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
 from atw_mcp.shell import HELP, run_shell

@@ -17,7 +17,7 @@ else registers it.
   toolbox records it as evidence and shapes it, so a tool never writes evidence itself. NaN and numpy values are
   fine in `data`. Put a short version in `shown` when `data` is long. With `pictures=True` the JSON comes as text
   and the images beside it, without structured content.
-- Work that may take more than a few seconds returns a `LongWork` instead (`atw_mcp/jobs.py`).
+- Work that may take more than a few seconds returns a `LongWork` instead (`atw_mcp/calls/jobs.py`).
 - Refusals: `raise ToolError("what failed; the valid values. Next: Tool(...)")`. Wrap calls into polyworld,
   perception or the store, whose KeyError/ValueError messages are written for readers, in
   `with explained("Tool(...)"):`. Any other exception becomes a generic sentence and is logged.
@@ -42,10 +42,10 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.tools import Tool
 from mcp_types import CallToolResult, InputRequiredResult
 
-from atw_mcp import resources
-from atw_mcp.app import App
-from atw_mcp.prompting import PromptServer, add_prompts
-from atw_mcp.toolbox import ToolGroup, WorldTool
+from atw_mcp.calls import resources
+from atw_mcp.calls.app import App
+from atw_mcp.calls.prompting import PromptServer, add_prompts
+from atw_mcp.calls.toolbox import ToolGroup, WorldTool
 from atw_mcp.tools import (
     commitment,
     construction,

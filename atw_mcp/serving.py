@@ -13,7 +13,7 @@ from mcp_types import UNSUPPORTED_PROTOCOL_VERSION
 from mcp_types.version import HANDSHAKE_PROTOCOL_VERSIONS
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from atw_mcp.app import App
+from atw_mcp.calls.app import App
 
 PATH = "/mcp"
 

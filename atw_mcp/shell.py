@@ -13,10 +13,10 @@ import platformdirs
 from anyio.from_thread import start_blocking_portal
 from mcp_types import Tool
 
+from atw_mcp.calls.forms import did_you_mean
+from atw_mcp.calls.schemas import argument_lines
 from atw_mcp.client import ProgressDisplay, Reply, ToolFailed, connected
-from atw_mcp.forms import did_you_mean
 from atw_mcp.printing import tool_line
-from atw_mcp.schemas import argument_lines
 from atw_mcp.script import ScriptError, read_line, resolved, step_arguments
 
 PROMPT, CONTINUED = "atw> ", "...> "

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.render import render
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import rollout
-from polyworld.shapes import Box, Plane, Sphere, TriangleMesh
+from polyworld.pictures.render import render
+from polyworld.solver.rollout import rollout
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Plane, Sphere, TriangleMesh
 
 MATERIALS: dict[str, dict[str, Any]] = {
     "rope": {

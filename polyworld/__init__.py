@@ -4,11 +4,11 @@ Describe a `World`, `rollout` it, `branch` it by interventions, `compare` the ro
 """
 
 from polyworld import warp_settings
-from polyworld.compare import Comparison, compare
-from polyworld.interventions import Intervention, branch
-from polyworld.predicates import Predicate
-from polyworld.query import QueryResult, query
-from polyworld.rollout import Simulator, rollout, simulator
+from polyworld.edits.interventions import Intervention, branch
+from polyworld.probing.compare import Comparison, compare
+from polyworld.probing.predicates import Predicate
+from polyworld.probing.query import QueryResult, query
+from polyworld.solver.rollout import Simulator, rollout, simulator
 from polyworld.trajectory import BatchTrajectory, Event, Rollout, Trajectory
 from polyworld.world import World
 

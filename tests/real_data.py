@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from polyworld.recording import Array, Recording, Run
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Plane, Sphere
+from polyworld.data.recording import Array, Recording, Run
 from polyworld.world import StaticObject, TimeBase, World
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Plane, Sphere
 from tests.scenes.clevrer_data import HALF_SIZE, SHAPES, Scene, default_world, read_scene
 
 FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "data"

@@ -35,3 +35,83 @@ def test_package_imports_nothing_from_above(package: str) -> None:
 def test_perception_knows_nothing_of_mcp() -> None:
     sources = sorted((ROOT / "atw_mcp" / "perception").rglob("*.py"))
     assert not [s.name for s in sources if "mcp" in imported_packages(s)]
+
+
+FLOORS = {
+    "polyworld": (
+        ("effects", "expressions"),
+        ("world",),
+        ("meshing",),
+        ("edits",),
+        ("trajectory",),
+        ("solver",),
+        ("probing",),
+        ("data",),
+        ("screening",),
+        ("estimation",),
+        ("gap",),
+        ("pictures",),
+    ),
+    "atw_mcp": (
+        ("calls", "perception"),
+        ("looking",),
+        ("cases",),
+        ("models",),
+        ("worlds",),
+        ("observation",),
+        ("fitting",),
+        ("probing",),
+        ("gap",),
+        ("tools",),
+    ),
+}
+"""Rooms of a package from the ground up; those of one floor may import each other."""
+UPWARD = {("meshing/fluid.py", "solver")}
+"""Known exceptions: a fluid is seeded at distances from solids that the solver's kernels measure."""
+
+
+def rooms_imported(source: Path, package: str) -> set[str]:
+    """First folder or module below the package of all that a file imports, also inside functions, but for types."""
+    found: set[str] = set()
+    tree = ast.parse(source.read_text())
+    for_types = {
+        id(node)
+        for branch in ast.walk(tree)
+        if isinstance(branch, ast.If) and ast.unparse(branch.test) == "TYPE_CHECKING"
+        for node in ast.walk(branch)
+    }
+    for node in ast.walk(tree):
+        if id(node) in for_types:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.module == package:
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{package}."):
+            found.add(node.module.split(".")[1])
+        elif isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[1] for alias in node.names if alias.name.startswith(f"{package}.")}
+    return found
+
+
+@pytest.mark.parametrize("package", sorted(FLOORS))
+def test_rooms_import_only_what_lies_below(package: str) -> None:
+    floor = {room: number for number, rooms in enumerate(FLOORS[package]) for room in rooms}
+    wrong = []
+    for source in sorted((ROOT / package).rglob("*.py")):
+        place = source.relative_to(ROOT / package)
+        own = floor.get(place.parts[0])
+        if own is None:
+            continue
+        for room in rooms_imported(source, package) - {place.parts[0]}:
+            if floor.get(room, len(floor)) > own and (place.as_posix(), room) not in UPWARD:
+                wrong.append(f"{place} imports {package}.{room}")
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", sorted(FLOORS))
+def test_every_room_says_what_lives_there(package: str) -> None:
+    rooms = {path.name for path in (ROOT / package).iterdir() if (path / "__init__.py").is_file()}
+    assert rooms - {"demo"} == {room for rooms in FLOORS[package] for room in rooms}
+    silent = [
+        r for r in sorted(rooms) if not ast.get_docstring(ast.parse((ROOT / package / r / "__init__.py").read_text()))
+    ]
+    assert not silent

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from polyworld.data.recording_csv import read_recording
+from polyworld.data.recording_header import RecordingForm
 from polyworld.estimation.design import design
-from polyworld.recording_csv import read_recording
-from polyworld.recording_header import RecordingForm
 from tests.real_data import CUBE_UNIT, FOLDER, ball_drop, clevrer, cube_toss, needs, pendulum
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from atw_mcp.client import Reply, Session
 from atw_mcp.demo.truth import FOLDER, Collision, TrueRun, hidden_pull, rms_distance, true_runs
-from atw_mcp.overlay import contact_sheet
+from atw_mcp.looking.overlay import contact_sheet
 from atw_mcp.script import Step, read_script, run_script
 
 WIDTH = 100  # characters of a line

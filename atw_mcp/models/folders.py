@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import platformdirs
 
-from atw_mcp.cases import path_hash
+from atw_mcp.cases.cases import path_hash
 
 FOLDER = "ATW_MODELS"
 MANIFEST = "model.json"

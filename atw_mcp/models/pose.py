@@ -22,10 +22,10 @@ from atw_mcp.models.running import Limits
 from atw_mcp.perception.import_tracks import continuous
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import Cancelled, Frames, Progress
-from polyworld.camera import Camera
-from polyworld.geometry import surface_mesh
-from polyworld.shapes import BodyShape, Compound
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import surface_mesh
+from polyworld.world.shapes import BodyShape, Compound
 
 DEFAULT_SIGMA = 0.01  # of the distance
 

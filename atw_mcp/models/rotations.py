@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from atw_mcp.models.points import PredictedPoints
-from polyworld.camera import Camera
-from polyworld.geometry import plane_axes
-from polyworld.shapes import BodyShape, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import plane_axes
+from polyworld.world.shapes import BodyShape, Sphere
 
 Floats = NDArray[np.float64]
 LEAST_POINTS = 3  # that must be seen again to turn a body by them

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from atw_mcp.perception.scene_models import model_scene
 from atw_mcp.perception.seed_statements import SeedReader
 from atw_mcp.perception.track_edits import TrackEdits
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 IN_PART = 0.5  # confidence below which an object that is followed is not said to be in full view
 

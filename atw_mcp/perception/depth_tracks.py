@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from atw_mcp.perception.import_images import DepthMaps
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
-from polyworld.camera import Camera
-from polyworld.geometry import hull, mass_properties
-from polyworld.shapes import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import hull, mass_properties
+from polyworld.world.shapes import BodyShape, Box, Capsule, ConvexMesh, Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from atw_mcp.perception.naming import slug, unique
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import describe
 from atw_mcp.perception.video import Frames, existing_file, load
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
 LARGEST_DEPTH_BYTES = 1_500_000_000

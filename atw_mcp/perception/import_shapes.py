@@ -19,9 +19,9 @@ from atw_mcp.perception.import_tracks import (
     number_in,
     time_base,
 )
-from polyworld.readouts import Amount, Centreline, Curve, Front, Markers, Readout, Tension
-from polyworld.readouts.centreline import resampled
-from polyworld.shape_series import ShapeSeries
+from polyworld.data.shape_series import ShapeSeries
+from polyworld.probing.readouts import Amount, Centreline, Curve, Front, Markers, Readout, Tension
+from polyworld.probing.readouts.centreline import resampled
 
 Floats = NDArray[np.float64]
 PointsAre = Literal["markers", "centreline"]

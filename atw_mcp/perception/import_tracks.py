@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from atw_mcp.perception.naming import unique
 from atw_mcp.perception.observation import ObservationError
-from polyworld.description import Appearance
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
+from polyworld.world.description import Appearance
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from atw_mcp.perception.constraints import Rest, Seed
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 
 GIVEN_SIGMA = 0.002  # [m] standard deviation of a position that was given, where the measured ones are no better
 SHORT = 40  # pixels of a mask whose outline is too short to place a solid

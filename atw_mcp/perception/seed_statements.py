@@ -13,7 +13,7 @@ from atw_mcp.perception.pixel_evidence import PixelEvidence
 from atw_mcp.perception.scene_models import SceneModels
 from atw_mcp.perception.seed_outline import Hint, outlined
 from atw_mcp.perception.track_edits import TrackEdits
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 LEAST = 8  # pixels of a mask
 NOTHING = "nothing in this outline stands out from its surroundings: give a tighter box, more points, or a mask"

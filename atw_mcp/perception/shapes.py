@@ -14,8 +14,8 @@ from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.skeleton import CentrelineInImage, centreline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
-from polyworld.readouts import Centreline, Curve, ImageOccupancy, Outline
-from polyworld.shape_series import ShapeSeries
+from polyworld.data.shape_series import ShapeSeries
+from polyworld.probing.readouts import Centreline, Curve, ImageOccupancy, Outline
 
 Floats = NDArray[np.float64]
 Material = Literal["rope", "cloth", "soft", "fluid"]

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.camera import Camera
-from polyworld.geometry import plane_axes
 from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

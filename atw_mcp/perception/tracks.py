@@ -14,10 +14,10 @@ from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.pose_fit import OutlineProblem, PoseFit, fit_poses
 from atw_mcp.perception.silhouettes import SIZE_COUNT, TURNING, SolidKind, Stage, lift_of, trusted_outline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
-from polyworld.camera import Camera
-from polyworld.shapes import Box, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.shapes import Box, Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 Solid = Sphere | Box | Cylinder

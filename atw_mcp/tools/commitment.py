@@ -7,10 +7,10 @@ from typing import Annotated
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.fit_verdict import cure, verdict_of
-from atw_mcp.results import Answer
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.calls.app import App
+from atw_mcp.calls.results import Answer
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.fitting.verdict import cure, verdict_of
 from atw_mcp.tools.world_arguments import CaseId
 from evidence_store import StoreError
 

@@ -9,17 +9,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.building import Built, Given, ObservedObject, Scene, build_world
-from atw_mcp.fitting import FitRequest, window
-from atw_mcp.importing import mesh_of
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.material_facts import about_deformable
-from atw_mcp.observing import UNKNOWN_RATE, derivation, derived_tracks, latest_camera, track_record
-from atw_mcp.parts import Parts, read_parts
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.cases.material_facts import about_deformable
+from atw_mcp.fitting.fitting import FitRequest, window
+from atw_mcp.observation.importing import mesh_of
+from atw_mcp.observation.observing import UNKNOWN_RATE, derivation, derived_tracks, latest_camera, track_record
+from atw_mcp.observation.track_records import TrackRecord
 from atw_mcp.perception.flight.placing import Surroundings
-from atw_mcp.results import Answer, explained
-from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.known_objects import corners_of
 from atw_mcp.tools.world_arguments import (
     CaseId,
@@ -33,12 +32,13 @@ from atw_mcp.tools.world_arguments import (
     ShapeArgument,
     WallArgument,
 )
-from atw_mcp.track_records import TrackRecord
-from atw_mcp.world_warnings import fluid_warnings
+from atw_mcp.worlds.building import Built, Given, ObservedObject, Scene, build_world
+from atw_mcp.worlds.parts import Parts, read_parts
+from atw_mcp.worlds.warnings import fluid_warnings
 from evidence_store import Case
-from polyworld.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 GROUP = ToolGroup("world construction")
 

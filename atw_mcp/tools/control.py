@@ -9,12 +9,12 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult
 from pydantic import BaseModel, ConfigDict, Field
 
-from atw_mcp.app import App
-from atw_mcp.names import case_hint
-from atw_mcp.parts import part_field_schema, part_schema
-from atw_mcp.results import Answer, page, to_result
-from atw_mcp.schemas import argument_lines, inlined
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.calls.app import App
+from atw_mcp.calls.names import case_hint
+from atw_mcp.calls.results import Answer, page, to_result
+from atw_mcp.calls.schemas import argument_lines, inlined
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.worlds.parts import part_field_schema, part_schema
 from evidence_store import Answer as RecordedAnswer
 from evidence_store import Binding, Evidence, UnknownRecord
 from polyworld.world import World

@@ -10,16 +10,16 @@ import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
-from atw_mcp import gap_work
-from atw_mcp.app import App
-from atw_mcp.fit_verdict import cure, verdict_of
-from atw_mcp.gap_shown import next_step, shown_discrepancy, shown_proposals
-from atw_mcp.gap_unknowns import base_unknowns
-from atw_mcp.gap_work import Outcome
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.recording_records import CaseRecording, case_recording
-from atw_mcp.results import Answer, explained, plain
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer, explained, plain
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.fitting.verdict import cure, verdict_of
+from atw_mcp.gap import work as gap_work
+from atw_mcp.gap.shown import next_step, shown_discrepancy, shown_proposals
+from atw_mcp.gap.unknowns import base_unknowns
+from atw_mcp.gap.work import Outcome
+from atw_mcp.observation.recording_records import CaseRecording, case_recording
 from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.estimation.unknown import Unknown

@@ -10,24 +10,24 @@ from typing import Annotated, Any, Literal
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field, WithJsonSchema
 
-from atw_mcp import readouts
-from atw_mcp.app import App
-from atw_mcp.ensemble_answers import rollout_answer, rollout_in_words, trajectory_answer, trajectory_in_words
-from atw_mcp.ensembles import EnsembleSize, compute_ensemble, lineage
-from atw_mcp.flat_unions import flat_schema
-from atw_mcp.forms import read_form, tagged
-from atw_mcp.intervals import FrameRange, Seconds, Span, chosen_span
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.names import chosen_names, object_name, with_own_names
-from atw_mcp.results import Answer, explained
-from atw_mcp.rollout_cost import cost, size_in_words
-from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
-from atw_mcp.shape_reading import EXAMPLE as READOUT_EXAMPLE
-from atw_mcp.shape_reading import readout_schema, shape_rows
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.calls.app import App
+from atw_mcp.calls.flat_unions import flat_schema
+from atw_mcp.calls.forms import read_form, tagged
+from atw_mcp.calls.intervals import FrameRange, Seconds, Span, chosen_span
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.names import chosen_names, object_name, with_own_names
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.observation.shape_reading import EXAMPLE as READOUT_EXAMPLE
+from atw_mcp.observation.shape_reading import readout_schema, shape_rows
+from atw_mcp.probing import readouts
+from atw_mcp.probing.ensemble_answers import rollout_answer, rollout_in_words, trajectory_answer, trajectory_in_words
+from atw_mcp.probing.ensembles import EnsembleSize, compute_ensemble, lineage
+from atw_mcp.worlds.rollout_cost import cost, size_in_words
+from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
 from evidence_store import Case
-from polyworld.interventions import Add, Intervention, branch
-from polyworld.query import sampled_every
+from polyworld.edits.interventions import Add, Intervention, branch
+from polyworld.probing.query import sampled_every
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 

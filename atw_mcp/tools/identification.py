@@ -7,19 +7,28 @@ from typing import Annotated, Any, Literal
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.ensembles import keep_sample, sample_in_words, stored_sample
-from atw_mcp.fit_reading import CONTACTS, doubts, lower_draft, next_step, open_questions, verdict_in_words
-from atw_mcp.fitting import FitRequest, FitRun, Override, chosen_parameters, digest, observed_of, run_fit, window
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import modelled_tracks
-from atw_mcp.results import Answer, explained, plain
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer, explained, plain
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.fitting.fitting import (
+    FitRequest,
+    FitRun,
+    Override,
+    chosen_parameters,
+    digest,
+    observed_of,
+    run_fit,
+    window,
+)
+from atw_mcp.fitting.reading import CONTACTS, doubts, lower_draft, next_step, open_questions, verdict_in_words
+from atw_mcp.observation.observing import modelled_tracks
+from atw_mcp.probing.ensembles import keep_sample, sample_in_words, stored_sample
 from atw_mcp.tools.world_arguments import CaseId, ParameterArgument, Patience
 from evidence_store import Case
-from polyworld.parameter_tables import STATE_PARAMETERS
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import World
+from polyworld.world.parameter_tables import STATE_PARAMETERS
 
 GROUP = ToolGroup("world construction")
 RESTARTS = {"prefixes": 3, "cem": 1, "random_search": 1, "refine": 1}

@@ -8,19 +8,19 @@ import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.material_facts import about_deformable, mass, nodes_of, size_of
-from atw_mcp.names import chosen_names
-from atw_mcp.provenance import knowledge, lineage
-from atw_mcp.results import Answer, explained
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.calls.app import App
+from atw_mcp.calls.names import chosen_names
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.cases.material_facts import about_deformable, mass, nodes_of, size_of
+from atw_mcp.cases.provenance import knowledge, lineage
 from evidence_store import Case
 from polyworld.effects import CATALOGUE
-from polyworld.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS, STATE_PARAMETERS
-from polyworld.parameters import parameter_paths, read_parameter, specification
-from polyworld.representations.fluid import Fluid
-from polyworld.representations.rigid import RigidObject
 from polyworld.world import Deformable, World
+from polyworld.world.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS, STATE_PARAMETERS
+from polyworld.world.parameters import parameter_paths, read_parameter, specification
+from polyworld.world.representations.fluid import Fluid
+from polyworld.world.representations.rigid import RigidObject
 
 GROUP = ToolGroup("world inspection")
 

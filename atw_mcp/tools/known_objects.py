@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.importing import mesh_of
-from atw_mcp.matching import Known, apparent_radius, elevation_of
+from atw_mcp.calls.app import App
+from atw_mcp.observation.importing import mesh_of
+from atw_mcp.observation.matching import Known, apparent_radius, elevation_of
 from atw_mcp.perception.known.bodies import KnownBody
 from atw_mcp.perception.known.colour_words import colour_word
 from atw_mcp.perception.silhouettes import lift_of
 from atw_mcp.perception.tracks import kind_and_size
 from atw_mcp.tools.world_arguments import Argument, Name, Pixel, Point, ShapeArgument
 from evidence_store import Case
-from polyworld.camera import Camera
-from polyworld.geometry import quaternion_matrix, surface_mesh
-from polyworld.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.world import StaticObject
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import quaternion_matrix, surface_mesh
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder

@@ -10,31 +10,31 @@ from mcp.server.mcpserver.exceptions import ToolError
 from numpy.typing import NDArray
 from pydantic import Field
 
-from atw_mcp import readouts
-from atw_mcp.app import App
-from atw_mcp.intervals import FrameRange, Seconds, chosen_span
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.names import chosen_names, object_name
-from atw_mcp.observed_quantities import Quantity, observed_quantities
-from atw_mcp.observing import (
+from atw_mcp.calls.app import App
+from atw_mcp.calls.intervals import FrameRange, Seconds, chosen_span
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.names import chosen_names, object_name
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.looking.overlay import Canvas, Crop, encoded
+from atw_mcp.looking.picture_rows import EVERY_FRAME, observed_rows, simulated_rows
+from atw_mcp.looking.residual_view import ResidualView
+from atw_mcp.observation.observed_quantities import Quantity, observed_quantities
+from atw_mcp.observation.observing import (
     chosen_image_observation,
     latest_image_observation,
     tracks_of_observation,
     video_file,
 )
-from atw_mcp.overlay import Canvas, Crop, encoded
+from atw_mcp.observation.periods import period_in_words
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import PerceptionCancelled, read_frames
-from atw_mcp.periods import period_in_words
-from atw_mcp.picture_rows import EVERY_FRAME, observed_rows, simulated_rows
-from atw_mcp.residual_view import ResidualView
-from atw_mcp.results import Answer, explained
-from atw_mcp.rollout_cost import size_in_words
-from atw_mcp.rollout_view import RolloutView, case_tracks, draw_observed
-from atw_mcp.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.probing import readouts
+from atw_mcp.probing.rollout_view import RolloutView, case_tracks, draw_observed
+from atw_mcp.worlds.rollout_cost import size_in_words
+from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
 from evidence_store import Case
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 

@@ -9,9 +9,14 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
-from atw_mcp import importing
-from atw_mcp.app import App
-from atw_mcp.observing import keep_calibration
+from atw_mcp.calls.app import App
+from atw_mcp.calls.results import Answer, explained, plain
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.observation import importing
+from atw_mcp.observation.observing import keep_calibration
+from atw_mcp.observation.recording_records import Imported, keep_recording
+from atw_mcp.observation.shape_records import series_rows
+from atw_mcp.observation.track_records import TrackRecord
 from atw_mcp.perception.calibration import (
     Calibration,
     calibrate_from_homography,
@@ -19,13 +24,8 @@ from atw_mcp.perception.calibration import (
     calibrate_from_points,
     calibrate_given,
 )
-from atw_mcp.recording_records import Imported, keep_recording
-from atw_mcp.results import Answer, explained, plain
-from atw_mcp.shape_records import series_rows
-from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.observation import observed_answer
 from atw_mcp.tools.world_arguments import Argument, CaseId, Pixel, Point
-from atw_mcp.track_records import TrackRecord
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")

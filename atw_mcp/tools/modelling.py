@@ -9,18 +9,18 @@ from typing import Annotated, Any, Literal
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.jobs import LongWork
-from atw_mcp.matching import Known
-from atw_mcp.observing import latest_camera
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork
+from atw_mcp.calls.results import Answer, explained, plain
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.fitting.video_model import VideoRequest, model_video
+from atw_mcp.observation.matching import Known
+from atw_mcp.observation.observing import latest_camera
 from atw_mcp.perception.known.colour_words import colour_word
-from atw_mcp.results import Answer, explained, plain
-from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.known_objects import KnownObject, Sized, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
 from atw_mcp.tools.observation import open_case
 from atw_mcp.tools.world_arguments import Argument, Patience, PlaneArgument, Point
-from atw_mcp.video_model import VideoRequest, model_video
 from evidence_store import Case, to_json
 
 GROUP = ToolGroup("world construction")

@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
-from atw_mcp.app import App
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.model_runs import KnownObject, RunRequest, prepare
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.models import Limits, Prompt, available, find_model
 from atw_mcp.models.folders import how_to_add
-from atw_mcp.results import Answer, explained
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.observation.model_runs import KnownObject, RunRequest, prepare
 from atw_mcp.tools.world_arguments import Argument, Patience, Pixel
 
 GROUP = ToolGroup("world construction")

@@ -11,17 +11,20 @@ from typing import Annotated, Any, Literal, TypeVar
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field, ValidationError
 
-from atw_mcp import cases
-from atw_mcp.app import App
-from atw_mcp.importing import mesh_of
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.observing import (
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.cases import cases
+from atw_mcp.observation.importing import mesh_of
+from atw_mcp.observation.observing import (
     chosen_image_observation,
     image_observation,
     keep_image_observation,
     latest_camera,
     video_file,
 )
+from atw_mcp.observation.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.perception.correction import correct
 from atw_mcp.perception.corrections import correction_of
 from atw_mcp.perception.known.observe import observe_known
@@ -29,9 +32,6 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes
 from atw_mcp.perception.video import probe
-from atw_mcp.results import Answer, explained
-from atw_mcp.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
-from atw_mcp.toolbox import ToolGroup
 from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, known_of, known_places
 from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, Point
 from evidence_store import Case

@@ -9,9 +9,16 @@ from typing import Annotated, Any
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field, WithJsonSchema
 
-from atw_mcp import readouts
-from atw_mcp.app import App
-from atw_mcp.ensemble_answers import (
+from atw_mcp.calls.app import App
+from atw_mcp.calls.flat_unions import flat_schema
+from atw_mcp.calls.forms import read_form, tagged
+from atw_mcp.calls.intervals import FrameRange, Span
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.names import chosen_names, with_own_names
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.probing import readouts
+from atw_mcp.probing.ensemble_answers import (
     compared_members,
     comparison_answer,
     comparison_in_words,
@@ -19,20 +26,13 @@ from atw_mcp.ensemble_answers import (
     query_in_words,
     together,
 )
-from atw_mcp.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
-from atw_mcp.flat_unions import flat_schema
-from atw_mcp.forms import read_form, tagged
-from atw_mcp.intervals import FrameRange, Span
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.names import chosen_names, with_own_names
-from atw_mcp.results import Answer, explained
-from atw_mcp.rollouts import sample_seconds_of, stored_rollout
-from atw_mcp.toolbox import ToolGroup
+from atw_mcp.probing.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
 from atw_mcp.tools.experimentation import PATIENCE, Objects, RolloutId, diverged_in_words, end_of
+from atw_mcp.worlds.rollouts import sample_seconds_of, stored_rollout
 from evidence_store import Case
-from polyworld.compare import Comparison, compare
-from polyworld.predicates import Predicate, names_in
-from polyworld.query import Aggregation, QueryResult, query
+from polyworld.probing.compare import Comparison, compare
+from polyworld.probing.predicates import Predicate, names_in
+from polyworld.probing.query import Aggregation, QueryResult, query
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 

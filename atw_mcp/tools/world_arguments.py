@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
-from atw_mcp.building import Given, hull_vertices
-from atw_mcp.parts import parts_schema
-from polyworld.description import Appearance
+from atw_mcp.worlds.building import Given, hull_vertices
+from atw_mcp.worlds.parts import parts_schema
 from polyworld.effects import CATALOGUE
-from polyworld.geometry import quaternion_matrix
-from polyworld.shapes import BodyShape, Box, Compound, ConvexMesh, Part, TriangleMesh, Wall
 from polyworld.world import Effect, MotionPlane, StaticObject
+from polyworld.world.description import Appearance
+from polyworld.world.geometry import quaternion_matrix
+from polyworld.world.shapes import BodyShape, Box, Compound, ConvexMesh, Part, TriangleMesh, Wall
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]

@@ -9,19 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.estimation.comparing import Comparison, Motion
 from polyworld.estimation.design import Design, RunDesign, owner
 from polyworld.estimation.unknown import Unknown
 from polyworld.meshing import mesh_of
-from polyworld.observer import clock_ratio, observe, observed_spins, sampling_times
-from polyworld.parameters import parameter_paths, read_parameter
-from polyworld.readouts.material_points import MaterialPoints, material_points
-from polyworld.rollout import ScheduledSimulator, Simulator, scheduled_simulator, simulator
+from polyworld.probing.readouts.material_points import MaterialPoints, material_points
 from polyworld.solver.planar import PlanarSimulator
 from polyworld.solver.planar.plane_motion import PlaneMotion
+from polyworld.solver.rollout import ScheduledSimulator, Simulator, scheduled_simulator, simulator
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.observer import clock_ratio, observe, observed_spins, sampling_times
+from polyworld.world.parameters import parameter_paths, read_parameter
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

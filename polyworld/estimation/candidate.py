@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.unknown import Unknown
-from polyworld.recording import Recording
 from polyworld.world import World
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.design import RunDesign
 from polyworld.estimation.rotation_counting import counted_angles, counted_vectors
 from polyworld.solver.planar.plane_motion import PlaneMotion
-from polyworld.symmetry import rotation_vector, smallest_rotation, turn_about
+from polyworld.world.symmetry import rotation_vector, smallest_rotation, turn_about
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -24,8 +24,8 @@ from polyworld.estimation.normal_equations import (
     damped_inverse,
     within_reach,
 )
-from polyworld.representations.fluid import Fluid
 from polyworld.world import World
+from polyworld.world.representations.fluid import Fluid
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.recording import Recording, Run
+from polyworld.edits.removal import without
 from polyworld.estimation.states import StateCoordinates, state_coordinates
-from polyworld.recording import Recording, Run
-from polyworld.removal import without
-from polyworld.world import World
+from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

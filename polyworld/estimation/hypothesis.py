@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.parameters import with_parameters
-from polyworld.recording import Recording, Run
 from polyworld.world import World
+from polyworld.world.parameters import with_parameters
 
 Array = NDArray[np.float64]
 

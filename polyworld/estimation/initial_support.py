@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.closest_approach import gap_to_statics
-from polyworld.recording import Run
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere, TriangleMesh
-from polyworld.world import World
+from polyworld.data.recording import Run
+from polyworld.probing.closest_approach import gap_to_statics
+from polyworld.world import World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere, TriangleMesh
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.recording import Run
-from polyworld.representations.joint import Fixed, Hinge, Joint, Slider, Spring
-from polyworld.representations.rigid import RigidObject
-from polyworld.symmetry import rotation_vector
-from polyworld.world import World
+from polyworld.data.recording import Run
+from polyworld.world import World, geometry
+from polyworld.world.representations.joint import Fixed, Hinge, Joint, Slider, Spring
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Run
 from polyworld.estimation.initial_support import noise_of
-from polyworld.recording import Run
 
 Array = NDArray[np.float64]
 

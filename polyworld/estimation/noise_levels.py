@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from polyworld.estimation import differences
 from polyworld.estimation.design import Design, RunDesign, Series
 from polyworld.screening.grid import grid_step
-from polyworld.symmetry import rotation_vector
+from polyworld.world.symmetry import rotation_vector
 
 if TYPE_CHECKING:
     from polyworld.estimation.noise import Correlation, Kind

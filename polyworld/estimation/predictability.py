@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

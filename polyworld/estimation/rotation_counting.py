@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.symmetry import rotation_vector
+from polyworld.world import geometry
+from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 

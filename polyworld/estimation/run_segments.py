@@ -10,11 +10,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.predictability import extent_of, predictable_instants, swings_on_others
-from polyworld.recording import Recording, Run
-from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
+from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.run_segments import FEWEST, is_seen, roughness, smooth_near, starts_anywhere
 from polyworld.estimation.states import with_unobserved_spins
-from polyworld.recording import Recording, Run
-from polyworld.shapes import Sphere
 from polyworld.world import World
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 

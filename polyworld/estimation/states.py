@@ -14,16 +14,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.recording import Run
 from polyworld.estimation.initial_support import is_aloft, is_supported, keeps_height, may_be_supported, rest_place
 from polyworld.estimation.linkage import Linkage, is_held, linkages
 from polyworld.estimation.measured_spin import initial_spin
-from polyworld.recording import Run
-from polyworld.representations.fluid import Fluid
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
-from polyworld.symmetry import rotation_vector
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.representations.fluid import Fluid
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
+from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 

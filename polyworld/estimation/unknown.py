@@ -5,23 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from polyworld.recording import Run
+from polyworld.data.recording import Run
 
 
 @dataclass(frozen=True)
 class Unknown:
     """A number of the world that a fit may change.
 
-    paths: parameter paths (`polyworld.parameters`) that take its value, all the same. start: its value where nothing
-    is known, the neutral one for a missing effect. lower, upper: bounds. typical: a change of it that would be
+    paths: parameter paths (`polyworld.world.parameters`) that take its value, all the same. start: its value where
+    nothing is known, the neutral one for a missing effect. lower, upper: bounds. typical: a change of it that would be
     ordinary (the width of the prior), from which steps and the power check take their scale. run: the one run that it
-    is of; in all others the paths keep the world's value. plausible: largest departure from `start` that physics
-    makes ordinary, for which evidence charges (departure / plausible)^2 as a normal prior of that width does; None
-    where nothing is known.
-
-    The rest is for fits to a video's tracks (`estimation.world_fit`), where `typical` is the standard deviation with
-    which the search begins. prior: (mean, sd) of a Gaussian prior. scale: "log" searches logarithms, and `typical` is
-    then a change of the natural logarithm. enters [s]: time before which the value cannot show in the observations.
+    is of; in all others the paths keep the world's value. plausible: largest departure from `start` that physics makes
+    ordinary, for which evidence charges (departure / plausible)^2 as a normal prior of that width does; None where
+    nothing is known. The rest is for fits to a video's tracks (`estimation.world_fit`), where `typical` is the
+    standard deviation with which the search begins. prior: (mean, sd) of a Gaussian prior. scale: "log" searches
+    logarithms, and `typical` is then a change of the natural logarithm. enters [s]: time before which the value cannot
+    show in the observations.
     """
 
     name: str

@@ -8,8 +8,8 @@ from typing import Any
 
 from polyworld.estimation.candidate import Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.parameters import parameter_paths, read_parameter, specification
 from polyworld.world import World
+from polyworld.world.parameters import parameter_paths, read_parameter, specification
 
 
 def with_parts(world: World, **parts: Any) -> World:

@@ -7,7 +7,7 @@ from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.predictability import swings_on_others
 from polyworld.estimation.run_segments import MOST
 from polyworld.gap.single_coordinate import is_single_coordinate
-from polyworld.representations.rigid import RigidObject
+from polyworld.world.representations.rigid import RigidObject
 
 FEW = 16  # instants of a series below which its noise is a guess
 

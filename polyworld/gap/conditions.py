@@ -8,17 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.initial_states import track_noise
+from polyworld.data.recording import Recording, Run
 from polyworld.effects.conditions import Conditions
-from polyworld.estimation.contacts import distance_to_static
 from polyworld.estimation.linkage import is_held
-from polyworld.initial_states import track_noise
-from polyworld.parameters import object_mass
-from polyworld.recording import Recording, Run
-from polyworld.representations.joint import Joint, Slider
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.distances import distance_to_static
+from polyworld.world.parameters import object_mass
+from polyworld.world.representations.joint import Joint, Slider
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 

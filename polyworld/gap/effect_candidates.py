@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
+from polyworld.data.recording import Recording
 from polyworld.effects import ABSENCES, CATALOGUE
 from polyworld.effects.absence import Way
 from polyworld.effects.conditions import Conditions
@@ -14,7 +15,6 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import free_name, neutral, of_path, with_parts
 from polyworld.gap.conditions import conditions
 from polyworld.gap.rhythm import rhythm_starts
-from polyworld.recording import Recording
 from polyworld.world import Effect, World
 
 

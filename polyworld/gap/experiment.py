@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import Design, RunDesign, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.settings import ExperimentSettings
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import UNITS, Noise, first_kind, measured_noise
 from polyworld.estimation.run_segments import in_segments
 from polyworld.gap.settings import HoldOutSettings
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

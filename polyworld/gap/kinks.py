@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording
 from polyworld.gap.conditions import Track, conditions, reach, touching, tracks
-from polyworld.recording import Recording
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.fit_context import FittedHypothesis
@@ -39,7 +40,6 @@ from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSett
 from polyworld.gap.single_coordinate import is_single_coordinate
 from polyworld.gap.stability import widened
 from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
-from polyworld.recording import Recording
 from polyworld.screening import Screening, screen
 from polyworld.world import World
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.recording import Recording
 from polyworld.estimation.design import Design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import Noise
-from polyworld.recording import Recording
+from polyworld.world import geometry
 
 Array = NDArray[np.float64]
 

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording
 from polyworld.estimation import profile
 from polyworld.estimation.design import RunDesign, design
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis
@@ -22,7 +23,6 @@ from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise
 from polyworld.estimation.segments import Segments, short_segments
 from polyworld.gap.settings import OutlierSettings
-from polyworld.recording import Recording
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.design import Design, RunDesign, owner
 from polyworld.estimation.unknown import Unknown
-from polyworld.events import REST_SPEED, REST_SPIN
 from polyworld.gap.settings import LocaliseSettings
-from polyworld.parameters import parameter_paths
-from polyworld.rollout import simulator
-from polyworld.shapes import Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import Event
+from polyworld.trajectory.events import REST_SPEED, REST_SPIN
 from polyworld.world import World
+from polyworld.world.parameters import parameter_paths
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FittedHypothesis
@@ -28,7 +29,6 @@ from polyworld.gap.outlying import (
 from polyworld.gap.searching import Searched, Story, search_effects
 from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording
 from polyworld.world import World
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polyworld.settings_checks import require_positive
+from polyworld.world.settings_checks import require_positive
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import measured_noise
-from polyworld.recording import Recording
 from polyworld.world import World
 
 HALVINGS = 4

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
-from polyworld import geometry
+from polyworld.data.recording import Run
 from polyworld.estimation import profile
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
@@ -23,7 +23,7 @@ from polyworld.estimation.run_segments import FEWEST
 from polyworld.estimation.score_test import ScoreTestStart
 from polyworld.gap.segment_context import SegmentContext, segment_context
 from polyworld.gap.settings import MapSettings
-from polyworld.recording import Run
+from polyworld.world import geometry
 
 Array = NDArray[np.float64]
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from polyworld.meshing.mesh import DeformableMesh
-from polyworld.representations.cloth import Cloth
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
 from polyworld.world import Deformable, World
+from polyworld.world.representations.cloth import Cloth
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
 
 
 def mesh_of(world: World, item: Deformable) -> DeformableMesh:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.meshing.mesh import DeformableMesh
-from polyworld.representations.cloth import Cloth, Sheet, SurfaceMesh
+from polyworld.world.representations.cloth import Cloth, Sheet, SurfaceMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.meshing.mesh import DeformableMesh
-from polyworld.representations.cloth import SurfaceMesh
-from polyworld.representations.fluid import Fluid, FluidVolume
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.solver.fluid.clearance import clearance
 from polyworld.solver.fluid.layout import PER_AXIS
 from polyworld.solver.fluid.scene import thin_axis
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.representations.cloth import SurfaceMesh
+from polyworld.world.representations.fluid import Fluid, FluidVolume
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.meshing.mesh import DeformableMesh
-from polyworld.representations.rope import Pulley, Rope
 from polyworld.world import World
+from polyworld.world.representations.rope import Pulley, Rope
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from polyworld.geometry import hull, mass_properties, plane_axes, quaternion_matrix
 from polyworld.meshing.mesh import DeformableMesh
 from polyworld.meshing.soft_box import box_tetrahedra
 from polyworld.meshing.soft_elements import QuadraticMesh, quadratic_slice, quadratic_solid, with_volume
@@ -17,10 +16,11 @@ from polyworld.meshing.soft_lattice import filled
 from polyworld.meshing.soft_outline import area, nearest_on, outline_triangles, rectangle_triangles, section
 from polyworld.meshing.soft_round import ball_tetrahedra, cylinder_tetrahedra, disc_triangles
 from polyworld.meshing.soft_surface import CapsuleSurface, MeshSurface
-from polyworld.representations.cloth import SurfaceMesh
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.world import World
+from polyworld.world.geometry import hull, mass_properties, plane_axes, quaternion_matrix
+from polyworld.world.representations.cloth import SurfaceMesh
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 
 Array = NDArray[np.float64]
 Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | SurfaceMesh

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from polyworld.recording import Recording
+from polyworld.data.recording import Recording
 from polyworld.screening.clearance import penetration_findings
 from polyworld.screening.courses import course_findings, courses
 from polyworld.screening.finding import Finding

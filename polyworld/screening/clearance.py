@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.estimation.contacts import distance_to_static
-from polyworld.representations.rigid import RigidObject
 from polyworld.screening.finding import Finding, length, runs_listed
 from polyworld.screening.settings import ScreenSettings
 from polyworld.screening.tracks import Track
-from polyworld.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.distances import distance_to_static
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.recording import Recording
+from polyworld.data.recording import Recording
 from polyworld.screening.clearance import clearance, inner_radius, plane_normal
 from polyworld.screening.finding import Finding, length, listed, runs_listed
 from polyworld.screening.settings import ScreenSettings

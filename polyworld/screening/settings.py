@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from polyworld.settings_checks import require_positive, require_shares
+from polyworld.world.settings_checks import require_positive, require_shares
 
 SHARES = (
     *("negligible", "agreeing", "refusing", "oblique", "hop_share", "overlap", "on_grid", "irregular_share"),

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.recording import Recording, Run
+from polyworld.data.recording import Recording, Run
 
 Array = NDArray[np.float64]
 

@@ -9,20 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.expressions.effect import effect_programs, law_of
-from polyworld.parameters import (
+from polyworld.solver.contact_coefficients import OWN, coded
+from polyworld.solver.spatial.joint_layout import NEVER
+from polyworld.world import World, geometry
+from polyworld.world.parameters import (
     check_differs_per_world,
     object_mass,
     parameter_paths,
     specification,
     torsional_radius,
 )
-from polyworld.representations.joint import Spring
-from polyworld.solver.contact_coefficients import OWN, coded
-from polyworld.solver.spatial.joint_layout import NEVER
-from polyworld.world import World
+from polyworld.world.representations.joint import Spring
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
@@ -21,8 +22,7 @@ from polyworld.estimation.world_fit import (
     fit_by_random_search,
     refine,
 )
-from polyworld.rollout import simulator
-from polyworld.tracks import ObservedTracks
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from tests.scenes.clevrer_data import MODEL_TOLERANCE, Collision
 from tests.scenes.clevrer_events import EventScore, score_collisions, simulated_collisions

@@ -8,17 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.rollout_cost import emitted
-from atw_mcp.world_marks import held_nodes
-from polyworld import geometry
+from atw_mcp.worlds.marks import held_nodes
+from atw_mcp.worlds.rollout_cost import emitted
 from polyworld.meshing import mesh_of
 from polyworld.meshing.rope import threading
-from polyworld.parameters import object_mass
-from polyworld.representations.cloth import Cloth
-from polyworld.representations.fluid import Fluid
-from polyworld.representations.rope import Rope
 from polyworld.trajectory import Rollout
-from polyworld.world import Deformable, World
+from polyworld.world import Deformable, World, geometry
+from polyworld.world.parameters import object_mass
+from polyworld.world.representations.cloth import Cloth
+from polyworld.world.representations.fluid import Fluid
+from polyworld.world.representations.rope import Rope
 
 Array = NDArray[np.float64]
 
@@ -143,7 +142,7 @@ def _fluid_checks(world: World, result: Rollout, fluid: Fluid) -> Iterator[Check
 
 def _rope_length(world: World, result: Rollout, rope: Rope) -> Check:
     """Return how much longer than without tension a rope is, with the parts that it lays on its wheels."""
-    from polyworld.deformable_pictures import along_wheels
+    from polyworld.probing.readouts.rope_line import along_wheels
 
     points = result.trajectory.deformables[rope.name].points
     wheels = [p for p in world.pulleys if p.rope == rope.name]

@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.overlay import Canvas
-from atw_mcp.rollout_cost import cost
-from atw_mcp.world_marks import WorldMarks
-from polyworld.contact_shadow import with_contact_shadows
-from polyworld.render import default_camera, render
-from polyworld.rollout import rollout
+from atw_mcp.looking.overlay import Canvas
+from atw_mcp.worlds.marks import WorldMarks
+from atw_mcp.worlds.rollout_cost import cost
+from polyworld.pictures.contact_shadow import with_contact_shadows
+from polyworld.pictures.render import default_camera, render
+from polyworld.solver.rollout import rollout
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 from tests.benchmarks.coupled_checks import checks

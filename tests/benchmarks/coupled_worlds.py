@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from polyworld.description import Appearance
-from polyworld.representations.attachment import Attachment, Region
-from polyworld.representations.cloth import Cloth, Sheet
-from polyworld.representations.fluid import Container, Emitter, Fluid, FluidGrid, FluidVolume
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Pulley, Rope
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box, Compound, Part, Plane, Sphere
 from polyworld.world import StaticObject, TimeBase, World
+from polyworld.world.description import Appearance
+from polyworld.world.representations.attachment import Attachment, Region
+from polyworld.world.representations.cloth import Cloth, Sheet
+from polyworld.world.representations.fluid import Container, Emitter, Fluid, FluidGrid, FluidVolume
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Pulley, Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, Compound, Part, Plane, Sphere
 
 FLOOR = StaticObject(name="floor", shape=Plane())
 TIME = TimeBase(seconds_per_frame=0.04)

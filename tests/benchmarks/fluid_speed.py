@@ -12,10 +12,10 @@ import time
 import numpy as np
 import warp as wp
 
-from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
-from polyworld.shapes import Box
 from polyworld.world import World
-from tests.polyworld.fluid.scenes import Run
+from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
+from polyworld.world.shapes import Box
+from tests.polyworld.solver.fluid.scenes import Run
 
 STEP = 0.002
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 
 Floats = NDArray[np.float64]
 

@@ -23,10 +23,10 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Plane, Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Plane, Sphere
 from tests.scenes.six_bodies import DURATION, SUBSTEP, initial_velocities, six_body_mjcf, six_body_world
 
 GRAVITY = 9.81  # [m/s^2]
@@ -96,7 +96,7 @@ def measure_speed(n_worlds: int, repeat: int) -> dict[str, dict[str, float]]:
 def first_rollout(planar: bool) -> dict[str, float]:
     """Wall and CPU seconds of a new process with an empty kernel cache, from its start to its first rollout's end."""
     code = (
-        "import numpy as np;from polyworld.rollout import simulator;"
+        "import numpy as np;from polyworld.solver.rollout import simulator;"
         "from tests.scenes.six_bodies import six_body_world;"
         f"simulator(six_body_world(planar={planar}), np.arange(0, {DURATION} + 1e-9, 0.04), threads=1).run()"
     )

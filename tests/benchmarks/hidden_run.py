@@ -15,9 +15,9 @@ import traceback
 from pathlib import Path
 from typing import Any
 
+from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.held_out import held_out_gap
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.benchmarks.hidden_files import read_json, read_runs, write_json
 

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings, find_gap
-from polyworld.recording import Recording
 from polyworld.world import World
 from tests import real_data
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.recording import Recording, Run
+from polyworld.data.recording import Recording, Run
 from polyworld.world import World
 
 SUBSTEP = 0.002  # [s]

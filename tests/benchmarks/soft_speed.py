@@ -20,7 +20,7 @@ import warp as wp
 from polyworld import World, simulator
 from polyworld.meshing import mesh_of
 from polyworld.meshing.soft import soft_form
-from polyworld.representations.soft import Soft
+from polyworld.world.representations.soft import Soft
 from tests.benchmarks.speed_rows import THREADS, Row, header, print_rows, timed
 
 SIZE, SPACING = (0.6, 0.2, 0.2), 0.05  # of the block, and of its nodes [m]

@@ -9,10 +9,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from atw_mcp.tools.known_objects import KnownObject
-from polyworld.interventions import Intervention, branch
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
+from polyworld.edits.interventions import Intervention, branch
 from polyworld.world import World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 from tests.benchmarks.foresight import calibration_error
 from tests.benchmarks.foresight_edits import edits_of
 from tests.benchmarks.foresight_run import Answered

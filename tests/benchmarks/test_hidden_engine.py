@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from polyworld.rollout import simulator
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from tests.benchmarks.hidden_cases import Case, Hidden, draw_hidden
 from tests.benchmarks.hidden_disc_cases import draw_discs

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.matching import Known
+from atw_mcp.observation.matching import Known
 from atw_mcp.perception.calibration import calibrate_from_points
 from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.observation import ImageObservation

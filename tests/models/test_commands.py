@@ -14,8 +14,8 @@ from atw_mcp.models import Limits, ModelError, PredictedMasks, Provenance, meshe
 from atw_mcp.models.folders import ModelFolder
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import Frames, PerceptionCancelled, load
-from polyworld.camera import Camera
-from polyworld.shapes import Box
+from polyworld.world.camera import Camera
+from polyworld.world.shapes import Box
 from tests.models import tiny
 from tests.perception.clips import Disc, render
 

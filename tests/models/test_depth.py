@@ -11,7 +11,7 @@ from atw_mcp.models import Limits, ModelError, camera_over_floor, open_folder, p
 from atw_mcp.models.depth import _in_metres
 from atw_mcp.perception.calibration import CalibrationError
 from atw_mcp.perception.import_images import DepthMaps
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 from tests.models import tiny
 
 FRAMES = np.random.default_rng(1).integers(0, 256, (5, 60, 80, 3), dtype=np.uint8)

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from atw_mcp.models import Limits, ModelError, PredictedPoints, Provenance, Query, follow_points, open_folder, rotations
 from atw_mcp.models.folders import ModelFolder
-from polyworld.camera import Camera
-from polyworld.shapes import Box, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.shapes import Box, Sphere
 from tests.models import tiny
 
 CPU = Limits("cpu", 4)

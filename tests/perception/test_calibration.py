@@ -13,7 +13,7 @@ from atw_mcp.perception import (
     calibrate_from_points,
     calibrate_given,
 )
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 SIZE = (480, 320)
 

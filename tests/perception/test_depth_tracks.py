@@ -9,11 +9,11 @@ from atw_mcp.perception.depth_tracks import centre_offset, depth_tracks, shape_o
 from atw_mcp.perception.import_images import DepthMaps, observation_of_masks
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.video import VideoInfo
-from polyworld.camera import Camera
-from polyworld.render import render
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, ConvexMesh, Cylinder, Sphere
+from polyworld.pictures.render import render
 from polyworld.world import World
+from polyworld.world.camera import Camera
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 
 CAMERA = Camera(
     width=320,

@@ -16,10 +16,10 @@ from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservedObject, measure
 from atw_mcp.perception.tracks import Solid, world_tracks
 from atw_mcp.perception.video import VideoInfo
-from polyworld.camera import Camera
-from polyworld.geometry import quaternion_matrix
-from polyworld.shapes import Cylinder, Sphere
-from polyworld.tracks import ObservedTracks, without_spread
+from polyworld.data.tracks import ObservedTracks, without_spread
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import quaternion_matrix
+from polyworld.world.shapes import Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from atw_mcp.perception import (
     import_tracks,
 )
 from atw_mcp.perception.import_shapes import import_points, import_series
-from polyworld.camera import Camera
-from polyworld.readouts import Amount, Centreline, Curve, Front, Markers, Tension
+from polyworld.probing.readouts import Amount, Centreline, Curve, Front, Markers, Tension
+from polyworld.world.camera import Camera
 from tests.perception.clips import HEIGHT, WIDTH, Clip, Disc, render
 
 CLEVRER = Path(__file__).parents[3] / "shared" / "data" / "clevrer"

@@ -15,7 +15,7 @@ from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.known.paths import best_path
 from atw_mcp.perception.known.unchanged import unchanged
 from atw_mcp.perception.observation import ObservationError
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 WIDTH, HEIGHT, FRAMES, FOCAL, HIGH, RADIUS = 320, 240, 24, 300.0, 2.0, 0.12
 PLACES = np.array([[-1.0, -0.7, 0.0], [1.0, -0.7, 0.0], [1.0, 0.7, 0.0], [-1.0, 0.7, 0.0]])

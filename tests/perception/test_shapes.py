@@ -12,8 +12,8 @@ from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservationError, ObservedObject, measure
 from atw_mcp.perception.shapes import DIRECTIONS, deforming, image_shapes
 from atw_mcp.perception.video import VideoInfo
-from polyworld.readouts import Centreline, Curve, ImageOccupancy, Outline
-from polyworld.shape_series import ShapeSeries
+from polyworld.data.shape_series import ShapeSeries
+from polyworld.probing.readouts import Centreline, Curve, ImageOccupancy, Outline
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -21,10 +21,10 @@ from atw_mcp.perception import (
     world_tracks,
 )
 from atw_mcp.perception.silhouettes import Stage, outline_distance
-from polyworld.camera import Camera
-from polyworld.shapes import Box, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.shapes import Box, Sphere
 from tests.perception.clips import HEIGHT, WIDTH, Disc, render
 
 ROOT = Path(__file__).parents[2]

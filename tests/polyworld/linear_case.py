@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.normal_equations import Linearised
 from polyworld.estimation.profile import Fit
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import FitProblem, PosteriorSample, default_unknowns, refine, sample_posterior
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box
-from polyworld.tracks import ObservedTracks
 from polyworld.world import Environment, MotionPlane, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box
 
 GRAVITY, FRAME = 9.81, 0.04
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.events import all_events
 from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory
+from polyworld.trajectory.events import all_events
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from polyworld.description import Appearance
-from polyworld.initial_states import with_initial_states
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.data.initial_states import with_initial_states
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import Effect, TimeBase, World
+from polyworld.world.description import Appearance
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Cylinder, Sphere
 
 SECONDS_PER_FRAME = 0.028
 HALF_SIZE = 0.2

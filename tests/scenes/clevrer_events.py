@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from polyworld.rollout import rollout
+from polyworld.solver.rollout import rollout
 from polyworld.world import World
 from tests.scenes.clevrer_data import SECONDS_PER_FRAME, Collision
 

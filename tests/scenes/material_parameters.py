@@ -8,20 +8,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.shape_series import ShapeSeries
+from polyworld.data.tracks import ObservedTracks, shapes_only
 from polyworld.estimation.world_fit import Unknown
-from polyworld.parameters import with_parameters
-from polyworld.readouts import Amount, Centreline, Front, GridOccupancy, Markers, Outline, Readout, Tension, read
-from polyworld.representations.attachment import Attachment, Region
-from polyworld.representations.cloth import Cloth, Sheet
-from polyworld.representations.fluid import Container, Emitter, Fluid, FluidGrid, FluidVolume
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Pulley, Rope
-from polyworld.representations.soft import Soft
-from polyworld.rollout import simulator
-from polyworld.shape_series import ShapeSeries
-from polyworld.shapes import Box, Cylinder, Plane, Sphere
-from polyworld.tracks import ObservedTracks, shapes_only
+from polyworld.probing.readouts import (
+    Amount,
+    Centreline,
+    Front,
+    GridOccupancy,
+    Markers,
+    Outline,
+    Readout,
+    Tension,
+    read,
+)
+from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.parameters import with_parameters
+from polyworld.world.representations.attachment import Attachment, Region
+from polyworld.world.representations.cloth import Cloth, Sheet
+from polyworld.world.representations.fluid import Container, Emitter, Fluid, FluidGrid, FluidVolume
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Pulley, Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
 
 Array = NDArray[np.float64]
 

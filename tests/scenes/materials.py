@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld.recording import Recording, Run
+from polyworld.data.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Cylinder, Plane, Sphere
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
 
 DURATION = 5.0  # [s]
 SUBSTEP = 0.002  # [s]

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from atw_mcp.app import App
+from atw_mcp.calls.app import App
 from evidence_store import Case
-from polyworld.render import look_at
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Cylinder
+from polyworld.pictures.render import look_at
 from polyworld.world import Environment, MotionPlane, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Cylinder
 
 SPEED, GAP, RADIUS = 1.0, 0.8, 0.1
 MEETING = GAP / SPEED  # [s]

@@ -10,11 +10,11 @@ from typing import Annotated
 from pydantic import Field
 
 from atw_mcp import server
-from atw_mcp.app import App
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.results import Answer
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer
+from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.serving import serve_stdio
-from atw_mcp.toolbox import ToolGroup
 
 SLOW = ToolGroup("execution control")
 

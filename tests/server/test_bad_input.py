@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from atw_mcp.app import App
+from atw_mcp.calls.app import App
 from atw_mcp.server import build_server
 from evidence_store import EvidenceStore, NotAStore
 from tests.server.calls import Session

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from atw_mcp.fit_reading import ROWS, doubts, next_step, open_questions, verdict_in_words
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box
+from atw_mcp.fitting.reading import ROWS, doubts, next_step, open_questions, verdict_in_words
 from polyworld.world import World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box
 from tests.server.calls import Session
 from tests.server.clips import write_tracks
 

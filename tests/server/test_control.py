@@ -9,7 +9,7 @@ import anyio
 import pytest
 from mcp import Client
 
-from atw_mcp.results import ROOM
+from atw_mcp.calls.results import ROOM
 from tests.server.calls import Session
 from tests.server.clips import write_clip, write_tracks
 

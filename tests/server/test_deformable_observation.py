@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.representations.attachment import Attachment
-from polyworld.representations.rope import Rope
-from polyworld.rollout import rollout
+from polyworld.solver.rollout import rollout
 from polyworld.world import Environment, MotionPlane, TimeBase, World
+from polyworld.world.representations.attachment import Attachment
+from polyworld.world.representations.rope import Rope
 from tests.server.calls import Session
 
 Array = NDArray[np.float64]

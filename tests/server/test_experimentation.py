@@ -9,18 +9,18 @@ from typing import Any
 import pytest
 from mcp.server.mcpserver.exceptions import ToolError
 
-from atw_mcp.app import App
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.results import Answer
-from atw_mcp.rollouts import KIND, SERIES
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer
 from atw_mcp.tools import experimentation as tools
 from atw_mcp.tools import querying
+from atw_mcp.worlds.rollouts import KIND, SERIES
 from evidence_store import Binding
-from polyworld.interventions import SetVelocity, branch
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import rollout
-from polyworld.shapes import Plane, Sphere
+from polyworld.edits.interventions import SetVelocity, branch
+from polyworld.solver.rollout import rollout
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Plane, Sphere
 from tests.server.probing import FRAME, GAP, MEETING, RADIUS, SPEED, case_with, two_discs
 
 END = 60 * FRAME

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atw_mcp.ensemble_answers import query_answer, query_in_words
-from atw_mcp.ensembles import Ensemble
-from atw_mcp.fit_verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, is_far_off, judge
+from atw_mcp.fitting.verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, is_far_off, judge
+from atw_mcp.probing.ensemble_answers import query_answer, query_in_words
+from atw_mcp.probing.ensembles import Ensemble
 from polyworld.estimation.world_fit import FitProblem, FitResult, Unknown, default_unknowns, refine
 from polyworld.estimation.world_fit.accuracy import errors
 from polyworld.estimation.world_fit.observed import observed_entries
-from polyworld.query import QueryResult
+from polyworld.probing.query import QueryResult
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
 RADIUS, SIGMA = 0.1, 0.01  # [m]

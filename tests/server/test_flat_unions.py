@@ -7,9 +7,9 @@ from typing import Any, get_args
 import pytest
 from pydantic import TypeAdapter
 
-from atw_mcp.flat_unions import flat_schema
-from polyworld.interventions import Intervention
-from polyworld.predicates import Predicate
+from atw_mcp.calls.flat_unions import flat_schema
+from polyworld.edits.interventions import Intervention
+from polyworld.probing.predicates import Predicate
 
 UNIONS = [(Intervention, "action"), (Predicate, "predicate")]
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from atw_mcp.app import App
+from atw_mcp.calls.app import App
 from atw_mcp.cli import main
-from atw_mcp.gap_options import add_recording_options
-from atw_mcp.recording_options import read_with_remarks, recording_form
-from atw_mcp.recording_records import case_recording
-from polyworld.recording_header import RecordingForm
+from atw_mcp.gap.options import add_recording_options
+from atw_mcp.observation.recording_options import read_with_remarks, recording_form
+from atw_mcp.observation.recording_records import case_recording
+from polyworld.data.recording_header import RecordingForm
 from polyworld.world import World
 from tests.server.calls import Session
 from tests.server.gap_case import MASS, flown, world

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from atw_mcp.gap_shown import shown_discrepancy
-from atw_mcp.gap_work import examine, fitted_effect, worth
-from atw_mcp.jobs import Progress
+from atw_mcp.calls.jobs import Progress
+from atw_mcp.gap.shown import shown_discrepancy
+from atw_mcp.gap.work import examine, fitted_effect, worth
+from polyworld.data.recording import Recording, Run
 from polyworld.gap.held_out import hold_out
-from polyworld.recording import Recording, Run
 from polyworld.world import Effect
 from tests.polyworld.gap_scenes import puck_world
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from atw_mcp.gap_words import experiment_text
+from atw_mcp.gap.words import experiment_text
 
 
 def experiment(sigmas: float) -> dict[str, Any]:

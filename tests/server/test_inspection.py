@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from mcp.server.mcpserver.exceptions import ToolError
 
-from atw_mcp.app import App
+from atw_mcp.calls.app import App
 from atw_mcp.tools import inspection as tools
-from polyworld.interventions import SetParameter, branch
-from polyworld.parameters import with_parameters
+from polyworld.edits.interventions import SetParameter, branch
 from polyworld.world import World
+from polyworld.world.parameters import with_parameters
 from tests.server.probing import RADIUS, SPEED, case_with, two_discs
 
 

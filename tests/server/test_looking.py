@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from mcp.server.mcpserver.exceptions import ToolError
 
-from atw_mcp.app import App
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.results import Answer
 from atw_mcp.demo.truth import FOLDER
-from atw_mcp.jobs import LongWork, Progress
-from atw_mcp.results import Answer
 from atw_mcp.tools import construction, looking, measurement, observation
-from polyworld.interventions import Remove, branch
+from polyworld.edits.interventions import Remove, branch
 from polyworld.world import TimeBase
 from tests.server.probing import case_with, two_discs
 

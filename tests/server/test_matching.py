@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from atw_mcp.matching import Known, Matching, apparent_radius, matched
+from atw_mcp.observation.matching import Known, Matching, apparent_radius, matched
 from atw_mcp.perception.observation import Cue, ObservedObject
 from atw_mcp.perception.tracks import Solid, SolidEstimate
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.world.shapes import Box, Cylinder, Sphere
 
 ELEVATION = np.deg2rad(35)
 BALL, CAN, CUBE = Sphere(radius=0.1), Cylinder(radius=0.1, half_height=0.1), Box(half_extents=(0.1, 0.1, 0.1))

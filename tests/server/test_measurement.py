@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polyworld.render import look_at
+from polyworld.pictures.render import look_at
 from tests.server.calls import Session
 from tests.server.clips import write_clip
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from atw_mcp.overlay import OBSERVED, ROOM, SIMULATED, Canvas, contact_sheet, encoded
+from atw_mcp.looking.overlay import OBSERVED, ROOM, SIMULATED, Canvas, contact_sheet, encoded
 
 
 def test_contact_sheet_lays_pictures_row_by_row() -> None:

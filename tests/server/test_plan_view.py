@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atw_mcp.overlay import SIMULATED
-from atw_mcp.plan_view import FOOT, PlanView, round_length, silhouette
-from polyworld.description import Appearance
-from polyworld.geometry import quaternion_matrix
-from polyworld.render import look_at
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Capsule, Sphere
+from atw_mcp.looking.overlay import SIMULATED
+from atw_mcp.looking.plan_view import FOOT, PlanView, round_length, silhouette
+from polyworld.pictures.render import look_at
 from polyworld.trajectory import Trajectory
 from polyworld.world import World
+from polyworld.world.description import Appearance
+from polyworld.world.geometry import quaternion_matrix
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Capsule, Sphere
 
 HEIGHT = 400
 

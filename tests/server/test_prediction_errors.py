@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import cauchy
 
-from atw_mcp.ensemble_answers import query_answer, query_in_words, together
-from atw_mcp.ensembles import Ensemble
-from atw_mcp.prediction_errors import SETTINGS, chances, distance
-from polyworld.predicates import AtRest, InsideRegion
-from polyworld.query import QueryResult, query
-from polyworld.rollout import rollout
+from atw_mcp.probing.ensemble_answers import query_answer, query_in_words, together
+from atw_mcp.probing.ensembles import Ensemble
+from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance
+from polyworld.probing.predicates import AtRest, InsideRegion
+from polyworld.probing.query import QueryResult, query
+from polyworld.solver.rollout import rollout
 from tests.verification.planar_scenes import body, disc, top_view
 
 SPEED, UNTIL, END = 1.0, 0.5, 2.0

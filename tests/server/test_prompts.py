@@ -10,7 +10,7 @@ import anyio
 import pytest
 from mcp.shared.exceptions import MCPError
 
-from atw_mcp.prompting import all_prompts, read_prompt
+from atw_mcp.calls.prompting import all_prompts, read_prompt
 from atw_mcp.server import all_tools
 from tests.server.connections import TRANSPORTS, Mode, connection
 

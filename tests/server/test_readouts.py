@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atw_mcp import readouts
-from atw_mcp.intervals import Span
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Plane, Sphere
+from atw_mcp.calls.intervals import Span
+from atw_mcp.probing import readouts
 from polyworld.trajectory import Event, Rollout, Trajectory
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Plane, Sphere
 
 FRAME = 0.04
 SPAN = Span(0.0, 1.0, FRAME)

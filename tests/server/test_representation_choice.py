@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atw_mcp.parts import Parts
-from atw_mcp.representation_choice import choose
-from polyworld.shapes import Box
-from polyworld.tracks import ObservedTracks
+from atw_mcp.worlds.parts import Parts
+from atw_mcp.worlds.representation_choice import choose
+from polyworld.data.tracks import ObservedTracks
+from polyworld.world.shapes import Box
 
 COUNT = 12
 

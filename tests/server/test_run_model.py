@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from atw_mcp import model_runs
 from atw_mcp.models import PredictedDepth, PredictedMasks, PredictedPoints, Prompt, Provenance
 from atw_mcp.models.folders import ModelFolder
+from atw_mcp.observation import model_runs
 from atw_mcp.perception.import_images import DepthMaps
 from tests.models import tiny
 from tests.server.calls import Session

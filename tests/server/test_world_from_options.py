@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from atw_mcp.gap_options import EXAMPLES, add_world_options
-from atw_mcp.world_from_options import world_of
-from polyworld.shapes import Box, Cylinder, Plane, Sphere
+from atw_mcp.gap.options import EXAMPLES, add_world_options
+from atw_mcp.gap.world_from_options import world_of
 from polyworld.world import World
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
 
 
 def made(*given: str) -> World:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.representations.attachment import Attachment
-from polyworld.representations.cloth import Cloth, Sheet
-from polyworld.shapes import Plane
 from polyworld.solver.coupled.simulator import CoupledSimulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, StaticObject, World
+from polyworld.world.representations.attachment import Attachment
+from polyworld.world.representations.cloth import Cloth, Sheet
+from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
 

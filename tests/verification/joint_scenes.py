@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.representations.joint import Ball, Fixed, Hinge, Slider, Spring
-from polyworld.representations.rigid import RigidObject
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import Environment, StaticObject, TimeBase, World
+from polyworld.world import Environment, StaticObject, TimeBase, World, geometry
+from polyworld.world.representations.joint import Ball, Fixed, Hinge, Slider, Spring
+from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 G = 9.81  # [m/s^2]

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Cylinder, Plane
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Cylinder, Plane
 
 Array = NDArray[np.float64]
 G = 9.81

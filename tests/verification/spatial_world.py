@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Plane
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
 

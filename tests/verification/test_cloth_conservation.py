@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from tests.polyworld.cloth.cloth_loop import ClothLoop
+from tests.polyworld.solver.cloth.cloth_loop import ClothLoop
 from tests.verification.cloth_meshes import scattered, sheet
 
 CLOTH = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from polyworld import World, rollout
-from tests.polyworld.cloth.cloth_loop import ClothLoop
+from tests.polyworld.solver.cloth.cloth_loop import ClothLoop
 from tests.verification.cloth_meshes import scattered, sheet
 
 

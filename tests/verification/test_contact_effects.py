@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Rope
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Plane, Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Effect, Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Rope
+from polyworld.world.shapes import Box, Plane, Sphere
 
 Array = NDArray[np.float64]
 R = 0.1

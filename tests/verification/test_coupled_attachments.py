@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.representations.attachment import Attachment, Region
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box, Sphere
 from polyworld.world import World
+from polyworld.world.representations.attachment import Attachment, Region
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, Sphere
 from tests.verification.coupled_world import GRAVITY, VACUUM, WEIGHTLESS, Run, pinned_corners, sheet
 
 BAR = {

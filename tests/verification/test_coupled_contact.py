@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.meshing import mesh_of
-from polyworld.representations.attachment import Attachment
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box, Compound, ConvexMesh, Cylinder, Part, Sphere, TriangleMesh
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.attachment import Attachment
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, Compound, ConvexMesh, Cylinder, Part, Sphere, TriangleMesh
 from tests.verification.coupled_world import FLOOR, GRAVITY, VACUUM, WEIGHTLESS, Run, pinned_corners, sheet, slope
 
 Array = NDArray[np.float64]

@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.meshing import mesh_of
-from polyworld.representations.attachment import Attachment
-from polyworld.representations.cloth import Cloth, Sheet
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Sphere
 from polyworld.solver.coupled.contact_obstacles import surface_edges
 from polyworld.world import Environment, MotionPlane, World
+from polyworld.world.representations.attachment import Attachment
+from polyworld.world.representations.cloth import Cloth, Sheet
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Sphere
 from tests.verification.coupled_world import FLOOR, VACUUM, Run, pinned_corners, sheet
 
 Array = NDArray[np.float64]

@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from polyworld.effects import CATALOGUE
-from polyworld.parameters import read_parameter, with_parameters
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World
+from polyworld.world.parameters import read_parameter, with_parameters
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Sphere
 from tests.verification import planar_scenes, rope_world
 from tests.verification.spatial_world import FLOOR, make_world
 

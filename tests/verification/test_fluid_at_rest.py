@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.shapes import Box, Plane
 from polyworld.world import StaticObject
-from tests.polyworld.fluid.scenes import GRAVITY, Run, plane_world, pool
+from polyworld.world.shapes import Box, Plane
+from tests.polyworld.solver.fluid.scenes import GRAVITY, Run, plane_world, pool
 
 
 @pytest.mark.parametrize("cell", [0.02, 0.04])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Compound, Part, Sphere
 from polyworld.world import World
-from tests.polyworld.fluid.scenes import GRAVITY, Run, plane_world, pool
+from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Compound, Part, Sphere
+from tests.polyworld.solver.fluid.scenes import GRAVITY, Run, plane_world, pool
 
 
 def _raft(density: float, z: float, *, half: float = 0.2) -> RigidObject:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, TriangleMesh
+from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, StaticObject, TimeBase, World
-from tests.polyworld.fluid.scenes import GRAVITY, Run
+from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box, TriangleMesh
+from tests.polyworld.solver.fluid.scenes import GRAVITY, Run
 
 
 def _block(x: float, y: float, z: float) -> Fluid:

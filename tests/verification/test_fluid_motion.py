@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from polyworld.representations.fluid import FluidVolume
-from polyworld.shapes import Box, ConvexMesh
 from polyworld.world import StaticObject
-from tests.polyworld.fluid.scenes import GRAVITY, Run, plane_world, pool
+from polyworld.world.representations.fluid import FluidVolume
+from polyworld.world.shapes import Box, ConvexMesh
+from tests.polyworld.solver.fluid.scenes import GRAVITY, Run, plane_world, pool
 
 MARTIN_MOYCE = Path(__file__).parents[2].parent / "shared/data/dam_break/martin_moyce_1952_a2.25in.csv"
 

@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.meshing import mesh_of
-from polyworld.representations.attachment import Attachment, Region
-from polyworld.representations.cloth import Cloth, Sheet
-from polyworld.representations.fluid import Fluid, FluidGrid, FluidVolume
-from polyworld.rollout import simulator
-from polyworld.shapes import Box
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
-from tests.polyworld.fluid.scenes import GRAVITY
+from polyworld.world.representations.attachment import Attachment, Region
+from polyworld.world.representations.cloth import Cloth, Sheet
+from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
+from polyworld.world.shapes import Box
+from tests.polyworld.solver.fluid.scenes import GRAVITY
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld.representations.joint import Hinge, Spring
-from polyworld.shapes import Box, Sphere
 from polyworld.world import Effect, StaticObject, World
+from polyworld.world.representations.joint import Hinge, Spring
+from polyworld.world.shapes import Box, Sphere
 from tests.verification.joint_scenes import G, body, energy, linked, moved
 
 Array = NDArray[np.float64]

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld.parameters import read_parameter, with_parameters
-from polyworld.representations.joint import Hinge, Motor, Slider
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, TimeBase, World
+from polyworld.world.parameters import read_parameter, with_parameters
+from polyworld.world.representations.joint import Hinge, Motor, Slider
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 G = 9.81

@@ -9,10 +9,10 @@ import pytest
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
-from polyworld.interventions import Move, branch
-from polyworld.parameters import read_parameter, with_parameters
-from polyworld.rollout import simulator
+from polyworld.edits.interventions import Move, branch
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
+from polyworld.world.parameters import read_parameter, with_parameters
 
 STIFFNESS, MASS, LENGTH = 25.0, 2.0, 0.3
 TIMES = np.linspace(0.0, 1.5, 31)

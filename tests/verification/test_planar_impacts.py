@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, ConvexMesh, Sphere, Wall
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, ConvexMesh, Sphere, Wall
 from tests.verification.planar_scenes import G, body, disc, run, side_view, top_view
 
 Array = NDArray[np.float64]

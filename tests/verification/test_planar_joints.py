@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Capsule, Cylinder, Sphere, Wall
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Capsule, Cylinder, Sphere, Wall
 from tests.verification.planar_scenes import SIDE_VIEW, G, body, run, top_view
 
 Array = NDArray[np.float64]

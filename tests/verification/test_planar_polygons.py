@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from polyworld.shapes import Box
+from polyworld.world.shapes import Box
 from tests.verification.planar_scenes import body, run, top_view
 
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, MotionPlane, World
+from polyworld.world.shapes import Box, Cylinder, Sphere
 from tests.verification.planar_scenes import G, body, disc, run, side_view, top_view
 
 

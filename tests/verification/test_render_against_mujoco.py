@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from polyworld.camera import Camera
-from polyworld.render import Picture, render
-from polyworld.representations.rigid import RigidObject
+from polyworld.pictures.render import Picture, render
 from polyworld.world import World
+from polyworld.world.camera import Camera
+from polyworld.world.representations.rigid import RigidObject
 
 
 @pytest.fixture(scope="module")

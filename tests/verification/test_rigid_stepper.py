@@ -9,15 +9,14 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.representations.joint import Fixed, Hinge, Slider
-from polyworld.representations.rope import Rope
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Capsule, Plane, Sphere
 from polyworld.solver.arrays import rigid_arrays
+from polyworld.solver.rollout import simulator
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.solver.spatial.stepper import RigidStepper
-from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World, geometry
+from polyworld.world.representations.joint import Fixed, Hinge, Slider
+from polyworld.world.representations.rope import Rope
+from polyworld.world.shapes import Box, Capsule, Plane, Sphere
 from tests.scenes.six_bodies import six_body_world
 from tests.verification.joint_scenes import body, linked, turned
 

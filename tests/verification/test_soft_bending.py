@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box
 from polyworld.world import Environment, MotionPlane
-from tests.polyworld.soft.stepping import Bench
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box
+from tests.polyworld.solver.soft.stepping import Bench
 
 LENGTH, DEPTH, E, DENSITY = 1.0, 0.1, 1e5, 1000.0
 INERTIA = DEPTH**4 / 12.0

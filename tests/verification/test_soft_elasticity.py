@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box
 from polyworld.world import Environment, MotionPlane
-from tests.polyworld.soft.stepping import Bench
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box
+from tests.polyworld.solver.soft.stepping import Bench
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Box
 from polyworld.world import Environment, MotionPlane
-from tests.polyworld.soft.stepping import Bench
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Box
+from tests.polyworld.solver.soft.stepping import Bench
 
 E, NU, YIELD = 1e6, 0.3, 1e4
 SIDE_VIEW = Environment(motion_plane=MotionPlane(normal=(0.0, -1.0, 0.0), supports=False))

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.meshing.soft_elements import QuadraticMesh
-from polyworld.representations.soft import Soft
-from polyworld.shapes import Sphere
 from polyworld.solver.soft.spectrum import shape_gradients
-from tests.polyworld.soft.stepping import Bench
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Sphere
+from tests.polyworld.solver.soft.stepping import Bench
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.closest_approach import closest_approach
-from polyworld.rollout import rollout
-from polyworld.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Part, Sphere, TriangleMesh
-from polyworld.world import StaticObject
+from polyworld.probing.closest_approach import closest_approach
+from polyworld.solver.rollout import rollout
+from polyworld.world import StaticObject, geometry
+from polyworld.world.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Part, Sphere, TriangleMesh
 from tests.verification.spatial_world import GRAVITY, body, make_world, run
 
 Array = NDArray[np.float64]

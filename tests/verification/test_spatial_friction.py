@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from polyworld import geometry
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.trajectory import BatchTrajectory
+from polyworld.world import geometry
+from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run, slope
 
 CUBE = Box(half_extents=(0.1, 0.1, 0.1))

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from polyworld import geometry
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere, Wall
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Capsule, Cylinder, Plane, Sphere, Wall
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
 SPACE = (0.0, 0.0, 0.0)

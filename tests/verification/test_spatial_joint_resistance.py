@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld import geometry
-from polyworld.representations.joint import Ball, Hinge, Motor, Slider, Spring
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.world import geometry
+from polyworld.world.representations.joint import Ball, Hinge, Motor, Slider, Spring
+from polyworld.world.shapes import Box, Cylinder, Sphere
 from tests.verification.joint_scenes import G, body, energy, linked, momentum, moved, turned, upward_crossings
 
 Y = (0.0, 1.0, 0.0)

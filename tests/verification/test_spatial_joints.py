@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from polyworld import geometry
-from polyworld.representations.joint import Ball, Fixed, Hinge
-from polyworld.shapes import Box, Cylinder, Plane, Sphere
 from polyworld.solver.spatial.simulator import SpatialSimulator
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.representations.joint import Ball, Fixed, Hinge
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
 from tests.verification.joint_scenes import (
     G,
     body,

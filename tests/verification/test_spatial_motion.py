@@ -5,9 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from polyworld import geometry
-from polyworld.shapes import Box, ConvexMesh, Sphere
-from polyworld.world import Effect
+from polyworld.world import Effect, geometry
+from polyworld.world.shapes import Box, ConvexMesh, Sphere
 from tests.verification.spatial_world import GRAVITY, body, make_world, run
 
 

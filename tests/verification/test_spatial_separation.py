@@ -10,14 +10,13 @@ import pytest
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from polyworld import geometry
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 from polyworld.solver.references import by_reference
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.separation import separating_direction, separation
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 
 wp.set_module_options(OPTIONS)
 

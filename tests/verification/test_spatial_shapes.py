@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from polyworld import geometry
-from polyworld.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
-from polyworld.world import StaticObject
+from polyworld.world import StaticObject, geometry
+from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
 CORNERS = np.array(list(itertools.product([-1.0, 1.0], repeat=3)))

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from polyworld.parameters import parameter_paths, read_parameter, with_parameters
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Rope
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Plane, Sphere, Wall
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Rope
+from polyworld.world.shapes import Box, Plane, Sphere, Wall
 
 R = 0.1
 SPEED = 2.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polyworld.rollout import rollout, simulator
+from polyworld.solver.rollout import rollout, simulator
 from polyworld.world import World
 
 AMPLITUDE, FREQUENCY, PHASE = 1.5, 0.7, 0.4

@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld.representations.joint import Ball, Hinge, Motor, Slider
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Sphere
 from polyworld.world import Effect, World
+from polyworld.world.representations.joint import Ball, Hinge, Motor, Slider
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Sphere
 from tests.verification.joint_scenes import G, body, energy, linked, momentum, moved
 
 Array = NDArray[np.float64]

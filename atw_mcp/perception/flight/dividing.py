@@ -13,8 +13,8 @@ from atw_mcp.perception.flight.evidence import Motion, energy_gains, evidences, 
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid
 from atw_mcp.perception.flight.surfaces import Surface, allowed, within
-from polyworld.camera import Camera
-from polyworld.geometry import circumscribed_radius
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import circumscribed_radius
 
 Floats = NDArray[np.float64]
 

@@ -17,11 +17,11 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.silhouettes import SolidKind, lift_of
 from atw_mcp.perception.tracks import costs_of_rest, kind_and_size, world_tracks
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled
-from polyworld.camera import Camera
-from polyworld.geometry import circumscribed_radius, equivalent_radius, quaternion_matrix
-from polyworld.shapes import Cylinder
-from polyworld.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import circumscribed_radius, equivalent_radius, quaternion_matrix
+from polyworld.world.shapes import Cylinder
 
 Floats = NDArray[np.float64]
 Corners = tuple[tuple[float, float, float], ...]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from atw_mcp.perception.depth_tracks import surface_area
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.silhouettes import trusted_outline
-from polyworld.camera import Camera
-from polyworld.geometry import equivalent_radius
-from polyworld.shapes import Box, Cylinder, Sphere
+from polyworld.world.camera import Camera
+from polyworld.world.geometry import equivalent_radius
+from polyworld.world.shapes import Box, Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 Solid = Sphere | Box | Cylinder

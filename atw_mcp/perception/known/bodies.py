@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.background import Array32, Mask
 from atw_mcp.perception.known.settings import SETTINGS
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
 

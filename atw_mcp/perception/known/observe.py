@@ -31,7 +31,7 @@ from atw_mcp.perception.known.unchanged import unchanged
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.observe import describe, enlarged, reduced
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
-from polyworld.camera import Camera
+from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from polyworld.settings_checks import require_positive, require_shares
+from polyworld.world.settings_checks import require_positive, require_shares
 
 SHARES = (
     *(

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.tracks import ObservedTracks, without_spread
 from polyworld.estimation.world_fit.observed import Entries, observed_entries, sample_times
-from polyworld.tracks import ObservedTracks, without_spread
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World
 

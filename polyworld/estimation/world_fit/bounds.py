@@ -12,7 +12,7 @@ from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import FitResult
 from polyworld.estimation.world_fit.search import Cancelled
 from polyworld.estimation.world_fit.settings import WideningSettings
-from polyworld.parameters import specification
+from polyworld.world.parameters import specification
 
 
 def refit_with_wider_bounds(

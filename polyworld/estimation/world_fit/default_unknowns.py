@@ -6,16 +6,15 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from polyworld import geometry
+from polyworld.data.initial_states import InitialState
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.slowing import started_from_slowing
 from polyworld.expressions.effect import law_of
-from polyworld.initial_states import InitialState
-from polyworld.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS
-from polyworld.parameters import read_parameter, specification
-from polyworld.tracks import ObservedTracks
-from polyworld.world import Deformable, World
+from polyworld.world import Deformable, World, geometry
+from polyworld.world.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS
+from polyworld.world.parameters import read_parameter, specification
 
 # What the motion of each material shows best, fitted unless asked otherwise.
 MATERIAL: dict[str, tuple[str, ...]] = {
@@ -49,7 +48,7 @@ def default_unknowns(
     """List the unknowns of a fit of `world` to `tracks`, only those that the tracks can show.
 
     shared: object parameters that get one value for all objects; each: one value per object. Both name fields
-    of `polyworld.parameters.OBJECT_PARAMETERS`. Of the objects that may touch each other the mass of the
+    of `polyworld.world.parameters.OBJECT_PARAMETERS`. Of the objects that may touch each other the mass of the
     first is kept, since motion shows only ratios, and is the unit of the others. initial_conditions: position,
     velocity, rotation and spin of every object that moves at first, position and rotation of those that are
     moved later, shift and velocity of soft bodies that nothing holds. effects: coefficients of the world's enabled

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from polyworld.data.initial_states import InitialState, initial_states
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.contacts import possible_contacts
-from polyworld.initial_states import InitialState, initial_states
-from polyworld.parameter_tables import DEFORMABLE_PARAMETERS
-from polyworld.tracks import ObservedTracks
 from polyworld.world import World
+from polyworld.world.parameter_tables import DEFORMABLE_PARAMETERS
 
 
 @dataclass(frozen=True)

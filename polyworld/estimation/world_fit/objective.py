@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit.observed import Entries, observed_entries, sample_times
-from polyworld.readouts import object_mesh
-from polyworld.representations.rigid import RigidObject
-from polyworld.tracks import ObservedTracks
+from polyworld.probing.readouts import object_mesh
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

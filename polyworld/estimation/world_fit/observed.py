@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.readouts import Centreline, check_readable, read
-from polyworld.shape_series import ShapeSeries
-from polyworld.symmetry import smallest_rotation, turn_about
-from polyworld.tracks import ObservedTracks
+from polyworld.data.shape_series import ShapeSeries
+from polyworld.data.tracks import ObservedTracks
+from polyworld.probing.readouts import Centreline, check_readable, read
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.symmetry import smallest_rotation, turn_about
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -12,15 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.settings import OrdinarySettings
 from polyworld.estimation.world_fit.support import Support, supports
-from polyworld.parameters import read_parameter, specification
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Capsule, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
 from polyworld.world import World
+from polyworld.world.parameters import read_parameter, specification
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Capsule, Cylinder, Sphere
 
 
 def plausible_unknowns(

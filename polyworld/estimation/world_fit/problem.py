@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, errors
 from polyworld.estimation.world_fit.determinable import reasons_undeterminable
@@ -18,13 +19,12 @@ from polyworld.estimation.world_fit.result import FitResult, FittedValue, LossPo
 from polyworld.estimation.world_fit.search_space import SearchSpace
 from polyworld.estimation.world_fit.sensitivity import Sensitivity, sensitivity
 from polyworld.estimation.world_fit.support_constraints import SupportConstraint
-from polyworld.parameters import specification, with_parameters
-from polyworld.readouts import object_mesh
-from polyworld.representations.fluid import Fluid
-from polyworld.rollout import Simulator, simulator
-from polyworld.tracks import ObservedTracks
+from polyworld.probing.readouts import object_mesh
+from polyworld.solver.rollout import Simulator, simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
+from polyworld.world.parameters import specification, with_parameters
+from polyworld.world.representations.fluid import Fluid
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ BYTES_OF_BODY, BYTES_OF_POINT = 104, 48  # pose and rates, and position and velo
 
 
 class MakeSimulator(Protocol):
-    """Anything that makes a simulator as `polyworld.rollout.simulator` does."""
+    """Anything that makes a simulator as `polyworld.solver.rollout.simulator` does."""
 
     def __call__(self, world: World, sample_times: Array, *, n_worlds: int) -> Simulator: ...
 

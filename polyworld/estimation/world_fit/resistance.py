@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.multistart import Start
@@ -25,9 +26,8 @@ from polyworld.estimation.world_fit.refine import GOOD, descend
 from polyworld.estimation.world_fit.result import Status
 from polyworld.estimation.world_fit.search import Cancelled
 from polyworld.estimation.world_fit.settings import ResistanceSettings
-from polyworld.parameters import specification
-from polyworld.tracks import ObservedTracks
 from polyworld.world import Effect, World
+from polyworld.world.parameters import specification
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.support_constraints import SupportConstraint
-from polyworld.parameters import check_differs_per_world, specification
 from polyworld.world import World
+from polyworld.world.parameters import check_differs_per_world, specification
 
 Array = NDArray[np.float64]
 

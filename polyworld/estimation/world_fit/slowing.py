@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.initial_states import InitialState
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
-from polyworld.initial_states import InitialState
-from polyworld.parameters import object_mass, read_parameter
-from polyworld.tracks import ObservedTracks
 from polyworld.world import World
+from polyworld.world.parameters import object_mass, read_parameter
 
 Array = NDArray[np.float64]
 

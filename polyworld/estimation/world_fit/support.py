@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.initial_states import InitialState, initial_states
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit.settings import SupportSettings
-from polyworld.initial_states import InitialState, initial_states
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Capsule, Cylinder, Plane, Sphere
-from polyworld.tracks import ObservedTracks
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Capsule, Cylinder, Plane, Sphere
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit.settings import SupportSettings
 from polyworld.estimation.world_fit.support import Support, supports
-from polyworld.events import REST_SPEED
-from polyworld.parameters import read_parameter
-from polyworld.tracks import ObservedTracks
-from polyworld.world import World
+from polyworld.trajectory.events import REST_SPEED
+from polyworld.world import World, geometry
+from polyworld.world.parameters import read_parameter
 
 Array = NDArray[np.float64]
 

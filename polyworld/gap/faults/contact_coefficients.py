@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import by_value, of_path, one_start
 from polyworld.gap.conditions import conditions
-from polyworld.parameters import read_parameter
-from polyworld.recording import Recording
 from polyworld.world import World
+from polyworld.world.parameters import read_parameter
 
 if TYPE_CHECKING:
     from polyworld.estimation.fit_context import FitContext, FittedHypothesis

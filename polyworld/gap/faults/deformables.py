@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import by_value, one_start
-from polyworld.recording import Recording
 from polyworld.world import World
 
 ROPES = frozenset({"rope", "rope_planar"})

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start
 from polyworld.gap.conditions import conditions
-from polyworld.recording import Recording
 from polyworld.world import World
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
+from polyworld.data.recording import Recording
 from polyworld.effects.absence import coordinates
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.candidate import Candidate, Variant
@@ -15,11 +15,10 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach
 from polyworld.gap.kinks import Kink, kinks
-from polyworld.parameters import object_mass
-from polyworld.recording import Recording
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Plane, Sphere
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.parameters import object_mass
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Plane, Sphere
 
 Array = NDArray[np.float64]
 

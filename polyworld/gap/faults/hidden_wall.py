@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from polyworld import geometry
+from polyworld.data.recording import Recording
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach, tracks
 from polyworld.gap.kinks import Kink, kinks
-from polyworld.recording import Recording
-from polyworld.shapes import Plane
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.effects.absence import WIDE
 from polyworld.effects.conditions import SHARE, Conditions
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start, with_parts
 from polyworld.gap.conditions import conditions, moment_arm
-from polyworld.parameters import parameter_paths
-from polyworld.recording import Recording
-from polyworld.representations.joint import Hinge, Motor, Slider
 from polyworld.world import World
+from polyworld.world.parameters import parameter_paths
+from polyworld.world.representations.joint import Hinge, Motor, Slider
 
 SLOW = 0.3  # delay of a servo that is still ordinary [s]
 

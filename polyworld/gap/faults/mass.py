@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start
 from polyworld.gap.conditions import conditions
-from polyworld.parameters import object_mass
-from polyworld.recording import Recording
-from polyworld.representations.rigid import RigidObject
 from polyworld.world import World
+from polyworld.world.parameters import object_mass
+from polyworld.world.representations.rigid import RigidObject
 
 RATIO = 30.0  # by which a mass may be wrong either way
 

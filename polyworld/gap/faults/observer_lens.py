@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import one_start
 from polyworld.gap.faults.observer_scale_and_time import measured_axes, observed, of_observer
-from polyworld.recording import Recording
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import of_path, one_start, with_parts
 from polyworld.gap.dropped_frames import score_test_dropped_frames
-from polyworld.observer import MARGIN, Observer
-from polyworld.recording import Recording, Run
 from polyworld.world import World
+from polyworld.world.observer import MARGIN, Observer
 
 WRONG_UNIT = 0.3  # share by which a unit is wrong: film of 24 frames a second shown at 30, a yard taken for a metre
 FRAMES = 10.0  # that are ordinarily missed, or by which a recording ordinarily begins late

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.meshing.mesh import DeformableMesh
-from polyworld.representations.cloth import Cloth, Sheet
+from polyworld.world.representations.cloth import Cloth, Sheet
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]

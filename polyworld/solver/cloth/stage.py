@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from polyworld.meshing import mesh_of
 from polyworld.meshing.mesh import DeformableMesh
-from polyworld.representations.cloth import Cloth
 from polyworld.solver.cloth import bending, damping, forces
 from polyworld.solver.cloth.damping import stages_for
 from polyworld.solver.cloth.geometry import ClothGeometry, cloth_geometry
@@ -21,6 +20,7 @@ from polyworld.solver.cloth.stability import EDGES, ClothFrequencies, director_s
 from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.world import World
+from polyworld.world.representations.cloth import Cloth
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
-from polyworld.representations.attachment import Attachment
 from polyworld.world import World
+from polyworld.world.representations.attachment import Attachment
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]

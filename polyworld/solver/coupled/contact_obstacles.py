@@ -10,7 +10,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
-from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
@@ -18,6 +17,7 @@ from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.world import World
+from polyworld.world.representations.rope import Rope
 
 # Of its radius. A rope that lay on a wheel with the middles of its segments could swing in zigzag about them; where
 # the nodes touch, it cannot.

@@ -7,10 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.parameter_tables import DEFORMABLE_PARAMETERS, DEFORMABLE_STATE, EMITTER_PARAMETERS, PULLEY_PARAMETERS
-from polyworld.parameters import read_parameter, specification
 from polyworld.solver.coupled.nodes import Fields
 from polyworld.world import World
+from polyworld.world.parameter_tables import (
+    DEFORMABLE_PARAMETERS,
+    DEFORMABLE_STATE,
+    EMITTER_PARAMETERS,
+    PULLEY_PARAMETERS,
+)
+from polyworld.world.parameters import read_parameter, specification
 
 Array = NDArray[np.float64]
 

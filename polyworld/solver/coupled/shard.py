@@ -9,7 +9,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
-from polyworld.parameter_tables import DEFORMABLE_STATE
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled import motion
 from polyworld.solver.coupled.assembly import allocate_nodes, clock_of, fluid_of, stages_of, write_in_place
@@ -23,6 +22,7 @@ from polyworld.solver.coupled.stage import Paced
 from polyworld.solver.time_table import TimeTable
 from polyworld.trajectory import Event
 from polyworld.world import World
+from polyworld.world.parameter_tables import DEFORMABLE_STATE
 
 if TYPE_CHECKING:
     from polyworld.solver.fluid.solver import FluidSolver

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class CoupledSimulator:
-    """See `polyworld.rollout.simulator`. Each thread runs a shard of the worlds; they share nothing."""
+    """See `polyworld.solver.rollout.simulator`. Each thread runs a shard of the worlds; they share nothing."""
 
     def __init__(
         self,

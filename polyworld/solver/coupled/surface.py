@@ -9,8 +9,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh
-from polyworld.representations.cloth import Cloth
-from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.contact_layout import Bounds, Found, Surface
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface_grid import make_grid
@@ -23,6 +21,8 @@ from polyworld.solver.coupled.surface_pairs import (
     take_pairs,
 )
 from polyworld.world import World
+from polyworld.world.representations.cloth import Cloth
+from polyworld.world.representations.rope import Rope
 
 Ints = NDArray[np.int32]
 

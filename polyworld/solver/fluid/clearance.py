@@ -6,10 +6,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.solver.fluid.covering import distances
 from polyworld.solver.fluid.scene import build_solids
-from polyworld.world import World
+from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing import DeformableMesh, mesh_of
-from polyworld.representations.cloth import Cloth
-from polyworld.representations.fluid import Fluid
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
 from polyworld.solver.fluid.immersed import LINE, SHEET, SOFT, Samples
 from polyworld.solver.fluid.layout import PER_AXIS
 from polyworld.world import World
+from polyworld.world.representations.cloth import Cloth
+from polyworld.world.representations.fluid import Fluid
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,11 @@ import trimesh
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.fluid import layout
 from polyworld.solver.fluid.distance import OPEN_MESH
 from polyworld.solver.spatial import layout as rigid
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.meshing.fluid import fluid_particles
-from polyworld.representations.fluid import Fluid
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.fluid import (
     bodies,
@@ -30,6 +29,7 @@ from polyworld.solver.fluid.scene import build_grid, build_solids
 from polyworld.solver.fluid.supply import build_sources, particles_needed
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
+from polyworld.world.representations.fluid import Fluid
 
 Array = NDArray[np.float64]
 

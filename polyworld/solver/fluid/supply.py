@@ -8,9 +8,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.representations.fluid import Drain, Emitter
 from polyworld.solver.fluid.sources import Sources
 from polyworld.world import World
+from polyworld.world.representations.fluid import Drain, Emitter
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The planar rigid solver: one thread a world, the whole rollout inside one kernel."""
+"""The planar rigid solver: one thread a world, `step.py` is the page that reads like the algorithm."""
 
 from polyworld.solver.planar.simulator import PlanarSimulator
 

@@ -9,15 +9,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.expressions.effect import effect_programs
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Plane, Wall
 from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.effect_forces import forces_among
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.solver.time_table import Schedules
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Plane, Wall
 
 Array = NDArray[np.float64]
 

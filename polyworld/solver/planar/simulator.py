@@ -10,19 +10,18 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
-from polyworld.solver.planar.kernel import rollout
 from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.solver.planar.records import Bodies, Contacts, Log, References, Row, Samples, Scene
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
+from polyworld.solver.planar.step import rollout
 from polyworld.solver.references import by_reference
 from polyworld.solver.thread_pool import run_in_pool, shares
 from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
-from polyworld.world import World
+from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 
@@ -60,7 +59,7 @@ def available_cores() -> int:
 
 
 class PlanarSimulator:
-    """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run.
+    """See `polyworld.solver.rollout.simulator`. Buffers are allocated once and written in place on every run.
 
     Bodies and statics are their outlines on the motion plane. A pair can meet only if their extents along the
     plane's normal overlap at the start; a static plane counts where it cuts the motion plane. Pressing on the
@@ -108,7 +107,7 @@ class PlanarSimulator:
         samples: int | NDArray[np.int64] | None = None,
         schedule: NDArray[np.int64] | None = None,
     ) -> BatchTrajectory:
-        """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
+        """Roll variants out from their initial state; see `polyworld.solver.rollout.Simulator`."""
         return self._trajectory(self.roll(overrides, samples=samples, schedule=schedule))
 
     def roll(

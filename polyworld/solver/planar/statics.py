@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.shapes import Plane
 from polyworld.solver.arrays import RigidArrays
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
 

@@ -9,17 +9,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld import geometry
 from polyworld.meshing.rope import Threading, threading, unit_axis
-from polyworld.representations.attachment import Attachment
-from polyworld.representations.rope import Rope
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends
 from polyworld.solver.rope.frames import across, curvatures, parallel_angle, reference_frames
 from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
 from polyworld.solver.spatial.layout import Body
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.representations.attachment import Attachment
+from polyworld.world.representations.rope import Rope
 
 Array = NDArray[np.float64]
 

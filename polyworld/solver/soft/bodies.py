@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from polyworld.meshing.soft import soft_form
 from polyworld.meshing.soft_elements import QuadraticMesh
-from polyworld.representations.soft import Soft
 from polyworld.solver.soft import readout, slices, solids, solids_plastic, solids_viscous
 from polyworld.world import World
+from polyworld.world.representations.soft import Soft
 
 Array = NDArray[np.float64]
 

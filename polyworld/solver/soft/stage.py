@@ -9,13 +9,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.representations.soft import Soft
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.soft import damping
 from polyworld.solver.soft.bodies import Kind, SliceKind, SolidKind
 from polyworld.solver.soft.laws import PARAMETERS, laws
 from polyworld.solver.soft.material import Law
 from polyworld.world import World
+from polyworld.world.representations.soft import Soft
 
 Array = NDArray[np.float64]
 

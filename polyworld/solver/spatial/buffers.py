@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from polyworld import geometry
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.effect_forces import forces_among
@@ -19,7 +18,7 @@ from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import build_joints, joint_rows
 from polyworld.solver.spatial.statics import static_poses
 from polyworld.trajectory import Event
-from polyworld.world import World
+from polyworld.world import World, geometry
 
 MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
 EPISODES = 1024  # contact episodes kept for a world; more is an error, not a silence

@@ -2,11 +2,11 @@
 
 import warp as wp
 
-from polyworld.solver.spatial.advance import Joining
 from polyworld.solver.spatial.constraints import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import State
+from polyworld.solver.spatial.step import Joining
 
 
 @wp.func

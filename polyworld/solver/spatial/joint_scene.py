@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from polyworld import geometry
-from polyworld.representations.joint import Ball, Fixed, Hinge, Joint, Slider, Spring
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial import joint_layout
 from polyworld.solver.spatial.tree_scene import build_tree
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.representations.joint import Ball, Fixed, Hinge, Joint, Slider, Spring
 
 Array = NDArray[np.float64]
 

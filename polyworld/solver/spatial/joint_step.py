@@ -10,7 +10,6 @@ the axes is halved in the same way.
 
 import warp as wp
 
-from polyworld.solver.spatial.advance import Joining
 from polyworld.solver.spatial.constraints import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
 from polyworld.solver.spatial.joint_axes import (
@@ -27,6 +26,7 @@ from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forw
 from polyworld.solver.spatial.layout import Body, Row, State
 from polyworld.solver.spatial.motion import remaining, rotated, set_pose, spun
 from polyworld.solver.spatial.rows import push, velocity_along
+from polyworld.solver.spatial.step import Joining
 
 NEWTON_STEPS = 20
 CLOSED = wp.float64(1.0e-12)  # opening of a joint that counts as none [m or rad]

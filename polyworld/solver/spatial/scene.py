@@ -12,10 +12,9 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from polyworld import geometry
-from polyworld.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 from polyworld.solver.spatial import layout
-from polyworld.world import StaticObject, World
+from polyworld.world import StaticObject, World, geometry
+from polyworld.world.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 Array = NDArray[np.float64]
 

@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 
 class SpatialSimulator:
-    """See `polyworld.rollout.simulator`. Buffers are allocated once and written in place on every run."""
+    """See `polyworld.solver.rollout.simulator`. Buffers are allocated once and written in place on every run."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class SpatialSimulator:
         samples: int | NDArray[np.int64] | None = None,
         schedule: NDArray[np.int64] | None = None,
     ) -> BatchTrajectory:
-        """Roll variants out from their initial state; see `polyworld.rollout.Simulator`."""
+        """Roll variants out from their initial state; see `polyworld.solver.rollout.Simulator`."""
         each = check_samples(self.sample_times.shape[1], samples)
         count = int(each.max())
         worlds = check_worlds(self.n_worlds, overrides, schedule)

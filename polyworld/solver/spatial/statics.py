@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.shapes import Plane, Wall
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial.scene import box_orientation
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.shapes import Plane, Wall
 
 Array = NDArray[np.float64]
 

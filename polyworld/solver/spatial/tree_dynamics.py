@@ -13,7 +13,7 @@ from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.motion import rotated
-from polyworld.solver.spatial.step import turning_of
+from polyworld.solver.spatial.prediction import turning_of
 from polyworld.solver.spatial.tree_layout import FREE, Link
 
 SERIES = wp.float64(1.0e-2)  # rotations below this [rad] are small

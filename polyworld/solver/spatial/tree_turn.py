@@ -6,7 +6,7 @@ from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_step import solve_joint_velocities
 from polyworld.solver.spatial.layout import Geometry, Parameters, State
-from polyworld.solver.spatial.step import sweep_bodies
+from polyworld.solver.spatial.prediction import sweep_bodies
 from polyworld.solver.spatial.tree_step import move_tree
 
 NEAREST = wp.float64(1.0 / 16.0)  # part of both steps in which a body near by may be passed without a touch

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design, design
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis
@@ -14,7 +15,6 @@ from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.scenes.discs import Discs, Started, slide
 

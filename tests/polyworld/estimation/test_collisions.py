@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FitContext
@@ -24,7 +25,6 @@ from polyworld.gap.contest import Contest
 from polyworld.gap.search import Search
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.settings import SearchSettings
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.estimation.colliding_discs import bent_run, laid_out, plain, scene, world
 from tests.scenes.discs import Discs, Started, slide

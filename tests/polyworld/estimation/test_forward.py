@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.unknown import Unknown
-from polyworld.geometry import plane_axes
-from polyworld.recording import Recording, Run
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, World
+from polyworld.world.geometry import plane_axes
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 from tests.polyworld.gap_scenes import Bouncing, ball_recording, ball_world, launches
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.descent import Estimate, covariances, first_steps, linearised_centrally, standard_steps
 from polyworld.estimation.design import design
@@ -17,13 +18,12 @@ from polyworld.estimation.run_segments import in_segments
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
-from polyworld.parameters import with_parameters
-from polyworld.recording import Recording, Run
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, Environment, TimeBase, World
+from polyworld.world.parameters import with_parameters
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 from tests.polyworld.estimation.colliding_discs import recordings, scene, world
 from tests.scenes.ball import Ball, Launch, fly
 

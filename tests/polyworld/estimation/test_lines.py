@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.goodness import MODES, projected
 from polyworld.estimation.lines import Line, strongest_line
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.examine import fitted_base
-from polyworld.recording import Recording, Run
 from tests.polyworld.gap_scenes import puck_world
 
 SIGMA = 0.001

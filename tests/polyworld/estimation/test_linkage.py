@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FitContext
@@ -20,7 +21,6 @@ from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.segment_context import segment_context
-from polyworld.recording import Recording, Run
 from polyworld.world import TimeBase, World
 
 Array = NDArray[np.float64]

@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.noise import Noise, measured_noise, refined_noise
 from polyworld.estimation.sample_outliers import outliers
-from polyworld.recording import Recording, Run
 from tests.polyworld.linear_case import (
     Array,
     Design,

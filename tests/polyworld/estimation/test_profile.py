@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.estimation.thrown_ball import DRAG, MASS, RADIUS, G, ball_world, thrown
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.noise import measured_noise
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 PIXEL = 0.005  # [m]

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.run_segments import MOST, in_segments
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.cautions import cautions
 from polyworld.gap.single_coordinate import is_single_coordinate
-from polyworld.recording import Recording, Run
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Sphere
+from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, World
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 from tests.polyworld.gap_scenes import RADIUS, Bouncing, G, Launch, ball_recording, ball_world, puck_world
 
 DRAG = 0.12  # [1/s]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.hypothesis import Hypothesis, extended
@@ -17,7 +18,6 @@ from polyworld.gap.catalogue import catalogue
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.sensitive_runs import sensitive_runs
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.estimation.colliding_discs import bent_run, laid_out, plain, scene, world
 from tests.scenes.discs import Started, slide

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.examine import fitted_base
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording, Run
 from tests.polyworld.estimation.colliding_discs import FRICTION, RESTITUTION, SIGMA, recordings, scene, world
 from tests.scenes.discs import Discs, Started, slide
 

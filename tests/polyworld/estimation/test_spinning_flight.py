@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Run
 from polyworld.estimation.states import state_coordinates
-from polyworld.recording import Run
 from polyworld.world import World
 
 TIMES = np.arange(60) / 120.0

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from polyworld.estimation.rotation_counting import counted_angles, counted_vectors
-from polyworld.symmetry import rotation_vector
+from polyworld.world.symmetry import rotation_vector
 
 TIMES = np.arange(0.0, 1.5, 1 / 60)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.descent import Estimate
 from polyworld.estimation.design import design
@@ -18,7 +19,6 @@ from polyworld.estimation.refitting import fit_near
 from polyworld.estimation.variable_projection import asked_for, profiled
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording, Run
 from tests.polyworld.estimation.colliding_discs import scene, started, world
 from tests.scenes.discs import slide
 

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FitContext
@@ -13,10 +14,9 @@ from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.score_test import score_test_starts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.kinks import kinks
-from polyworld.parameters import parameter_paths, read_parameter
-from polyworld.recording import Recording, Run
-from polyworld.rollout import simulator
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
+from polyworld.world.parameters import parameter_paths, read_parameter
 from tests.polyworld import gap_scenes as scenes
 from tests.polyworld.gap_scenes import Bouncing
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.design import design
 from polyworld.gap.cautions import cautions
-from polyworld.recording import Recording
 from polyworld.world import World
 from tests.polyworld.gap_scenes import Bouncing, ball_recording, ball_world, launches
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import extended
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.dropped_frames import score_test_dropped_frames
 from polyworld.gap.examine import fitted_base
-from polyworld.recording import Recording, Run
 from tests.polyworld.gap_scenes import ball_world
 
 RATE, ONSET, DROPPED = 100.0, 0.7, 3  # frames a second, seconds, frames

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward
@@ -10,7 +11,6 @@ from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.experiment import Contender, propose_experiment
 from polyworld.gap.settings import ExperimentSettings
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.estimation.thrown_ball import ball_world, thrown
 

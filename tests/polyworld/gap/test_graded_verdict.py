@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.checks import Check, lowered
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.settings import DecisionSettings
-from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
 QUIET = GapSettings(null_control=False, experiment=False, residual_force=False)

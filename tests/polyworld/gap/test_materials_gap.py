@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward, Settings
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
-from polyworld.recording import Recording, Run
 from tests.scenes.fluids import filling, filling_case, sinking_case, swaying_case
 from tests.scenes.materials import Case, falling_case, rope_case, strip_case, swinging_case
 

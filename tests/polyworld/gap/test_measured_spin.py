@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.forward import Forward
 from polyworld.estimation.noise import measured_noise
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.null_control import simulated_recording
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 
 Array = NDArray[np.float64]

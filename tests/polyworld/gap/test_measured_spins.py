@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Array, Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.unknown import Unknown
@@ -14,7 +15,6 @@ from polyworld.gap.catalogue import named
 from polyworld.gap.cautions import cautions
 from polyworld.gap.experiment import Contender, propose_experiment
 from polyworld.gap.held_out import held_out_gap
-from polyworld.recording import Array, Recording, Run
 from polyworld.world import World
 
 G, MASS, LIFT = 9.81, 0.0027, 3e-5  # [m/s^2], [kg], [kg]

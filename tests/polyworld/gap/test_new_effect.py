@@ -64,7 +64,7 @@ engine.loader.exec_module(sys.modules["polyworld"])
 import numpy as np
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue, named
-from polyworld.recording import Recording, Run
+from polyworld.data.recording import Recording, Run
 from polyworld.world import World
 
 MASS, PUSH, G, SIGMA = 0.5, 0.4, 9.81, 1e-3

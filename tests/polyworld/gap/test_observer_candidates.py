@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FitContext
 from polyworld.estimation.forward import Forward, Settings
@@ -12,12 +13,11 @@ from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.noise import measured_noise
 from polyworld.estimation.profile import start_states
 from polyworld.gap.catalogue import catalogue
-from polyworld.observer import Observer
-from polyworld.parameters import parameter_paths
-from polyworld.recording import Recording, Run
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Plane, Sphere, Wall
 from polyworld.world import StaticObject, TimeBase, World
+from polyworld.world.observer import Observer
+from polyworld.world.parameters import parameter_paths
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Plane, Sphere, Wall
 
 BY_NAME = {name: c for name, c in catalogue().items() if c.group == "observer"}
 RATE = 60.0

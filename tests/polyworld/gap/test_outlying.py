@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.outlying import event_runs, without_runs
 from polyworld.gap.settings import OutlierSettings
-from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
 K = 0.03

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording
 from polyworld.estimation import profile
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FittedHypothesis
@@ -14,7 +15,6 @@ from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.examine import fitted_base
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording
 from polyworld.world import World
 from tests.real_data import ball_drop, clevrer_slides, cube_flight, needs, pendulum_swings
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
-from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 
 QUICK = GapSettings(null_control=False, experiment=False)

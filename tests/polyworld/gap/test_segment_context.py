@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import design
@@ -18,7 +19,6 @@ from polyworld.gap.examine import fitted_base
 from polyworld.gap.segment_context import segment_context
 from polyworld.gap.settings import SearchSettings
 from polyworld.gap.stepping import coarsened
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
 from tests.scenes.ball import Ball, Launch, fly

@@ -3,13 +3,13 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Array, Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import extended
 from polyworld.gap.catalogue import named
 from polyworld.gap.examine import fitted_base
 from polyworld.gap.search import Search
 from polyworld.gap.settings import SearchSettings
-from polyworld.recording import Array, Recording, Run
 from tests.polyworld.gap_scenes import puck_world
 
 DRAG = 0.05  # [kg/m]

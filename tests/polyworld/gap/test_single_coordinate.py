@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings, find_gap
-from polyworld.recording import Recording, Run
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
 from polyworld.world import TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 
 
 def heights(coefficient: float, slant: float, sigma: float = 0.03) -> Recording:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, extended
@@ -16,7 +17,6 @@ from polyworld.gap.contest import Contest
 from polyworld.gap.segment_context import SegmentContext, segment_context
 from polyworld.gap.settings import MapSettings, SearchSettings
 from polyworld.gap.strength_map import mapped
-from polyworld.recording import Recording
 from tests.polyworld.gap_scenes import G, puck_recording, puck_world
 
 SMOOTH, SIGMA = 0.1, 0.001

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Recording, Run
 from polyworld.estimation.design import design
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.expressions import Expression, compile_expression
@@ -16,8 +17,7 @@ from polyworld.gap.settings import SymbolicSettings
 from polyworld.gap.symbolic import Near, ResidualForce, describe_unexplained
 from polyworld.gap.symbolic_law import Law
 from polyworld.gap.symbolic_terms import Scales, library, scales_of
-from polyworld.recording import Recording, Run
-from polyworld.rollout import simulator
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
 
 Array = NDArray[np.float64]

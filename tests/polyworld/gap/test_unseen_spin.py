@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from polyworld.data.recording import Array, Recording, Run
 from polyworld.estimation.design import design
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue, named
 from polyworld.gap.examine import fitted_base
-from polyworld.recording import Array, Recording, Run
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
 from polyworld.world import TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 
 G = 9.81
 MASS = 0.0027  # [kg]

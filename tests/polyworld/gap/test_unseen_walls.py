@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue, named
-from polyworld.recording import Recording, Run
 from polyworld.world import World
 from tests.polyworld.gap_scenes import RADIUS, Bouncing, ball_recording, ball_world, launches
 from tests.scenes.ball import Ball, Launch, Plane, fly

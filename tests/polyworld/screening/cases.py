@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.recording import Recording, Run
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Cylinder, Plane, Sphere
+from polyworld.data.recording import Recording, Run
 from polyworld.world import Environment, MotionPlane, StaticObject, World
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Cylinder, Plane, Sphere
 
 Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], Array]  # (t, places (n, 3), velocities (n, 3)) -> accelerations beside gravity

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld.recording import Recording
+from polyworld.data.recording import Recording
 from polyworld.screening import Finding, Screening, ScreenSettings, screen
 from polyworld.screening.grid import grid_steps
 from polyworld.screening.settings import DEFAULT

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from polyworld.recording import Recording
+from polyworld.data.recording import Recording
 from polyworld.screening import Screening, screen
 from tests.polyworld.screening import cases
 

@@ -8,15 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polyworld.recording import Recording, Run
-from polyworld.representations.rigid import RigidObject
+from polyworld.data.recording import Recording, Run
 from polyworld.screening import Screening, screen
 from polyworld.screening.grid import grid_step, grid_steps
 from polyworld.screening.settings import DEFAULT
 from polyworld.screening.time_stamps import repeated_rows
 from polyworld.screening.tracks import scatter, tracks_of
-from polyworld.shapes import Box, Sphere
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Sphere
 from tests.polyworld.screening import cases
 
 WORLD = cases.ball_world()

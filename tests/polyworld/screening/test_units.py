@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polyworld.recording import Recording, Run
+from polyworld.data.recording import Recording, Run
 from polyworld.screening import Finding, screen
 from polyworld.world import Effect, Environment, World
 from tests.polyworld.screening import cases

@@ -11,13 +11,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld import geometry
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
+from polyworld.data.tracks import ObservedTracks
 from polyworld.solver.arrays import rigid_arrays
-from polyworld.tracks import ObservedTracks
 from polyworld.trajectory import BatchTrajectory
-from polyworld.world import TimeBase, World
+from polyworld.world import TimeBase, World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 

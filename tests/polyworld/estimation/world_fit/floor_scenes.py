@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from polyworld import geometry
-from polyworld.initial_states import with_initial_states
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Plane, Sphere
-from polyworld.tracks import ObservedTracks
-from polyworld.world import StaticObject, TimeBase, World
+from polyworld.data.initial_states import with_initial_states
+from polyworld.data.tracks import ObservedTracks
+from polyworld.world import StaticObject, TimeBase, World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Plane, Sphere
 
 Array = NDArray[np.float64]
 

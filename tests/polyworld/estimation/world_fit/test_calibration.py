@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.ensemble import member_worlds, roll_out_members
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     SearchSettings,
@@ -15,12 +15,12 @@ from polyworld.estimation.world_fit import (
     multistart,
     sample_posterior,
 )
-from polyworld.parameters import with_parameters
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import rollout
-from polyworld.shapes import Cylinder
-from polyworld.tracks import ObservedTracks
+from polyworld.probing.ensemble import member_worlds, roll_out_members
+from polyworld.solver.rollout import rollout
 from polyworld.world import Environment, MotionPlane, TimeBase, World
+from polyworld.world.parameters import with_parameters
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Cylinder
 from tests.polyworld.sliding_block import fitted_block, stopping_distance
 
 FRAMES, FRAME, SIGMA, MEMBERS = 16, 0.04, 0.004, 40

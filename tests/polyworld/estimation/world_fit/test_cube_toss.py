@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from polyworld.data.initial_states import with_initial_states
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     ObjectiveSettings,
@@ -16,11 +18,9 @@ from polyworld.estimation.world_fit import (
     fit,
     refine,
 )
-from polyworld.initial_states import with_initial_states
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Plane
-from polyworld.tracks import ObservedTracks
 from polyworld.world import StaticObject, TimeBase, World
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Plane
 
 FOLDER = Path(__file__).resolve().parents[4].parent / "shared" / "data" / "cube_toss"
 UNIT = 0.0524  # [m], the data's unit of length: half the cube's width

@@ -20,10 +20,10 @@ from polyworld.estimation.world_fit import (
     refine,
 )
 from polyworld.estimation.world_fit.search import stages
-from polyworld.parameters import with_parameters
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Sphere
 from polyworld.world import World
+from polyworld.world.parameters import with_parameters
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Sphere
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
 TRUTH = {

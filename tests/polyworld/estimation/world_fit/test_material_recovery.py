@@ -15,9 +15,9 @@ from polyworld.estimation.world_fit import (
     fit,
     refine,
 )
-from polyworld.readouts import ImageOccupancy
-from polyworld.render import look_at
-from polyworld.rollout import simulator
+from polyworld.pictures.render import look_at
+from polyworld.probing.readouts import ImageOccupancy
+from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from tests.scenes.material_parameters import scenes
 

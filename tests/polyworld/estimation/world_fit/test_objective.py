@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polyworld import geometry
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     Objective,
@@ -17,10 +17,9 @@ from polyworld.estimation.world_fit import (
     refine,
 )
 from polyworld.estimation.world_fit.objective import DIVERGED, gyration_radius, huber
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
-from polyworld.world import TimeBase, World
+from polyworld.world import TimeBase, World, geometry
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Cylinder, Sphere
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 
 EXACT = {"sigma": 0.0, "turn_sigma": 0.0}

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     FitResult,
@@ -16,7 +17,6 @@ from polyworld.estimation.world_fit import (
     outlying_frames,
     refine,
 )
-from polyworld.tracks import ObservedTracks
 from polyworld.world import World
 from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit import default_unknowns, plausible_unknowns, with_supports
 from polyworld.estimation.world_fit.plausible import joint_unknowns, with_prior
-from polyworld.representations.joint import Hinge, Slider
-from polyworld.representations.rigid import RigidObject
-from polyworld.shapes import Box, Sphere
-from polyworld.tracks import ObservedTracks
 from polyworld.world import StaticObject, World
+from polyworld.world.representations.joint import Hinge, Slider
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Sphere
 from tests.polyworld.estimation.world_fit.floor_scenes import (
     FLOOR,
     GRAVITY,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import FitProblem, default_unknowns, refine, sample_posterior
 from polyworld.estimation.world_fit.tempering import annealed, systematic, tempered
 from polyworld.estimation.world_fit.truncated import TruncatedGaussian
-from polyworld.tracks import ObservedTracks
 from tests.polyworld.sliding_block import fitted_block
 from tests.server.probing import two_discs
 

@@ -13,6 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.data.initial_states import initial_states, with_initial_states
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     Objective,
@@ -24,13 +26,11 @@ from polyworld.estimation.world_fit import (
     refine,
 )
 from polyworld.estimation.world_fit.default_unknowns import REACH
-from polyworld.initial_states import initial_states, with_initial_states
-from polyworld.parameters import with_parameters
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import simulator
-from polyworld.shapes import Box, Cylinder, Plane, Sphere
-from polyworld.tracks import ObservedTracks
+from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world.parameters import with_parameters
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81

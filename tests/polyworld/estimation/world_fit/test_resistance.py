@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     FitResult,
@@ -20,9 +21,8 @@ from polyworld.estimation.world_fit import (
     plausible_unknowns,
     with_supports,
 )
-from polyworld.representations.joint import Hinge, Slider
-from polyworld.tracks import ObservedTracks
 from polyworld.world import World
+from polyworld.world.representations.joint import Hinge, Slider
 from tests.polyworld.estimation.world_fit.floor_scenes import (
     GRAVITY,
     RADIUS,

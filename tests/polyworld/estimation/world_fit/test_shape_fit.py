@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.camera import Camera
+from polyworld.data.shape_series import ShapeSeries
+from polyworld.data.tracks import ObservedTracks, shapes_only
 from polyworld.estimation.world_fit import (
     CemSettings,
     FitProblem,
@@ -21,7 +22,7 @@ from polyworld.estimation.world_fit import (
     refine,
 )
 from polyworld.estimation.world_fit.determinable import reasons_undeterminable
-from polyworld.readouts import (
+from polyworld.probing.readouts import (
     Centreline,
     Curve,
     Front,
@@ -32,14 +33,13 @@ from polyworld.readouts import (
     Tension,
     read,
 )
-from polyworld.representations.attachment import Attachment
-from polyworld.representations.rigid import RigidObject
-from polyworld.representations.rope import Rope
-from polyworld.representations.soft import Soft
-from polyworld.shape_series import ShapeSeries
-from polyworld.shapes import Sphere
-from polyworld.tracks import ObservedTracks, shapes_only
 from polyworld.world import Environment, MotionPlane, TimeBase, World
+from polyworld.world.camera import Camera
+from polyworld.world.representations.attachment import Attachment
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.representations.rope import Rope
+from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Sphere
 from tests.polyworld.estimation.world_fit.closed_string import LENGTH, ClosedString
 from tests.polyworld.synthetic import camera_above
 

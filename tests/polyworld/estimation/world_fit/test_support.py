@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld import geometry
+from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
     FitProblem,
     default_unknowns,
@@ -15,12 +15,11 @@ from polyworld.estimation.world_fit import (
     supports,
     with_supports,
 )
-from polyworld.representations.joint import Hinge
-from polyworld.representations.rigid import RigidObject
-from polyworld.rollout import rollout
-from polyworld.shapes import Box, Cylinder, Sphere
-from polyworld.tracks import ObservedTracks
-from polyworld.world import Environment, MotionPlane, StaticObject, World
+from polyworld.solver.rollout import rollout
+from polyworld.world import Environment, MotionPlane, StaticObject, World, geometry
+from polyworld.world.representations.joint import Hinge
+from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Box, Cylinder, Sphere
 from tests.polyworld.estimation.world_fit.floor_scenes import (
     FLOOR,
     GRAVITY,

@@ -1,0 +1,127 @@
+"""State that all tools share: the store, the jobs, and the case asked about, checked to be in the right stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from mcp.server.mcpserver.exceptions import ToolError
+from mcp_types import CallToolResult
+
+from atw_mcp.calls.jobs import JobRunner
+from atw_mcp.calls.results import to_result
+from evidence_store import Case, EvidenceStore, UnknownRecord
+from polyworld.world import World
+
+
+class App:
+    """The state of a server: nothing but the store, so any other server on it continues where this one stopped."""
+
+    def __init__(self, store_path: Path) -> None:
+        self.store = EvidenceStore(store_path)
+        self.jobs = JobRunner(self.store)
+        self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
+
+    # --- cases and stages ---
+
+    def case(self, identifier: str) -> Case:
+        """The case; raises ToolError naming the cases there are."""
+        try:
+            return self.store.cases.get(identifier)
+        except UnknownRecord as error:
+            raise ToolError(f"{error}. Next: OpenCase(video=PATH) opens one") from error
+
+    def case_to_model(self, identifier: str, tool: str) -> Case:
+        """The case, refused once its world is committed (construction tools)."""
+        case = self.case(identifier)
+        if case.committed_world is not None:
+            raise ToolError(
+                f"{tool} belongs to World Modeling, and case {case.id!r} has the committed world "
+                f"{case.committed_world}: probe it with Rollout(case={case.id!r}), or open the video again as an "
+                "independent case with OpenCase(..., name=NEW_NAME)"
+            )
+        return case
+
+    def case_to_probe(self, identifier: str, tool: str, wanted: str | None = None) -> tuple[Case, World]:
+        """Return the case and its committed world, refused before there is one (experimentation tools).
+
+        wanted: the world that was asked for; the refusal says how to commit this one, default the latest.
+        """
+        case = self.case(identifier)
+        if case.committed_world is None:
+            drafts = [world for world, _ in self.store.cases.worlds(case.id)]
+            if wanted is not None and drafts:
+                self.world(case, wanted)
+            step = (
+                f"CommitWorld(case={case.id!r}, world={wanted or drafts[-1]!r})"
+                if drafts
+                else f"BuildWorld(case={case.id!r}), FitWorld and CommitWorld"
+            )
+            raise ToolError(f"{tool} probes a committed world, and case {case.id!r} has none yet. Next: {step}")
+        return case, self.world(case, case.committed_world)
+
+    # --- observations ---
+
+    def track_names(self, case: Case) -> list[str]:
+        """Names of the tracks observed in the case so far."""
+        names: list[str] = []
+        for kind, observation in self.store.cases.observations(case.id):
+            if kind == "tracks":
+                names += [n for n in self.store.observations.get(observation).document["names"] if n not in names]
+        return sorted(names)
+
+    # --- worlds ---
+
+    def world(self, case: Case, identifier: str | None = None) -> World:
+        """A world of the case: the one named, else the committed one, else the latest draft."""
+        known = [world for world, _ in self.store.cases.worlds(case.id)]
+        if identifier is None:
+            identifier = case.committed_world or (known[-1] if known else None)
+        if identifier is None:
+            raise ToolError(f"case {case.id!r} has no world yet. Next: BuildWorld(case={case.id!r})")
+        if identifier not in known:
+            raise ToolError(f"case {case.id!r} has no world {identifier!r}; its worlds: {known}")
+        return _parsed(self.store.worlds.document(identifier))
+
+    def keep_world(
+        self,
+        case: Case,
+        world: World,
+        *,
+        how: str,
+        parent: World | None = None,
+        detail: dict[str, Any] | None = None,
+        observation: str | None = None,
+    ) -> None:
+        """Store a world as one of the case's, with where it came from and the track record it models."""
+        with self.store.transaction():
+            self.store.worlds.put(
+                world.id,
+                world.canonical_json(),
+                parent=None if parent is None else parent.id,
+                how=how,
+                detail=detail,
+            )
+            self.store.cases.add_world(case.id, world.id, how, observation)
+
+    # --- evidence ---
+
+    def evidence_result(self, identifier: str) -> CallToolResult:
+        """Return an evidence record as a tool result; one still running says how far it is."""
+        record = self.store.read_evidence(identifier)
+        job = self.store.jobs.get(identifier) if record.status == "running" else None
+        if job is not None:
+            progress = {"done": job.done, "total": job.total, "message": job.message}
+            summary = (
+                f"{record.summary}; still running: ReadEvidence(evidence={record.id!r}) shows its progress, "
+                "with cancel=true it stops it"
+            )
+            record = replace(record, summary=summary, payload={"data": {"progress": progress}})
+        return to_result(record)
+
+
+@lru_cache(maxsize=256)
+def _parsed(document: str) -> World:
+    return World.model_validate_json(document)

@@ -1,0 +1,180 @@
+"""Work that may outlive a call: run in a thread, watched through the store, cancellable from any process."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from mcp.server.mcpserver.exceptions import ToolError
+
+from atw_mcp.calls.results import Answer
+from evidence_store import Evidence, EvidenceStore, StoreError
+
+BEAT = 1.0  # [s] between signs of life; also how soon a cancellation from another process is seen
+logger = logging.getLogger(__name__)
+
+
+class Cancelled(Exception):
+    """Raised inside work whose cancellation was asked for."""
+
+
+@dataclass
+class Progress:
+    """How far a piece of work is. The work calls `report`, which raises `Cancelled` when it should stop."""
+
+    done: float = 0.0
+    total: float | None = None
+    message: str = ""
+    _cancel: threading.Event = field(default_factory=threading.Event)
+
+    def report(self, done: float, total: float | None = None, message: str = "") -> None:
+        """Say how far the work is; raises Cancelled if it should stop."""
+        self.note(done, total, message)
+        if self._cancel.is_set():
+            raise Cancelled
+
+    def note(self, done: float, total: float | None = None, message: str = "") -> None:
+        """Say how far the work is, for work that asks `cancelled` itself."""
+        self.done, self.total, self.message = done, total, message
+
+    def cancelled(self) -> bool:
+        """Whether the work should stop."""
+        return self._cancel.is_set()
+
+    def cancel(self) -> None:
+        """Ask the work to stop."""
+        self._cancel.set()
+
+
+@dataclass(frozen=True)
+class LongWork:
+    """Work that a tool returns instead of an Answer when computing it may take long.
+
+    key: names what is computed, so that equal work under way is joined instead of repeated. work: computes
+    the answer, reporting progress often. draft: the provenance known beforehand, its summary what is being
+    done. patience [s]: how long the call waits before it returns `running`.
+    """
+
+    key: str
+    work: Callable[[Progress], Answer]
+    draft: Answer
+    patience: float
+
+
+@dataclass
+class RunningJob:
+    """A piece of work of this process, or (progress None) one that another process does."""
+
+    evidence: str
+    progress: Progress | None
+    ended: threading.Event
+
+
+class JobRunner:
+    """Runs long work in threads and keeps its evidence record true."""
+
+    def __init__(self, store: EvidenceStore) -> None:
+        self._store = store
+        self._running: dict[str, RunningJob] = {}
+        self._guard = threading.Lock()
+
+    def start(self, tool: str, arguments: dict[str, object], work: LongWork) -> RunningJob:
+        """Begin the work, or join it where a living process already does it."""
+        with self._guard, self._store.transaction():
+            other = self._store.jobs.working_on(work.key)
+            if other is not None:
+                return self._running.get(other.evidence) or RunningJob(other.evidence, None, threading.Event())
+            record = self._store.evidence.add(replace(work.draft, status="running").to_evidence(tool, arguments))
+            self._store.jobs.start(record.id, work.key)
+            job = RunningJob(record.id, Progress(), threading.Event())
+            self._running[record.id] = job
+        # daemon: a client that goes away must not leave a process behind that nobody can talk to
+        threading.Thread(target=self._run, args=(record, job, work), daemon=True, name=f"work-{record.id}").start()
+        threading.Thread(target=self._watch, args=(job,), daemon=True, name=f"watch-{record.id}").start()
+        return job
+
+    def cancel(self, evidence: str) -> None:
+        """Ask the work for an evidence record to stop, wherever it runs."""
+        self._store.jobs.request_cancel(evidence)
+        job = self._running.get(evidence)
+        if job is not None and job.progress is not None:
+            job.progress.cancel()
+
+    def wait_for(self, evidence: str, seconds: float) -> Evidence:
+        """The record once its work has ended, or as it is after `seconds`."""
+        deadline = time.monotonic() + seconds
+        while True:
+            record = self._store.read_evidence(evidence)
+            if record.status != "running" or time.monotonic() > deadline:
+                return record
+            time.sleep(0.05)
+
+    def shutdown(self, wait: float = 3.0) -> None:
+        """Cancel everything this process works on; what does not stop in time is marked failed."""
+        deadline = time.monotonic() + wait
+        jobs = list(self._running.values())
+        for job in jobs:
+            if job.progress is not None:
+                job.progress.cancel()
+        for job in jobs:
+            if not job.ended.wait(max(0.0, deadline - time.monotonic())):
+                record = self._store.evidence.get(job.evidence)
+                summary = f"the server stopped before this was done; call {record.tool} again with the same arguments"
+                self._close(replace(record, status="failed", summary=summary))
+
+    def _run(self, record: Evidence, job: RunningJob, work: LongWork) -> None:
+        progress = job.progress
+        assert progress is not None
+        try:
+            answer = work.work(progress)
+            done = answer.to_evidence(record.tool, record.arguments)
+            ended = replace(done, id=record.id, case=record.case)
+        except Cancelled:
+            ended = replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+        except ToolError as error:
+            ended = replace(record, status="failed", summary=str(error))
+        except StoreError as error:
+            ended = replace(record, status="failed", summary=str(error))
+        except Exception as error:
+            if progress.cancelled():  # libraries have their own exceptions for being asked to stop
+                ended = replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+            else:
+                logger.exception("%s failed", record.tool)
+                kind = type(error).__name__
+                summary = f"{record.tool} failed unexpectedly ({kind}); the server's log has the details"
+                ended = replace(record, status="failed", summary=summary)
+        try:
+            self._close(ended)
+        except Exception:
+            logger.exception("the result of %s could not be stored", record.tool)
+        finally:
+            job.ended.set()
+            self._running.pop(record.id, None)
+
+    def _close(self, record: Evidence) -> None:
+        with self._store.transaction():
+            if self._store.evidence.get(record.id).status in ("running", "failed"):
+                self._store.evidence.update(record)
+            self._store.jobs.finish(record.id)
+
+    def _watch(self, job: RunningJob) -> None:
+        progress = job.progress
+        assert progress is not None
+        while not job.ended.wait(BEAT):
+            try:
+                self._store.jobs.beat(job.evidence, progress.done, progress.total, progress.message)
+                seen = self._store.jobs.get(job.evidence)
+            except Exception:
+                logger.warning("could not report progress of %s", job.evidence, exc_info=True)
+                continue
+            if seen is not None and seen.cancel_requested:
+                progress.cancel()
+
+
+def _how_far(progress: Progress) -> str:
+    if progress.total:
+        return f"{100 * progress.done / progress.total:.0f} %"
+    return "an unknown stage"

@@ -1,0 +1,157 @@
+"""How a function becomes a tool: checked arguments, recorded evidence, shaped results, plain errors.
+
+See `atw_mcp.server` for how a group of tools is written.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import logging
+from collections.abc import Callable
+from typing import Any, Literal
+
+import anyio
+from mcp.server.mcpserver.context import Context
+from mcp.server.mcpserver.exceptions import ToolError
+from mcp.server.mcpserver.tools import Tool
+from mcp.server.mcpserver.utilities.func_metadata import FuncMetadata, func_metadata
+from mcp.shared.exceptions import MCPError
+from mcp_types import CallToolResult, ToolAnnotations
+from pydantic import ValidationError
+
+from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import LongWork, RunningJob
+from atw_mcp.calls.results import RESULT_SCHEMA, Answer, to_result, validation_text
+from atw_mcp.calls.schemas import inlined, without_null
+from evidence_store import StoreError
+
+Role = Literal["world construction", "gap", "world inspection", "world experimentation", "execution control"]
+ToolFunction = Callable[..., Answer | LongWork | CallToolResult]
+logger = logging.getLogger(__name__)
+
+
+class WorldTool(Tool):
+    """A tool of this server. Its function runs in a worker thread and gets the `App` as its first argument."""
+
+    role: Role
+    pictures: bool = False
+
+    async def run(self, arguments: dict[str, Any], context: Context[Any, Any], convert_result: bool = False) -> Any:
+        """Check the arguments, call the function, record and shape what it returns.
+
+        The result is a CallToolResult whatever `convert_result` says.
+        """
+        del convert_result
+        app: App = context.request_context.lifespan_context
+        checked = self.checked(arguments)
+        try:
+            outcome = await anyio.to_thread.run_sync(lambda: self.fn(app, **checked))
+            if isinstance(outcome, CallToolResult):
+                return outcome
+            if isinstance(outcome, LongWork):
+                return await self._wait(app, arguments, outcome, context)
+            record = await anyio.to_thread.run_sync(app.store.evidence.add, outcome.to_evidence(self.name, arguments))
+            return to_result(record)
+        except (ToolError, MCPError):
+            raise
+        except StoreError as error:
+            raise ToolError(str(error)) from error
+        except Exception as error:
+            logger.exception("%s failed", self.name)
+            raise ToolError(
+                f"{self.name} failed unexpectedly ({type(error).__name__}); the server's log has the details. "
+                "Nothing stored was lost: other tools still work, and ReadEvidence returns earlier results."
+            ) from error
+
+    def checked(self, arguments: dict[str, Any]) -> dict[str, Any]:
+        """Validate and convert arguments as given; raises ToolError naming what is wrong."""
+        known = list(self.parameters.get("properties", {}))
+        for name in arguments:
+            if name not in known:
+                close = difflib.get_close_matches(name, known, n=1)
+                hint = f" (did you mean {close[0]!r}?)" if close else ""
+                raise ToolError(f"{self.name} has no argument {name!r}{hint}; arguments: {', '.join(known) or 'none'}")
+        try:
+            return self.fn_metadata.validate_arguments(arguments)
+        except ValidationError as error:
+            raise ToolError(
+                f"{self.name}: {validation_text(error)}. DescribeTool(tool={self.name!r}) lists every argument"
+            ) from error
+
+    async def _wait(
+        self, app: App, arguments: dict[str, Any], work: LongWork, context: Context[App, Any]
+    ) -> CallToolResult:
+        job = await anyio.to_thread.run_sync(app.jobs.start, self.name, arguments, work)
+        try:
+            with anyio.move_on_after(work.patience):
+                await self._follow(app, job, context)
+        except anyio.get_cancelled_exc_class():
+            with anyio.CancelScope(shield=True):  # the caller gave up on it: stop the work, keep the record
+                await anyio.to_thread.run_sync(app.jobs.cancel, job.evidence)
+            raise
+        record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
+        if record.status == "failed":
+            raise ToolError(f"{record.summary} (evidence {record.id})")
+        return await anyio.to_thread.run_sync(app.evidence_result, job.evidence)
+
+    async def _follow(self, app: App, job: RunningJob, context: Context[App, Any]) -> None:
+        reported = -1.0
+        while not job.ended.is_set():
+            await anyio.sleep(0.05)
+            if job.progress is None:  # another process does it: look at the store
+                await anyio.sleep(0.5)
+                record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
+                if record.status != "running":
+                    return
+            elif job.progress.done > reported:
+                reported = job.progress.done
+                await context.report_progress(reported, job.progress.total, job.progress.message)
+
+
+class ToolGroup:
+    """The tools of one role, in the order in which they are declared."""
+
+    def __init__(self, role: Role) -> None:
+        self.role: Role = role
+        self.tools: list[WorldTool] = []
+
+    def tool(
+        self, name: str, *, title: str, read_only: bool = True, pictures: bool = False
+    ) -> Callable[[ToolFunction], ToolFunction]:
+        """Declare a tool. The function's docstring is the description the agent reads.
+
+        read_only: whether it leaves the case as it is (the evidence record apart). pictures: whether it
+        returns images, and therefore no structured content.
+        """
+
+        def declare(function: ToolFunction) -> ToolFunction:
+            arguments = func_metadata(function, skip_names=["app"], structured_output=False).arg_model
+            arguments.model_config["extra"] = "forbid"  # the SDK would drop unknown arguments silently
+            arguments.model_rebuild(force=True)
+            self.tools.append(
+                WorldTool(
+                    fn=function,
+                    name=name,
+                    title=title,
+                    description=_unwrapped(function.__doc__ or ""),
+                    parameters=without_null(inlined(arguments.model_json_schema(by_alias=True))),
+                    fn_metadata=FuncMetadata(arg_model=arguments, output_schema=None if pictures else RESULT_SCHEMA),
+                    is_async=False,
+                    context_kwarg=None,
+                    annotations=ToolAnnotations(
+                        title=title, read_only_hint=read_only, destructive_hint=False, open_world_hint=False
+                    ),
+                    role=self.role,
+                    pictures=pictures,
+                )
+            )
+            return function
+
+        return declare
+
+
+def _unwrapped(docstring: str) -> str:
+    """A docstring as running text: its line breaks are for the editor, blank lines separate paragraphs."""
+    paragraphs = inspect.cleandoc(docstring).split("\n\n")
+    return "\n\n".join(" ".join(paragraph.split("\n")) for paragraph in paragraphs)

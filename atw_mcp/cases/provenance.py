@@ -1,0 +1,94 @@
+"""How a number in a world is known: fitted, set by an edit, or as it was built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from atw_mcp.calls.app import App
+from evidence_store import Case, UnknownRecord
+from polyworld.world import World
+from polyworld.world.parameter_tables import STATE_PARAMETERS
+from polyworld.world.parameters import read_parameter
+
+Origin = Literal["fitted", "edited", "observed", "given or default"]
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """origin: fitted to the observation; edited in a branch; observed, that is read off the tracks when the world was
+    built; or given by the agent or left at its default then. detail: what else is known, e.g. a standard error."""
+
+    origin: Origin
+    detail: dict[str, Any] = field(default_factory=dict)
+
+
+def knowledge(app: App, case: Case, world: World, path: str) -> Knowledge:
+    """Where the value at a parameter path of a world comes from, followed back through the worlds it descends from."""
+    seen: set[str] = set()
+    while world.id not in seen:
+        seen.add(world.id)
+        ancestry = app.store.worlds.parents(world.id)
+        if not ancestry:
+            break
+        descent = ancestry[-1]
+        parent = World.model_validate_json(app.store.worlds.document(descent.parent))
+        if descent.how == "fitted":
+            found = _fitted(app, descent.detail, path)
+            if found is not None:
+                return Knowledge("fitted", found)
+        elif _value(parent, path) != _value(world, path):
+            return Knowledge("edited", {"edits": descent.detail.get("edits"), "before": _value(parent, path)})
+        world = parent
+    parts = path.split(".", 2)
+    is_state = parts[0] == "objects" and len(parts) == 3 and parts[2] in STATE_PARAMETERS
+    from_tracks = is_state and parts[1] in _tracked(app, case, world)
+    return Knowledge("observed" if from_tracks else "given or default")
+
+
+def _tracked(app: App, case: Case, world: World) -> list[str]:
+    """Names of the tracks of the record that a world models."""
+    record = app.store.cases.modelled_observation(case.id, world.id)
+    return [] if record is None else list(app.store.observations.get(record).document["names"])
+
+
+def lineage(app: App, case: Case, world: World) -> list[dict[str, Any]]:
+    """How a world came to be, from itself back to the first: world id, and how it was made from the next."""
+    known, steps = dict(app.store.cases.worlds(case.id)), []
+    identifier, seen = world.id, set[str]()
+    while identifier not in seen:
+        seen.add(identifier)
+        ancestry = app.store.worlds.parents(identifier)
+        step = {"world": identifier, "how": ancestry[-1].how if ancestry else known.get(identifier, "unknown")}
+        if ancestry and "edits" in ancestry[-1].detail:
+            step["edits"] = ancestry[-1].detail["edits"]
+        steps.append(step)
+        if not ancestry:
+            break
+        identifier = ancestry[-1].parent
+    return steps
+
+
+def _fitted(app: App, detail: dict[str, Any], path: str) -> dict[str, Any] | None:
+    """Return what a fit says about a path; None where it was not among the fitted ones."""
+    try:
+        document = app.store.fits.get(str(detail.get("fit"))).document
+    except UnknownRecord:  # a fit that was cancelled keeps its world, but not its account
+        return None
+    value = next((item for item in document["values"] if path in item["paths"]), None)
+    if value is None:
+        return None
+    found = {key: value[key] for key in ("standard_error", "spread", "at_bound")}
+    if len(value["paths"]) > 1:
+        found["shared_with"] = [other for other in value["paths"] if other != path]
+    reasons = [item["reason"] for item in document["undetermined"] if value["name"] in item["parameters"]]
+    if reasons:
+        found["undetermined"] = reasons
+    return found
+
+
+def _value(world: World, path: str) -> float | None:
+    try:
+        return read_parameter(world, path)
+    except KeyError:  # the object or effect is not in that world
+        return None

@@ -1,0 +1,4 @@
+"""Pictures for agents: overlays on frames, plans, strips of residuals.
+
+Read `overlay` first.
+"""

@@ -1,0 +1,80 @@
+"""How probable a member's answer is, given that predictions beyond the last fitted frame are off by more than members.
+
+Members differ by what the data leave open in the parameters of one model. That the model itself is not quite right
+(a slightly wrong rolling resistance, a contact that is met otherwise) shows after the data end and grows with the
+distance travelled; collisions multiply it, so its distribution has heavy tails (Kennedy & O'Hagan 2001 on model
+discrepancy).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.probing.ensembles import Ensemble
+from polyworld.probing.query import QueryResult
+from polyworld.trajectory import Rollout
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PredictionErrorSettings:
+    """Errors of predictions, from 540 questions of `tests.benchmarks.foresight`, half of them about worlds from videos.
+
+    place: half width of the distribution of a place's error, of the distance travelled since the last fitted frame.
+    rest, other: probability that an answer about rest or speed, or another without a margin in metres (contact, order),
+    is as good as chance there. When a body stops depends on the smallest forces.
+    """
+
+    place: float = 0.04
+    rest: float = 0.3
+    other: float = 0.05
+
+
+SETTINGS = PredictionErrorSettings()
+
+
+def chances(ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryResult], names: Sequence[str]) -> Array:
+    """Return the probability (n,) of a statement in each member, 0 or 1 where it is decided within the fitted frames.
+
+    members: their numbers. results: their answers, all decided. names: of the objects that the statement is about.
+    With a margin m [m] and an error of half width s the probability is 1/2 + arctan(m / s) / pi (Cauchy).
+    """
+    found = np.array([float(bool(result.value)) for result in results])
+    for row, (member, result) in enumerate(zip(members, results, strict=True)):
+        decided_at = _decided_at(result)
+        if decided_at <= ensemble.fitted_until:
+            continue
+        if result.margin is None or result.margin_unit != "m" or (result.margin == 0.0 and result.value):
+            chance = SETTINGS.rest if result.margin_unit == "m/s" else SETTINGS.other
+            found[row] = (1.0 - chance) * found[row] + 0.5 * chance
+            continue
+        width = SETTINGS.place * distance(ensemble.rollouts[member], names, ensemble.fitted_until, decided_at)
+        if width > 0.0:
+            found[row] = 0.5 + np.arctan(result.margin / width) / np.pi
+    return found
+
+
+def distance(rollout: Rollout, names: Sequence[str], start: float, end: float) -> float:
+    """Return the root of summed squares of the distances [m] that objects travel between two times [s]."""
+    trajectory = rollout.trajectory
+    squares = 0.0
+    for name in names:
+        if name in trajectory.names:
+            steps = np.linalg.norm(np.diff(trajectory.positions[:, trajectory.index(name)], axis=0), axis=1)
+            path = np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
+            squares += float(np.diff(np.interp([start, end], trajectory.times, path))[0]) ** 2
+    return float(np.sqrt(squares))
+
+
+def _decided_at(result: QueryResult) -> float:
+    """Return when an answer is decided [s]: at its margin, else its first interval, else the end of what is asked."""
+    if result.margin_at is not None and np.isfinite(result.margin_at):
+        return result.margin_at
+    if result.value and result.intervals:
+        return result.intervals[0][0]
+    return result.covered[1] if result.covered is not None else np.inf

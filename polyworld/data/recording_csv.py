@@ -1,0 +1,260 @@
+"""Measured motion in and out of CSV files: a row for every run, object and instant."""
+
+from __future__ import annotations
+
+import csv
+import io
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.data.hinge_angles import HingedBody
+from polyworld.data.recording import Recording, Run
+from polyworld.data.recording_columns import LABELS, MEASURED, PIXELS, PLACE, QUANTITIES, SPIN, THETA, TURN, Column
+from polyworld.data.recording_header import Header, RecordingForm, read_header, without_units_row
+from polyworld.data.recording_rows import Row, merge_rows
+from polyworld.data.recording_table import MISSING, Line, Numbers, Problems, read_table
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+ONE_RUN = "run"  # name of the only run of a file without such a column
+LATEST = 1e5  # [s]; clocks beyond it count from a date and not from the experiment's start
+FARTHEST = 500.0  # extent of positions [m] beyond which they are hardly metres
+SLOWEST = 5.0  # time between rows [s] beyond which times are hardly seconds
+MOST_TURNS = 4  # turns beyond which an angle is hardly in radians
+_AT = {name: i for i, name in enumerate(MEASURED)}
+
+
+_PLAIN = RecordingForm()
+
+
+def read_recording(
+    path: Path, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
+) -> Recording:
+    """Return the recording in a CSV file; see `parse_recording`. Raises ValueError that names file and line."""
+    try:
+        content = path.read_bytes()
+        utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+        text = content.decode("utf-16" if utf16 else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path.name}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from error
+    try:
+        return parse_recording(text, objects, form=form, world=world)
+    except ValueError as error:
+        raise ValueError("\n".join(f"{path.name}: {line}" for line in str(error).splitlines())) from error
+
+
+def parse_recording(
+    text: str, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
+) -> Recording:
+    """Return the recording that CSV text holds.
+
+    Columns, in any order: run, object, t [s] or frame, any of x, y, z [m], all of qw, qx, qy, qz or none, any of wx,
+    wy, wz [rad/s], theta [rad] of a body on a hinge of `world`, or pixels u, v; other names and units as `name_columns`
+    reads them, other separators and signs as `read_table` does. A line of units may follow the header. Rows may come in
+    any order. Every run has its own times and so may every object in it. Without a column `run` there is one run,
+    without a column `object` the only one of `objects` (default: the moving ones of `world`); names besides those of
+    `objects`, where given, are errors. Runs and objects keep the
+    order in which they first appear. Quaternions are normalised. What a CSV does not hold (noise, symmetry, lead) is
+    left as `Run` has it. Raises ValueError with a sentence a kind of error, naming lines, column and cure.
+    """
+    table = without_units_row(read_table(text.removeprefix("\ufeff")))
+    header = read_header(table.header, form)
+    default = _default_object(header, objects or (() if world is None else world.moving_names))
+    if header.unused:
+        warnings.warn(f"columns not used: {', '.join(header.unused)}; known are {', '.join(QUANTITIES)}", stacklevel=2)
+    problems = Problems()
+    rows = _rows(table.rows, header, default, problems)
+    if objects:
+        _check_objects(rows, header, objects)
+    start = _clock_start(rows)
+    runs = []
+    for name, content in rows.items():
+        times, values = merge_rows(name, content, header.clock, problems)
+        runs.append((name, tuple(content), times - start, values))
+    problems.check()
+    recording = Recording(tuple(_run(*each, form, world, header) for each in runs))
+    _hint(recording)
+    return recording
+
+
+def recording_to_csv(recording: Recording) -> str:
+    """Return the recording as CSV text that `parse_recording` reads back exactly.
+
+    Rows in which nothing was measured are left out, and so are sigma, symmetry and lead, which the format has not.
+    """
+    turned = any(np.isfinite(run.orientations).any() for run in recording.runs)
+    spun = any(np.isfinite(run.angular_velocities).any() for run in recording.runs)
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*LABELS, "t", *PLACE, *(TURN if turned else ()), *(SPIN if spun else ())])
+    for run in recording.runs:
+        for column, name in enumerate(run.names):
+            for row, time in enumerate(run.times):
+                turn = run.orientations[row, column]
+                turn = turn if np.all(np.isfinite(turn)) else np.full(4, np.nan)
+                parts = [run.positions[row, column]]
+                parts += [turn] if turned else []
+                parts += [run.angular_velocities[row, column]] if spun else []
+                values = np.concatenate(parts)
+                if np.isfinite(values).any():
+                    writer.writerow([run.name, name, repr(float(time)), *(_text(v) for v in values)])
+    return out.getvalue()
+
+
+def _default_object(header: Header, objects: Sequence[str]) -> str:
+    if "object" in header.columns:
+        return ""
+    if len(objects) != 1:
+        known = f"the world has {len(objects)}: {', '.join(objects)}" if objects else "no world names it"
+        raise ValueError(
+            f"line {header.line}: column object is missing, and not just one object could be meant: {known}; "
+            "add the column, with the object's name in every row"
+        )
+    return objects[0]
+
+
+def _check_objects(rows: dict[str, dict[str, list[Row]]], header: Header, objects: Sequence[str]) -> None:
+    """Raise ValueError for the first row of an object that is none of those known."""
+    for content in rows.values():
+        for name, own in content.items():
+            if name.split("#", 1)[0] not in objects:
+                like = next((o for o in objects if o.lower() == name.lower()), None)
+                near = f" (did you mean {like!r}?)" if like else ""
+                raise ValueError(
+                    f"line {own[0].line}: {header.columns['object'].header} is {name!r}, but the world has only "
+                    f"{', '.join(objects)}{near}; describe {name!r} in the world or leave its rows out"
+                )
+
+
+def _rows(lines: Sequence[Line], header: Header, default: str, problems: Problems) -> dict[str, dict[str, list[Row]]]:
+    """Return the rows by run and object, in the order of the file; raises ValueError for those that are no rows."""
+    numbers = Numbers(problems)
+    found: dict[str, dict[str, list[Row]]] = {}
+    for line in lines:
+        run, name = (_label(line, header.columns, column, problems) for column in LABELS)
+        row = _row(line, header, numbers, problems)
+        if row is not None:
+            found.setdefault(run or ONE_RUN, {}).setdefault(name or default, []).append(row)
+    problems.check()
+    numbers.check()
+    return found
+
+
+def _label(line: Line, columns: Mapping[str, Column], column: str, problems: Problems) -> str:
+    if column not in columns:
+        return ""
+    label = line.cells[columns[column].index]
+    if not label:
+        problems.add(column, line.number, f"{columns[column].header} is empty", f"every row needs its {column}")
+    return label
+
+
+def _row(line: Line, header: Header, numbers: Numbers, problems: Problems) -> Row | None:
+    """Return the row, None for one without a time; errors are noted."""
+    clock = header.clock
+    cell = line.cells[clock.column.index]
+    stamp = numbers.read(line.number, clock.header, cell, "write times as numbers, in seconds or a stated unit")
+    if cell.lower() in MISSING:
+        cure = "every row needs its time" + ("" if clock.frames else " in seconds")
+        problems.add("time", line.number, f"{clock.header} is empty", cure)
+    values = np.full(len(MEASURED), np.nan)
+    for i, quantity in enumerate(MEASURED):
+        column = header.columns.get(quantity)
+        if column is not None:
+            values[i] = column.factor * numbers.read(line.number, column.header, line.cells[column.index])
+    if not np.isfinite(stamp):
+        return None
+    turn = values[_AT[TURN[0]] : _AT[TURN[-1]] + 1]
+    known = [c for c, v in zip(TURN, turn, strict=True) if np.isfinite(v)]
+    size = float(np.linalg.norm(turn))
+    if known and len(known) < 4:
+        problems.add(
+            "turn", line.number, f"an orientation needs all of {', '.join(TURN)}; measured are {', '.join(known)}"
+        )
+    elif known and not 0.9 < size < 1.1:
+        shown = ", ".join(f"{v:.4g}" for v in turn)
+        cure = "qw is the scalar part; leave the cells empty where the orientation is unknown"
+        problems.add("norm", line.number, f"the quaternion ({shown}) has norm {size:.4g}, expected 1", cure)
+    elif known and abs(size - 1.0) >= 1e-12:  # a norm that is right but for rounding is written back as it was
+        turn /= size
+    return Row(line.number, stamp, stamp * clock.factor, values)
+
+
+def _clock_start(rows: dict[str, dict[str, list[Row]]]) -> float:
+    """Return what is taken off all times: nothing, or the first one where they count from a date."""
+    times = [row.time for content in rows.values() for own in content.values() for row in own]
+    if max(abs(t) for t in times) <= LATEST:
+        return 0.0
+    warnings.warn(f"times are counted from the first one, {min(times):.15g} s", stacklevel=3)
+    return min(times)
+
+
+def _run(
+    name: str,
+    names: tuple[str, ...],
+    times: Array,
+    values: Array,
+    form: RecordingForm,
+    world: World | None,
+    header: Header,
+) -> Run:
+    place, turn, spin = (values[..., _AT[c[0]] : _AT[c[-1]] + 1] for c in (PLACE, TURN, SPIN))
+    positions, orientations = place.copy(), turn.copy()
+    if form.pixels is not None:
+        positions = form.pixels.positions(values[..., _AT[PIXELS[0]] : _AT[PIXELS[1]] + 1])
+    for column, item in enumerate(names):
+        angles = values[:, column, _AT[THETA]]
+        if not np.isfinite(angles).any():
+            continue
+        if np.isfinite(positions[:, column]).any() or np.isfinite(orientations[:, column]).any():
+            warnings.warn(
+                f"{THETA} of object {item!r} is not used: it is for a body on a hinge of which nothing else was "
+                "measured; an orientation is qw, qx, qy, qz",
+                stacklevel=3,
+            )
+            continue
+        where = f"line {header.line}: {header.columns[THETA].header} of object {item!r}"
+        if world is None:
+            raise ValueError(f"{where} needs a world with its hinge, or give positions x, y, z")
+        try:
+            body = HingedBody.of(world, item)
+            zero = form.theta_described if form.theta_hanging is None else form.theta_hanging - body.hanging
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from error
+        positions[:, column], orientations[:, column] = body.measured(angles - zero)
+        if np.nanmax(np.abs(angles)) > MOST_TURNS * 2.0 * np.pi:
+            warnings.warn(
+                f"{THETA} of object {item!r} reaches {np.nanmax(np.abs(angles)):.4g} rad; if it is in degrees, state "
+                "that in the header, as in theta [deg]",
+                stacklevel=3,
+            )
+    return Run(name, names, times, positions, orientations, angular_velocities=spin.copy())
+
+
+def _hint(recording: Recording) -> None:
+    """Warn of positions and times that are hardly metres and seconds."""
+    for name in dict.fromkeys(name for run in recording.runs for name in run.names):
+        places = np.concatenate([r.positions[:, r.names.index(name)] for r in recording.runs if name in r.names])
+        extent = max((float(np.ptp(v[np.isfinite(v)])) for v in places.T if np.isfinite(v).any()), default=0.0)
+        if extent > FARTHEST:
+            warnings.warn(
+                f"positions of object {name!r} extend over {extent:.4g} m; if they are not metres, state their unit in "
+                "the header, as in x [mm]",
+                stacklevel=3,
+            )
+    steps = np.concatenate([np.diff(run.times) for run in recording.runs])
+    if len(steps) and np.median(steps) > SLOWEST:
+        warnings.warn(
+            f"rows are {np.median(steps):.4g} s apart; if times are not seconds, state their unit in the header, as in "
+            "t [ms]",
+            stacklevel=3,
+        )
+
+
+def _text(value: float) -> str:
+    return repr(float(value)) if np.isfinite(value) else ""

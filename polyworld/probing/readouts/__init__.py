@@ -1,0 +1,35 @@
+"""Readouts of deformable objects: what a rollout shows of them, in the form in which it can be observed."""
+
+from polyworld.probing.readouts.kinds import (
+    Amount,
+    Centreline,
+    Curve,
+    Front,
+    GridOccupancy,
+    ImageOccupancy,
+    Level,
+    Markers,
+    Outline,
+    Readout,
+    Stretch,
+    Tension,
+)
+from polyworld.probing.readouts.read import check_readable, object_mesh, read
+
+__all__ = [
+    "Amount",
+    "Centreline",
+    "Curve",
+    "Front",
+    "GridOccupancy",
+    "ImageOccupancy",
+    "Level",
+    "Markers",
+    "Outline",
+    "Readout",
+    "Stretch",
+    "Tension",
+    "check_readable",
+    "object_mesh",
+    "read",
+]

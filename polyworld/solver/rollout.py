@@ -1,0 +1,195 @@
+"""The forward model: a world and a horizon in, motion and events out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.trajectory import BatchTrajectory, Rollout
+from polyworld.trajectory.events import all_events
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+MAX_SUBSTEPS = 2_000_000  # a second or so for six planar bodies, half a minute for six spatial ones
+MAX_SAMPLES = 200_000  # some 100 bytes a sample and object
+
+
+class Simulator(Protocol):
+    """W variants of one world, stepped together; buffers and graphs are kept from one run to the next."""
+
+    names: tuple[str, ...]
+    n_worlds: int
+
+    def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
+        """Roll all variants out from their initial state.
+
+        overrides: parameter path -> values (n_worlds,), see `polyworld.world.parameters`. samples: how many leading
+        sample times to reach (default all).
+        """
+        ...
+
+
+class ScheduledSimulator(Simulator, Protocol):
+    """W variants or fewer of one rigid world, each sampled at one of S lists of times."""
+
+    def run(
+        self,
+        overrides: Mapping[str, Array] | None = None,
+        *,
+        samples: int | NDArray[np.int64] | None = None,
+        schedule: NDArray[np.int64] | None = None,
+    ) -> BatchTrajectory:
+        """As `Simulator.run`. schedule (W,), W <= n_worlds: which list of sample times each world has (default: the
+        first in all n_worlds); times, and states, are NaN beyond the end of a shorter one. samples: of all worlds, or
+        of each (W,)."""
+        ...
+
+
+def simulator(
+    world: World,
+    sample_times: Array,
+    *,
+    n_worlds: int = 1,
+    record_events: bool = False,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Simulator:
+    """Return the simulator fitting the world's representations.
+
+    sample_times (T,): increasing, >= 0 [s], at the world's own seconds_per_frame; a variant with another
+    seconds_per_frame is sampled at proportionally other times. threads: default all cores; the result does
+    not depend on it, to the bit. progress: called with the share done, 0 to 1, while worlds with deformable objects run
+    (others are done before anyone asks); what it raises ends the run.
+    """
+    times = np.array(sample_times, dtype=float)
+    if times.ndim != 1 or len(times) == 0:
+        raise ValueError(f"sample_times must be a list of at least one time, got shape {times.shape}")
+    if not np.all(np.isfinite(times)) or times[0] < 0 or np.any(np.diff(times) <= 0):
+        raise ValueError("sample_times must be finite, not negative, and increase")
+    if n_worlds < 1:
+        raise ValueError(f"n_worlds must be at least 1, got {n_worlds}")
+    # Imported here: a world needs only its own solver, and each brings its kernels.
+    if world.coupled:
+        from polyworld.solver.coupled.simulator import CoupledSimulator
+
+        return CoupledSimulator(
+            world, times, n_worlds=n_worlds, record_events=record_events, threads=threads, progress=progress
+        )
+    if world.planar:
+        from polyworld.solver.planar import PlanarSimulator
+
+        return PlanarSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+    from polyworld.solver.spatial.simulator import SpatialSimulator
+
+    return SpatialSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+
+
+def scheduled_simulator(
+    world: World, sample_times: Array, *, n_worlds: int = 1, threads: int | None = None
+) -> ScheduledSimulator:
+    """The simulator of a rigid world whose variants are sampled at times of their own.
+
+    sample_times (S, T): lists of increasing times, >= 0 [s], each filled up with NaN. n_worlds: how many variants there
+    is room for. Raises ValueError for worlds that hold deformable objects, or in which objects join later than the
+    start where there are several lists.
+    """
+    times = np.array(sample_times, dtype=float)
+    finite = np.isfinite(times)
+    if times.ndim != 2 or not finite[:, 0].all() or np.any(finite[:, 1:] & ~finite[:, :-1]):
+        raise ValueError("sample_times must be lists (S, T) that are filled up with NaN at their ends")
+    if np.any(times[:, 0] < 0) or np.any(np.diff(times, axis=1)[finite[:, 1:]] <= 0):
+        raise ValueError("sample_times must not be negative, and increase")
+    if world.coupled:
+        raise ValueError("worlds with deformable objects have one list of sample times: use `simulator`")
+    if world.planar:
+        from polyworld.solver.planar import PlanarSimulator
+
+        return PlanarSimulator(world, times, n_worlds=n_worlds, threads=threads)
+    from polyworld.solver.spatial.simulator import SpatialSimulator
+
+    return SpatialSimulator(world, times, n_worlds=n_worlds, threads=threads)
+
+
+def rollout(
+    world: World,
+    horizon: float,
+    *,
+    sample_interval: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Rollout:
+    """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
+
+    Samples are taken at 0, one interval, two, ... and at the horizon. progress: as for `simulator`. Raises
+    ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples.
+    """
+    times = sampled_times(world, horizon, sample_interval)
+    batch = simulator(world, times, record_events=True, threads=1, progress=progress).run()
+    return _rollout_of(world, batch, 0, horizon)
+
+
+def rollouts(
+    world: World,
+    members: Sequence[World],
+    overrides: Mapping[str, Array],
+    horizon: float,
+    *,
+    sample_interval: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Rollout, ...]:
+    """Roll variants of one world out together, as `rollout` does one.
+
+    overrides: parameter path -> values (N,) that make the world into `members`. A member with another
+    seconds_per_frame has a proportional horizon.
+    """
+    times = sampled_times(world, horizon, sample_interval)
+    batch = simulator(world, times, n_worlds=len(members), record_events=True, progress=progress).run(overrides)
+    frame = world.time.seconds_per_frame
+    return tuple(
+        _rollout_of(member, batch, i, horizon * member.time.seconds_per_frame / frame)
+        for i, member in enumerate(members)
+    )
+
+
+def sampled_times(world: World, horizon: float, sample_interval: float | None = None) -> Array:
+    """Return the sample times (T,) of a rollout; raises ValueError where there would be too many, see `rollout`."""
+    interval = world.time.seconds_per_frame if sample_interval is None else sample_interval
+    if not (np.isfinite(interval) and interval > 0):
+        raise ValueError(f"sample_interval must be positive, got {interval}")
+    if not (np.isfinite(horizon) and horizon > 0):
+        raise ValueError(f"horizon must be positive, got {horizon}")
+    longest = MAX_SUBSTEPS * min(world.time.substep, interval)
+    if horizon > longest:
+        raise ValueError(
+            f"a horizon of {horizon} s asks for more than {MAX_SUBSTEPS} substeps; the longest is {longest:.6g} s"
+        )
+    if horizon / interval > MAX_SAMPLES:
+        raise ValueError(
+            f"a horizon of {horizon} s makes more than {MAX_SAMPLES} samples: "
+            f"take a sample_interval of at least {horizon / MAX_SAMPLES:.6g} s"
+        )
+    whole = int(np.floor(horizon / interval * (1 + 1e-12)))
+    times: Array = np.arange(whole + 1, dtype=np.float64) * interval
+    if horizon - times[-1] > 1e-9 * interval:
+        times = np.append(times, horizon)
+    return times
+
+
+def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float) -> Rollout:
+    """The rollout of one world of a batch whose events were recorded."""
+    trajectory = batch.world(index)
+    diverged = bool(batch.diverged[index])
+    element = batch.diverged_element
+    return Rollout(
+        world_id=world.id,
+        horizon=horizon,
+        trajectory=trajectory,
+        events=all_events(world, trajectory, batch.events[index]),
+        status="diverged" if diverged else "completed",
+        diverged_time=float(batch.diverged_time[index]) if diverged else None,
+        diverged_object=batch.names[int(batch.diverged_object[index])] if diverged else None,
+        diverged_element=int(element[index]) if diverged and element is not None else None,
+    )
