@@ -1,4 +1,7 @@
-"""Records and lineage in SQLite: cases, observations, worlds, rollouts, fits, evidence. No physics, no MCP."""
+"""Records and lineage in SQLite: cases, observations, worlds, rollouts, fits, evidence. No physics, no MCP.
+
+`worlds` keeps from what and how each world was made, `evidence` which tool was called with which arguments.
+"""
 
 from evidence_store.canonical import content_id, to_json
 from evidence_store.cases import Answer, Binding, Case

@@ -13,7 +13,7 @@ from atw_mcp.calls.names import chosen_names
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.cases.material_facts import about_deformable, mass, nodes_of, size_of
-from atw_mcp.cases.provenance import knowledge, lineage
+from atw_mcp.cases.origins import knowledge, lineage
 from evidence_store import Case
 from polyworld.effects import CATALOGUE
 from polyworld.world import Deformable, World

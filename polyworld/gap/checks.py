@@ -10,7 +10,7 @@ from polyworld.estimation.criteria import held_out_gain
 from polyworld.gap.decide import Kind, Verdict
 from polyworld.gap.held_out import HeldOutGap
 from polyworld.gap.null_control import NullControl
-from polyworld.gap.searching import Searched
+from polyworld.gap.search_loop import Searched
 from polyworld.gap.settings import DecisionSettings
 from polyworld.gap.stability import names_of
 

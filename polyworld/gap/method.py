@@ -1,7 +1,7 @@
 """The gap workflow on one page: find where a world disagrees with measurements, name what is missing, and prove it.
 
 runs that behave unlike the rest are set aside and reported        outlying
-the base is fitted, effects are searched for                       searching
+the base is fitted, effects are searched for                       search_loop
 names are decided: evidence, stability over runs, model error      decide
 the decision is held against data that no step has seen            prove
 the program's own checks lower what they contradict                decide
@@ -34,7 +34,7 @@ from polyworld.gap.null_control import NullControl, simulated_recording
 from polyworld.gap.outlying import without_runs
 from polyworld.gap.remainder import Remainder, remainder_of
 from polyworld.gap.report import GapReport
-from polyworld.gap.searching import Searched, Story
+from polyworld.gap.search_loop import Searched, Story
 from polyworld.gap.set_aside import Work, search_without_outliers
 from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
 from polyworld.gap.single_coordinate import is_single_coordinate

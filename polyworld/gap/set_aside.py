@@ -26,7 +26,7 @@ from polyworld.gap.outlying import (
     supporting_run,
     without_runs,
 )
-from polyworld.gap.searching import Searched, Story, search_effects
+from polyworld.gap.search_loop import Searched, Story, search_effects
 from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings
 from polyworld.gap.stepping import coarsened
 from polyworld.world import World

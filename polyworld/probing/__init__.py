@@ -1,4 +1,5 @@
 """Questions about rollouts: predicates, readouts, comparisons, ensembles.
 
-Read `predicates`, `query` and `margins`, then `closest_approach`, `compare`, `readouts`, and last `ensemble`.
+Read `predicates` (the forms of statements), `query` (whether one holds) and `margins` (by how much), then
+`closest_approach`, `compare`, `readouts`, and last `ensemble`.
 """

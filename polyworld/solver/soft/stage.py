@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.soft import damping
 from polyworld.solver.soft.bodies import Kind, SliceKind, SolidKind
-from polyworld.solver.soft.laws import PARAMETERS, laws
 from polyworld.solver.soft.material import Law
+from polyworld.solver.soft.parameters import PARAMETERS, laws
 from polyworld.world import World
 from polyworld.world.representations.soft import Soft
 

@@ -1,1 +1,5 @@
-"""Six-degree-of-freedom rigid bodies: one file a stage, `step.py` is the page that reads like the algorithm."""
+"""Six-degree-of-freedom rigid bodies: one file a stage.
+
+Read `step` first, the page that reads like the algorithm; then `contacts`, `impacts` (rebound and friction) and
+`constraints`.
+"""
