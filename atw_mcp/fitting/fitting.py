@@ -208,8 +208,7 @@ def run_fit(
     progress.note(progress.done, progress.total, "sampling the posterior")
     fixed = {path for override in request.overrides if override.fixed for path in override.paths}
     names = run.result.by_name.keys()
-    others = [s.best for s in run.starts[1:] if s.best.by_name.keys() == names]
-    outcomes = [run.result, *others]
+    outcomes = [run.result, *(s.best for s in run.starts[1:] if s.best.by_name.keys() == names)]
     sample = sample_posterior(problem, outcomes, known=fixed, seed=request.seed)
     return _judged(problem, replace(run, sample=sample, outlying=outlying_frames(problem, run.result)))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from atw_mcp.calls.intervals import Span
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import chances
+from atw_mcp.probing.prediction_errors import SETTINGS, chances
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.ensemble_statistics import (
     LEVEL,
@@ -31,14 +31,13 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 
 MOST_EVENTS = 24  # rows of a timeline over all members
-NOTABLE = 0.01  # of probability: a smaller difference from the share of members is not worth a reason
 PERCENT = f"{100 * LEVEL:.0f}%"
 
 
 def query_answer(
     ensemble: Ensemble, results: Sequence[QueryResult], aggregation: Aggregation, names: Sequence[str]
 ) -> dict[str, Any]:
-    """Probability or distribution of what each member answered to one query about the objects `names`."""
+    """Return the probability or distribution of what the members answer to one query about the objects `names`."""
     decided = [i for i, result in enumerate(results) if result.decided]
     about: dict[str, Any] = {"members": ensemble.size, "unknown": ensemble.size - len(decided)}
     if not decided:
@@ -104,7 +103,9 @@ def query_in_words(about: dict[str, Any], aggregation: Aggregation) -> str:
 def together(
     ensemble: Ensemble, results: Sequence[Sequence[QueryResult]], names: Sequence[Sequence[str]]
 ) -> dict[str, Any]:
-    """In how many of the members all, and any, of several statements hold; members where one is unknown left out.
+    """Count members in which all, and any, of several statements hold; members where one is unknown are left out.
+
+    Errors of prediction of one member are taken as independent from statement to statement.
 
     names: of the objects that each statement is about.
     """
@@ -371,7 +372,7 @@ def _probability(true: NDArray[np.bool_], chance: Array, ensemble: Ensemble) -> 
     if not np.array_equal(chance, true):
         expected = Probability(float(chance.sum()), len(chance))
         found |= {"probability": expected.share, "probability_interval": list(expected.interval)}
-        if abs(expected.share - found["true"] / len(true)) >= NOTABLE:
+        if abs(expected.share - found["true"] / len(true)) >= SETTINGS.notable:
             reasons.append("it is decided after the last fitted frame, where predictions drift")
     if ensemble.wrong:
         sure = 1.0 - ensemble.wrong

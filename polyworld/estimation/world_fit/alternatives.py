@@ -42,7 +42,7 @@ def alternative_minima(
     draws = np.repeat(start[None], settings.draws, axis=0)
     draws[:, drawn] = _from_priors(problem, settings.draws, rng)[:, drawn]
     losses = problem.losses(draws, problem.samples)
-    starts = _slippery_and_rough(problem, start)
+    starts = _slippery_and_rough(problem, start, settings)
     for row in np.argsort(losses, kind="stable")[: settings.descents]:
         if np.isfinite(losses[row]):
             starts.append(draws[row])
@@ -65,19 +65,18 @@ def alternative_minima(
     return found
 
 
-def _slippery_and_rough(problem: FitProblem, start: Array) -> list[Array]:
-    """Return candidates (P,) with every friction two deviations of its prior below and above its mean, and no unlikely
-    spin.
+def _slippery_and_rough(problem: FitProblem, start: Array, settings: AlternativeSettings) -> list[Array]:
+    """Return candidates (P,) with every friction far below and far above its prior's mean, and the likeliest spins.
 
     Below the one every contact slides, above the other none does: what a bounce does with a spin differs in kind.
     """
     space = problem.space
     found = []
-    for sign in (-2.0, 2.0):
+    for away in (-settings.extreme, settings.extreme):
         values = space.values(start[None])[0].copy()
         for i, u in enumerate(space.unknowns):
             if u.prior is not None and u.paths[0].endswith(".friction"):
-                values[i] = max(u.prior[0] + sign * u.prior[1], 0.1 * u.prior[0])
+                values[i] = max(u.prior[0] + away * u.prior[1], settings.least * u.prior[0])
             elif u.prior is not None and ".angular_velocity." in u.paths[0]:
                 values[i] = u.prior[0]
         found.append(space.coordinates({u.name: float(v) for u, v in zip(space.unknowns, values, strict=True)}))

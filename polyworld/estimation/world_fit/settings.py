@@ -44,7 +44,9 @@ class AlternativeSettings:
 
     draws: from the priors, judged by one rollout each: with 100, one in thirty of the prior's mass is met with 97%.
     descents: from the likeliest of them. iterations, tolerance: of each. same: deviations of a prior within which two
-    outcomes are one minimum.
+    outcomes are one minimum. extreme: deviations below and above the mean at which every friction starts in the
+    slippery and in the rough world: nearly all of the prior lies between. least: share of the mean below which none
+    starts.
     """
 
     draws: int = 100
@@ -52,6 +54,8 @@ class AlternativeSettings:
     iterations: int = 16
     tolerance: float = 1e-3
     same: float = 0.1
+    extreme: float = 2.0
+    least: float = 0.1
 
 
 @dataclass(frozen=True)

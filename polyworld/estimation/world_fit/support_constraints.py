@@ -55,9 +55,10 @@ class SupportConstraint:
             axis = turn @ self.support.axis
             found += [axis @ n / self.settings.tight, np.einsum("ni,ni->n", spin, np.cross(n, axis))]
         else:
-            first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
-            for tangent in (first / np.linalg.norm(first), np.cross(n, first / np.linalg.norm(first))):
-                found += [(turn @ n) @ tangent / self.settings.tight, spin @ tangent]
+            tangent = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
+            tangent /= np.linalg.norm(tangent)
+            for direction in (tangent, np.cross(n, tangent)):
+                found += [(turn @ n) @ direction / self.settings.tight, spin @ direction]
         return np.stack(found, axis=1)
 
     def _vector(self, field: str, values: Mapping[str, Array], count: int) -> Array:
@@ -70,7 +71,8 @@ def support_constraints(
 ) -> list[SupportConstraint]:
     """Return the constraints of bodies of which a state is fitted and that a surface supports as their track begins.
 
-    fitted: paths. A body that the world starts otherwise than on its support is left free.
+    fitted: paths. A body that the world starts otherwise than on its support, by a standard deviation of any residual,
+    is left free.
     """
     settings = settings or SupportSettings()
     found = []
