@@ -3,7 +3,7 @@
 Describe a `World`, `rollout` it, `branch` it by interventions, `compare` the rollouts, `query` them.
 """
 
-from polyworld import warp_settings
+from polyworld.core import warp_settings
 from polyworld.edits.interventions import Intervention, branch
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.predicates import Predicate

@@ -39,6 +39,7 @@ def test_perception_knows_nothing_of_mcp() -> None:
 
 FLOORS = {
     "polyworld": (
+        ("core",),
         ("effects", "expressions"),
         ("world",),
         ("meshing",),

@@ -10,6 +10,8 @@ import trimesh
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -74,19 +76,19 @@ class MeshSurface:
         self._middle, self._size = 0.5 * (lower + upper), float((upper - lower).max())
         scaled = (self._vertices - self._middle) / self._size
         self._tree: Any = wp.Mesh(
-            points=wp.array(scaled, dtype=wp.vec3, device="cpu"),
-            indices=wp.array(self._faces.ravel(), dtype=wp.int32, device="cpu"),
+            points=buffers.array(scaled, wp.vec3),
+            indices=buffers.array(self._faces.ravel(), wp.int32),
             support_winding_number=True,
         )
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """See Surface."""
         count = len(points)
-        asked: Any = wp.array((points - self._middle) / self._size, dtype=wp.vec3, device="cpu")
-        face: Any = wp.zeros(count, dtype=wp.int32, device="cpu")
-        place: Any = wp.zeros(count, dtype=wp.vec3, device="cpu")
+        asked: Any = buffers.array((points - self._middle) / self._size, wp.vec3)
+        face: Any = buffers.zeros(count, wp.int32)
+        place: Any = buffers.zeros(count, wp.vec3)
         inputs = [self._tree.id, asked, face, place]
-        wp.launch(_nearest, dim=count, inputs=inputs, device="cpu")
+        buffers.launch(_nearest, count, inputs)
         u, v, sign = np.asarray(place.numpy(), dtype=float).T
         a, b, c = (self._vertices[self._faces[face.numpy(), k]] for k in range(3))
         found = u[:, None] * a + v[:, None] * b + (1.0 - u - v)[:, None] * c

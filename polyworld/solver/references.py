@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from typing import Any
 
-import warp as wp
+from polyworld.core import buffers
 
 
 def by_reference(record: Any, kind: Any, before: Any = None) -> Any:
@@ -16,7 +16,7 @@ def by_reference(record: Any, kind: Any, before: Any = None) -> Any:
 
     kind: the record's struct. before: an array to write it to. The array keeps the record, and so what it points to.
     """
-    found: Any = wp.empty(1, dtype=kind, device="cpu") if before is None else before
+    found: Any = buffers.empty(1, kind) if before is None else before
     content = record.__ctype__()
     ctypes.memmove(found.ptr, ctypes.addressof(content), ctypes.sizeof(content))
     found.record = record

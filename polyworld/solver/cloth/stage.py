@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import mesh_of
 from polyworld.meshing.mesh import DeformableMesh
 from polyworld.solver.cloth import bending, damping, forces
@@ -52,13 +53,13 @@ class ClothStage:
         self._edges = sum(len(g.ends) for g in parts)
         self._surface = _surface(parts, list(self._first.values()))
         fixed = np.concatenate([_fixed(world, item.name, g) for item, g in zip(items, parts, strict=True)])
-        self._surface.fixed = wp.array(fixed, dtype=wp.int32, device="cpu")
+        self._surface.fixed = buffers.array(fixed, wp.int32)
         self._bending = _bending(n_worlds, self._triangles, self._edges)
         self._damping = _damping(n_worlds, parts, list(self._first.values()))
         self._stages = 0  # that are launched: as many as any world has needed so far
         self._n_worlds = n_worlds
         # One row a world even where all are equal: the kernels need not ask.
-        self._materials: Any = wp.zeros((n_worlds, len(items)), dtype=Material, device="cpu")
+        self._materials: Any = buffers.zeros((n_worlds, len(items)), Material)
         self._rows: list[dict[str, Array]] = []
         self._step: Array = np.full(1, np.inf)
         self.write({item.name: {p: np.array([_given(getattr(item, p))]) for p in PARAMETERS} for item in items})
@@ -118,11 +119,13 @@ class ClothStage:
         s, m, b, d, dt = self._surface, self._materials, self._bending, self._damping, clock.dt
         x, v, inverse = nodes.x, nodes.v, nodes.inverse_mass
         triangles, edges = (self._n_worlds, -(-self._triangles // BLOCK)), (self._n_worlds, -(-self._edges // BLOCK))
-        _launch(bending.find_normals, triangles, [s, m, dt, clock.gravity, x, v, inverse, b])
-        _launch(bending.find_bends, edges, [s, m, dt, x, b])
-        _launch(bending.find_moments, triangles, [s, m, dt, b])
-        _launch(bending.turn_directors, edges, [s, m, dt, nodes.active, b])
-        _launch(forces.add_forces, triangles, [s, m, self._wind, dt, clock.gravity, x, v, inverse, b, d, nodes.f])
+        buffers.launch(bending.find_normals, triangles, [s, m, dt, clock.gravity, x, v, inverse, b])
+        buffers.launch(bending.find_bends, edges, [s, m, dt, x, b])
+        buffers.launch(bending.find_moments, triangles, [s, m, dt, b])
+        buffers.launch(bending.turn_directors, edges, [s, m, dt, nodes.active, b])
+        buffers.launch(
+            forces.add_forces, triangles, [s, m, self._wind, dt, clock.gravity, x, v, inverse, b, d, nodes.f]
+        )
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """Damping of stretch; the other forces are explicit."""
@@ -131,16 +134,16 @@ class ClothStage:
         s, m, d, dt = self._surface, self._materials, self._damping, clock.dt
         triangles = (self._n_worlds, -(-self._triangles // BLOCK))
         points = (self._n_worlds, -(-d.nodes.shape[0] // BLOCK))
-        _launch(
+        buffers.launch(
             damping.begin_damping, points, [dt, clock.gravity, nodes.inverse_mass, nodes.active, nodes.f, nodes.v, d]
         )
         now, out = d.last, d.other
         for stage in range(1, self._stages + 1):
-            _launch(damping.add_damping_forces, triangles, [stage, s, m, dt, nodes.inverse_mass, now, d])
-            _launch(damping.take_stage, points, [stage, dt, nodes.mass, now, out, d])
+            buffers.launch(damping.add_damping_forces, triangles, [stage, s, m, dt, nodes.inverse_mass, now, d])
+            buffers.launch(damping.take_stage, points, [stage, dt, nodes.mass, now, out, d])
             now, out = out, now
         held = [nodes.mass, nodes.inverse_mass, nodes.active]
-        _launch(damping.end_damping, points, [dt, clock.gravity, *held, nodes.v, nodes.f, d])
+        buffers.launch(damping.end_damping, points, [dt, clock.gravity, *held, nodes.v, nodes.f, d])
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """Nothing: the rest shape does not change."""
@@ -177,17 +180,13 @@ def _fixed(world: World, name: str, geometry: ClothGeometry) -> NDArray[np.int32
     return fixed
 
 
-def _launch(kernel: Any, dim: tuple[int, int], inputs: list[Any]) -> None:
-    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")
-
-
 def _surface(parts: list[ClothGeometry], first: list[int]) -> Any:
     """All cloths one after the other, with nodes, edges and triangles counted through."""
     triangle = np.cumsum([0] + [len(g.corners) for g in parts])
     edge = np.cumsum([0] + [len(g.ends) for g in parts])
 
     def joined(columns: list[Any], dtype: Any) -> Any:
-        return wp.array(np.ascontiguousarray(np.concatenate(columns)), dtype=dtype, device="cpu")
+        return buffers.array(np.ascontiguousarray(np.concatenate(columns)), dtype)
 
     surface = Surface()
     surface.corners = joined([g.corners + n for g, n in zip(parts, first, strict=True)], wp.vec3i)
@@ -211,12 +210,12 @@ def _damping(w: int, parts: list[ClothGeometry], first: list[int]) -> Any:
     own = np.concatenate([np.arange(n, n + len(g.nodes)) for g, n in zip(parts, first, strict=True)])
 
     def vectors(count: int) -> Any:
-        return wp.zeros((w, count), dtype=wp.vec3d, device="cpu")
+        return buffers.zeros((w, count), wp.vec3d)
 
     d = Damping()
-    d.nodes = wp.array(own.astype(np.int32), dtype=wp.int32, device="cpu")
-    d.corners = wp.array(np.ascontiguousarray(corners), dtype=wp.vec3i, device="cpu")
-    d.stages = wp.zeros((w,), dtype=wp.int32, device="cpu")
+    d.nodes = buffers.array(own.astype(np.int32), wp.int32)
+    d.corners = buffers.array(np.ascontiguousarray(corners), wp.vec3i)
+    d.stages = buffers.zeros((w,), wp.int32)
     d.first, d.second, d.stretch = vectors(len(corners)), vectors(len(corners)), vectors(len(corners))
     d.start, d.push, d.rate, d.last, d.other, d.force = (vectors(points) for _ in range(6))
     return d
@@ -224,7 +223,7 @@ def _damping(w: int, parts: list[ClothGeometry], first: list[int]) -> Any:
 
 def _bending(w: int, triangles: int, edges: int) -> Any:
     def zeros(count: int, dtype: Any) -> Any:
-        return wp.zeros((w, count), dtype=dtype, device="cpu")
+        return buffers.zeros((w, count), dtype)
 
     b = Bending()
     b.angle, b.rate = zeros(edges, wp.float64), zeros(edges, wp.float64)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.stage import MaterialStage
@@ -31,19 +32,19 @@ def allocate_nodes(
     radius = np.concatenate([meshes[d.name].radius for d in solids] or [np.zeros(0)])
 
     def vectors() -> Any:
-        return wp.zeros((w, total), dtype=wp.vec3d, device="cpu")
+        return buffers.zeros((w, total), wp.vec3d)
 
     return Nodes(
         x=vectors(),
         v=vectors(),
         f=vectors(),
-        mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
-        inverse_mass=wp.zeros((1, total), dtype=wp.float64, device="cpu"),
-        radius=wp.array(radius, dtype=wp.float64, device="cpu"),
-        owner=wp.array(owner.astype(np.int32), dtype=wp.int32, device="cpu"),
-        friction=wp.zeros((1, len(owners)), dtype=wp.float64, device="cpu"),
-        restitution=wp.zeros((1, len(owners)), dtype=wp.float64, device="cpu"),
-        active=wp.zeros((w, total), dtype=wp.int32, device="cpu"),
+        mass=buffers.zeros((1, total), wp.float64),
+        inverse_mass=buffers.zeros((1, total), wp.float64),
+        radius=buffers.array(radius, wp.float64),
+        owner=buffers.array(owner.astype(np.int32), wp.int32),
+        friction=buffers.zeros((1, len(owners)), wp.float64),
+        restitution=buffers.zeros((1, len(owners)), wp.float64),
+        active=buffers.zeros((w, total), wp.int32),
         first=first,
         count=count,
     )
@@ -53,15 +54,15 @@ def clock_of(w: int) -> Clock:
     """Return the clock of w worlds, at time 0."""
 
     def seconds() -> Any:
-        return wp.zeros((w,), dtype=wp.float64, device="cpu")
+        return buffers.zeros((w,), wp.float64)
 
     return Clock(
         time=seconds(),
         h=seconds(),
         dt=seconds(),
-        inner_steps=wp.zeros((w,), dtype=wp.int32, device="cpu"),
-        inner=wp.zeros((1,), dtype=wp.int32, device="cpu"),
-        gravity=wp.zeros((1,), dtype=wp.vec3d, device="cpu"),
+        inner_steps=buffers.zeros((w,), wp.int32),
+        inner=buffers.zeros((1,), wp.int32),
+        gravity=buffers.zeros((1,), wp.vec3d),
     )
 
 

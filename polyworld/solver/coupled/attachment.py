@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.coupled import attachment_kernels as kernels
 from polyworld.solver.coupled.attachment_targets import Held, held_by_rope_stage, held_nodes, nearest_on
@@ -55,30 +56,30 @@ class Attachments:
     def _allocate(self, on_bodies: dict[int, Held]) -> None:
         w, count = self._w, max(len(self.attachments), 1)
         f = kernels.Fastenings()
-        f.released, f.when = _zeros((w, count), wp.int32), _zeros((w, count), wp.float64)
-        f.impulse, f.force = _zeros((w, count), wp.vec3d), _zeros((w, count), wp.vec3d)
+        f.released, f.when = buffers.zeros((w, count), wp.int32), buffers.zeros((w, count), wp.float64)
+        f.impulse, f.force = buffers.zeros((w, count), wp.vec3d), buffers.zeros((w, count), wp.vec3d)
         never, unbreakable = np.inf, -1.0
         f.release = _floats([never if a.release is None else a.release for a in self.attachments] or [never])
         f.strength = _floats([unbreakable if a.strength is None else a.strength for a in self.attachments] or [-1.0])
         self.fastenings = f
-        self._last_h = _zeros((w,), wp.float64)
+        self._last_h = buffers.zeros((w,), wp.float64)
         self._motion = self._motions()
         self._world_node, self._world_attachment = _ints(self._to_world.node), _ints(self._to_world.attachment)
-        self._world_place = _zeros((w, len(self._to_world.node)), wp.vec3d)
+        self._world_place = buffers.zeros((w, len(self._to_world.node)), wp.vec3d)
         groups = sorted(on_bodies)
         self._body = _ints(groups)
         self._body_first = _ints(np.cumsum([0, *(len(on_bodies[g].node) for g in groups)]))
         self._body_node = _ints([n for g in groups for n in on_bodies[g].node])
         self._body_attachment = _ints([a for g in groups for a in on_bodies[g].attachment])
-        self._body_place = _zeros((w, self._body_node.shape[0]), wp.vec3d)
+        self._body_place = buffers.zeros((w, self._body_node.shape[0]), wp.vec3d)
         held = self._to_nodes
         self._node_node, self._node_attachment = _ints(held.node), _ints(held.attachment)
-        self._target: Any = wp.array(np.array(held.target, dtype=np.int32).reshape(-1, 3), dtype=wp.vec3i, device="cpu")
-        self._weight: Any = wp.array(np.array(held.weight).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
-        self._offset: Any = wp.array(np.array(held.offset).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
-        self._body_last: Any = _zeros((w, self._body_node.shape[0]), wp.vec3d)
-        self._last: Any = _zeros((w, len(held.node)), wp.vec3d)
-        self._wanted = _zeros((w, len(held.node)), wp.vec3d)
+        self._target: Any = buffers.array(np.array(held.target, dtype=np.int32).reshape(-1, 3), wp.vec3i)
+        self._weight: Any = buffers.array(np.array(held.weight).reshape(-1, 3), wp.vec3d)
+        self._offset: Any = buffers.array(np.array(held.offset).reshape(-1, 3), wp.vec3d)
+        self._body_last: Any = buffers.zeros((w, self._body_node.shape[0]), wp.vec3d)
+        self._last: Any = buffers.zeros((w, len(held.node)), wp.vec3d)
+        self._wanted = buffers.zeros((w, len(held.node)), wp.vec3d)
 
     def _motions(self) -> kernels.Motion:
         """Displacements count from where the object's nodes are when it joins."""
@@ -97,7 +98,7 @@ class Attachments:
         values = np.array(rows, dtype=float).reshape(-1, 4)
         motion.first = _ints(first)
         motion.time = _floats(values[:, 0])
-        motion.displacement = wp.array(values[:, 1:], dtype=wp.vec3d, device="cpu")
+        motion.displacement = buffers.array(values[:, 1:], wp.vec3d)
         return motion
 
     def hold(self, inverse_mass: Array) -> Array:
@@ -131,12 +132,12 @@ class Attachments:
         """Launch the start of a coupling step: forces of the last one, and releases."""
         if not self.attachments:
             return
-        _launch(
+        buffers.launch(
             kernels.begin_step, (self._w, len(self.attachments)), [clock.time, clock.h, self._last_h, self.fastenings]
         )
-        _launch(kernels.note_length, self._w, [clock.h, self._last_h])
+        buffers.launch(kernels.note_length, self._w, [clock.h, self._last_h])
         if self._breakable and self._to_world.node:
-            _launch(
+            buffers.launch(
                 kernels.free_nodes,
                 self._w,
                 [
@@ -153,7 +154,7 @@ class Attachments:
         """Launch what reads the forces on held nodes, once the stages have added theirs."""
         if self._to_world.node:
             held = [self._world_node, self._world_attachment]
-            _launch(kernels.resist_forces, self._w, [clock.dt, *held, nodes.active, nodes.f, self.fastenings])
+            buffers.launch(kernels.resist_forces, self._w, [clock.dt, *held, nodes.active, nodes.f, self.fastenings])
 
     def launch_tensions(self, nodes: Nodes, clock: Clock, links: tuple[Any, Any]) -> None:
         """Launch what reads the tensions of ropes at held nodes, once they are found. links: of the rope's stage."""
@@ -162,7 +163,7 @@ class Attachments:
 
             held = [self._world_node, self._world_attachment]
             dim = (self._w, len(self._to_world.node))
-            _launch(resist_tensions, dim, [clock.dt, *held, *links, nodes.active, self.fastenings])
+            buffers.launch(resist_tensions, dim, [clock.dt, *held, *links, nodes.active, self.fastenings])
 
     def launch_push(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of the inner step before, which the next solution starts from."""
@@ -170,17 +171,17 @@ class Attachments:
             held = [self._body, self._body_first, self._body_node, self._body_attachment]
             state = [nodes.inverse_mass, nodes.active, self._bodies, nodes.x, nodes.v, self._body_last]
             dim = (self._w, self._body.shape[0])
-            _launch(kernels.push_on_bodies, dim, [clock.dt, *held, *state, self.fastenings])
+            buffers.launch(kernels.push_on_bodies, dim, [clock.dt, *held, *state, self.fastenings])
         if self._to_nodes.node:
             held = [self._node_node, self._node_attachment, self._target, self._weight]
             state = [nodes.inverse_mass, nodes.active, nodes.v, self._last]
-            _launch(kernels.push_on_nodes, self._w, [clock.dt, *held, *state, self.fastenings])
+            buffers.launch(kernels.push_on_nodes, self._w, [clock.dt, *held, *state, self.fastenings])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock, reaction: Any) -> None:
         """Launch what holds the nodes in one inner step. reaction (W, N): impulses of contacts on held nodes."""
         f = self.fastenings
         if self._body.shape[0]:
-            _launch(
+            buffers.launch(
                 kernels.hold_to_bodies,
                 (self._w, self._body.shape[0]),
                 [
@@ -201,7 +202,7 @@ class Attachments:
                 ],
             )
         if self._to_nodes.node:
-            _launch(
+            buffers.launch(
                 kernels.hold_to_nodes,
                 self._w,
                 [
@@ -221,7 +222,7 @@ class Attachments:
                 ],
             )
         if self._to_world.node:
-            _launch(
+            buffers.launch(
                 kernels.hold_to_world,
                 self._w,
                 [
@@ -258,17 +259,9 @@ class Attachments:
         )
 
 
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
-
-
 def _ints(values: Any) -> Any:
-    return wp.array(np.asarray(values, dtype=np.int32).reshape(-1), dtype=wp.int32, device="cpu")
+    return buffers.array(np.asarray(values, dtype=np.int32).reshape(-1), wp.int32)
 
 
 def _floats(values: Any) -> Any:
-    return wp.array(np.asarray(values, dtype=np.float64).reshape(-1), dtype=wp.float64, device="cpu")
-
-
-def _launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
-    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")
+    return buffers.array(np.asarray(values, dtype=np.float64).reshape(-1), wp.float64)

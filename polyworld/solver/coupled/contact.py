@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.coupled import contact_layout as layout
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
@@ -52,13 +53,13 @@ class Contacts:
         w, n = nodes.x.shape
         if carried is None or rigid is None:
             self._solid = Geometry()
-            self._bodies: Any = _zeros((w, 1), Body)
-            self._acceleration: Any = _zeros((w, 1), wp.vec3d)
+            self._bodies: Any = buffers.zeros((w, 1), Body)
+            self._acceleration: Any = buffers.zeros((w, 1), wp.vec3d)
             self._before: Any = self._acceleration
-            self._flying: Any = _zeros((w, 1), wp.int32)
-            self._inverse_inertia: Any = _zeros((w, 1), wp.mat33d)
+            self._flying: Any = buffers.zeros((w, 1), wp.int32)
+            self._inverse_inertia: Any = buffers.zeros((w, 1), wp.mat33d)
             self.obstacles = layout.Obstacles()
-            self.obstacles.parts = _zeros((0,), layout.Part)
+            self.obstacles.parts = buffers.zeros((0,), layout.Part)
             excluded = np.zeros((n, 1), dtype=np.int32)
         else:
             self._bodies = carried.bodies
@@ -75,23 +76,23 @@ class Contacts:
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)
         self.bounds = layout.Bounds()
-        self.bounds.low, self.bounds.high = _zeros((w, d), wp.vec3d), _zeros((w, d), wp.vec3d)
-        self.bounds.speed = _zeros((w, d), wp.float64)
-        self.bounds.near = _zeros((w, d, parts), wp.int32)
+        self.bounds.low, self.bounds.high = buffers.zeros((w, d), wp.vec3d), buffers.zeros((w, d), wp.vec3d)
+        self.bounds.speed = buffers.zeros((w, d), wp.float64)
+        self.bounds.near = buffers.zeros((w, d, parts), wp.int32)
         self._pairs = SurfacePairs(world, meshes, nodes, self.surface, len(world.objects) + len(world.statics))
         room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0] + self._pairs.room()
         self.found = layout.Found()
         # Left unwritten, so that room which is not needed takes no memory.
-        self.found.contacts = wp.empty((w, room), dtype=layout.Contact, device="cpu")
-        self.found.acting = wp.empty((w, room), dtype=wp.int32, device="cpu")
-        self.found.kept = wp.empty((w, room), dtype=layout.Kept, device="cpu")
-        self.found.kept_node = wp.empty((w, room), dtype=wp.int32, device="cpu")
-        self.found.kept_count = _zeros((w,), wp.int32)
-        self.found.latest = wp.full((w, n), -1, dtype=wp.int32, device="cpu")
-        self.found.count = _zeros((w,), wp.int32)
-        self.found.overflowed = _zeros((w,), wp.int32)
-        self.found.falling = wp.ones((w, n), dtype=wp.float64, device="cpu")
-        self.found.reaction = _zeros((w, n), wp.vec3d)
+        self.found.contacts = buffers.empty((w, room), layout.Contact)
+        self.found.acting = buffers.empty((w, room), wp.int32)
+        self.found.kept = buffers.empty((w, room), layout.Kept)
+        self.found.kept_node = buffers.empty((w, room), wp.int32)
+        self.found.kept_count = buffers.zeros((w,), wp.int32)
+        self.found.latest = buffers.full((w, n), -1, wp.int32)
+        self.found.count = buffers.zeros((w,), wp.int32)
+        self.found.overflowed = buffers.zeros((w,), wp.int32)
+        self.found.falling = buffers.full((w, n), 1.0, wp.float64)
+        self.found.reaction = buffers.zeros((w, n), wp.vec3d)
         bodies = [o.name for o in (*world.objects, *world.statics)]
         names = [d.name for d in world.deformables]
         self.tally = _tally(w, d, len(bodies), record_events)
@@ -132,23 +133,23 @@ class Contacts:
     def launch_search(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the search for all that may touch within the coupling step."""
         w, d, parts = self.bounds.near.shape
-        _launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds])
-        _launch(keep_acting, self.n_worlds, [clock.h, self.found])
+        buffers.launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds])
+        buffers.launch(keep_acting, self.n_worlds, [clock.h, self.found])
         self._pairs.launch(nodes, clock, self.bounds, self.found)
         if parts > 0:
             self._search_bodies(nodes, clock)
-        _launch(recall_acting, self.n_worlds, [clock.h, self.found])
+        buffers.launch(recall_acting, self.n_worlds, [clock.h, self.found])
 
     def _search_bodies(self, nodes: Nodes, clock: Clock) -> None:
         w, d, parts = self.bounds.near.shape
         moving = [clock.h, clock.gravity]
         solids = [self._geometry, self.obstacles, self._bodies]
         of_nodes = [nodes.x, nodes.v, nodes.radius, nodes.owner, nodes.active, nodes.friction, nodes.restitution]
-        _launch(near_parts, (w, d, parts), [*moving, *solids, nodes.radius, self.surface, self.bounds])
+        buffers.launch(near_parts, (w, d, parts), [*moving, *solids, nodes.radius, self.surface, self.bounds])
         rest = [self.surface, self.bounds, self.found]
-        _launch(search_nodes, (w, _blocks(nodes.x.shape[1])), [*moving, *solids, *of_nodes, *rest])
-        _launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), [*moving, *solids, *of_nodes, *rest])
-        _launch(
+        buffers.launch(search_nodes, (w, _blocks(nodes.x.shape[1])), [*moving, *solids, *of_nodes, *rest])
+        buffers.launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), [*moving, *solids, *of_nodes, *rest])
+        buffers.launch(
             search_corners,
             (w, _blocks(self.surface.triangles.shape[0])),
             [*moving, *solids[1:], nodes.x, *of_nodes[2:], *rest],
@@ -157,11 +158,11 @@ class Contacts:
     def launch_push(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of the inner step before, which the next solution starts from."""
         solids = [self._inverse_inertia, self._bodies]
-        _launch(push_on, self.n_worlds, [clock.dt, nodes.inverse_mass, *solids, nodes.v, self.found])
+        buffers.launch(push_on, self.n_worlds, [clock.dt, nodes.inverse_mass, *solids, nodes.v, self.found])
 
     def launch_solve(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of one inner step."""
-        _launch(
+        buffers.launch(
             solve_contacts,
             self.n_worlds,
             [
@@ -194,15 +195,7 @@ def _tally(w: int, d: int, bodies: int, record: bool) -> layout.Tally:
     tally = layout.Tally()
     shape = (w, d, bodies + d) if record else (1, 1, 1)
     for name in ("impulse", "first_impulse", "speed", "begin", "last"):
-        setattr(tally, name, _zeros(shape, wp.float64))
-    tally.position = _zeros(shape, wp.vec3d)
+        setattr(tally, name, buffers.zeros(shape, wp.float64))
+    tally.position = buffers.zeros(shape, wp.vec3d)
     tally.record = int(record)
     return tally
-
-
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
-
-
-def _launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
-    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

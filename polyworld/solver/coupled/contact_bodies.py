@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.solver.coupled.nodes import Clock
 from polyworld.solver.spatial.constraints import world_inverse_inertia
 from polyworld.solver.spatial.layout import OPTIONS, Body
@@ -191,12 +192,12 @@ class CarriedBodies:
         self.carried = Carried()
         shape = bodies.shape
         for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning", "before", "before_turning"):
-            setattr(self.carried, name, wp.zeros(shape, dtype=wp.vec3d, device="cpu"))
-        self.carried.q = wp.zeros(shape, dtype=wp.quatd, device="cpu")
-        self.carried.inverse_inertia = wp.zeros(shape, dtype=wp.mat33d, device="cpu")
-        self.carried.flying = wp.zeros(shape, dtype=wp.int32, device="cpu")
-        self.carried.seen = wp.zeros(shape, dtype=wp.int32, device="cpu")
-        self.carried.h = wp.zeros(shape[0], dtype=wp.float64, device="cpu")
+            setattr(self.carried, name, buffers.zeros(shape, wp.vec3d))
+        self.carried.q = buffers.zeros(shape, wp.quatd)
+        self.carried.inverse_inertia = buffers.zeros(shape, wp.mat33d)
+        self.carried.flying = buffers.zeros(shape, wp.int32)
+        self.carried.seen = buffers.zeros(shape, wp.int32)
+        self.carried.h = buffers.zeros(shape[0], wp.float64)
 
     def reset(self) -> None:
         """Forget the steps of the last run."""
@@ -216,7 +217,7 @@ class CarriedBodies:
     def launch_begin(self, clock: Clock) -> None:
         """Launch what opens a coupling step."""
         self._launch(begin_step, [clock.h, clock.gravity, self.objects, self.bodies, self.carried])
-        wp.launch(note_length, dim=self.bodies.shape[0], inputs=[clock.h, self.carried], device="cpu")
+        buffers.launch(note_length, self.bodies.shape[0], [clock.h, self.carried])
 
     def launch_velocities(self, clock: Clock) -> None:
         """Launch the velocities of an inner step, before nodes push."""
@@ -232,4 +233,4 @@ class CarriedBodies:
 
     def _launch(self, kernel: Any, inputs: list[Any]) -> None:
         if self.objects:
-            wp.launch(kernel, dim=self.bodies.shape, inputs=inputs, device="cpu")
+            buffers.launch(kernel, self.bodies.shape, inputs)

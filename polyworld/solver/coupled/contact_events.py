@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.solver.coupled.contact_layout import Tally
 from polyworld.solver.spatial.layout import OPTIONS, Episode
 from polyworld.trajectory import Event
@@ -61,9 +62,9 @@ class ContactLog:
         self._names, self._others = tuple(names), tuple(others)
         self._w = n_worlds
         record = bool(tally.record)
-        self._episodes: Any = wp.zeros((n_worlds, EPISODES if record else 1), dtype=Episode, device="cpu")
-        self._count: Any = wp.zeros((n_worlds,), dtype=wp.int32, device="cpu")
-        self._open: Any = wp.zeros(tally.impulse.shape, dtype=wp.int32, device="cpu")
+        self._episodes: Any = buffers.zeros((n_worlds, EPISODES if record else 1), Episode)
+        self._count: Any = buffers.zeros((n_worlds,), wp.int32)
+        self._open: Any = buffers.zeros(tally.impulse.shape, wp.int32)
 
     def reset(self) -> None:
         """Clear the log: no contact has started."""
@@ -74,11 +75,10 @@ class ContactLog:
     def launch(self) -> None:
         """Launch the record of one coupling step."""
         if self._tally.record:
-            wp.launch(
+            buffers.launch(
                 record_contacts,
-                dim=self._w,
-                inputs=[self._tally, self._episodes, self._count, self._open],
-                device="cpu",
+                self._w,
+                [self._tally, self._episodes, self._count, self._open],
             )
 
     def events(self, w: int, end: float, longest_step: float) -> tuple[Event, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
@@ -49,10 +50,10 @@ def build_obstacles(geometry: layout.Geometry) -> Obstacles:
             owners.extend([body] * len(corners))
             radii.extend([radius] * len(corners))
     obstacles = Obstacles()
-    obstacles.parts = wp.array(rows, dtype=Part, device="cpu")
-    obstacles.corners = wp.array(np.array(points or [np.zeros(3)]), dtype=wp.vec3d, device="cpu")
-    obstacles.corner_body = wp.array(np.array(owners or [0]), dtype=wp.int32, device="cpu")
-    obstacles.corner_radius = wp.array(np.array(radii or [0.0]), dtype=wp.float64, device="cpu")
+    obstacles.parts = buffers.array(rows, Part)
+    obstacles.corners = buffers.array(np.array(points or [np.zeros(3)]), wp.vec3d)
+    obstacles.corner_body = buffers.array(np.array(owners or [0]), wp.int32)
+    obstacles.corner_radius = buffers.array(np.array(radii or [0.0]), wp.float64)
     return obstacles
 
 
@@ -98,17 +99,17 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
         used = surface_edges(mesh).ravel()
         exposed[begin[d] + used] = 1
     surface = Surface()
-    surface.edges = wp.array(np.concatenate(edges).astype(np.int32), dtype=wp.int32, device="cpu")
-    surface.triangles = wp.array(np.concatenate(triangles).astype(np.int32), dtype=wp.int32, device="cpu")
-    surface.sides = wp.array(np.concatenate(sides).astype(np.int32), dtype=wp.int32, device="cpu")
+    surface.edges = buffers.array(np.concatenate(edges).astype(np.int32), wp.int32)
+    surface.triangles = buffers.array(np.concatenate(triangles).astype(np.int32), wp.int32)
+    surface.sides = buffers.array(np.concatenate(sides).astype(np.int32), wp.int32)
     normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
     surface.across = wp.vec3d(*(normal / np.linalg.norm(normal)))
-    surface.exposed = wp.array(exposed, dtype=wp.int32, device="cpu")
-    surface.one_sided = wp.array(one_sided, dtype=wp.int32, device="cpu")
-    surface.yielding = wp.array(yielding, dtype=wp.float64, device="cpu")
-    surface.excluded = wp.array(np.ascontiguousarray(excluded), dtype=wp.int32, device="cpu")
-    surface.first = wp.array(begin, dtype=wp.int32, device="cpu")
-    surface.count = wp.array(count, dtype=wp.int32, device="cpu")
+    surface.exposed = buffers.array(exposed, wp.int32)
+    surface.one_sided = buffers.array(one_sided, wp.int32)
+    surface.yielding = buffers.array(yielding, wp.float64)
+    surface.excluded = buffers.array(np.ascontiguousarray(excluded), wp.int32)
+    surface.first = buffers.array(begin, wp.int32)
+    surface.count = buffers.array(count, wp.int32)
     return surface
 
 
@@ -150,21 +151,20 @@ def excluded_bodies(
     if not linked.any():
         return excluded
     positions = np.concatenate([meshes[name].nodes for name in nodes.first])
-    marked: Any = wp.array(excluded, dtype=wp.int32, device="cpu")
-    wp.launch(
+    marked: Any = buffers.array(excluded, wp.int32)
+    buffers.launch(
         mark_overlaps,
-        dim=(nodes.x.shape[1], obstacles.parts.shape[0]),
-        inputs=[
-            wp.array(positions, dtype=wp.vec3d, device="cpu"),
+        (nodes.x.shape[1], obstacles.parts.shape[0]),
+        [
+            buffers.array(positions, wp.vec3d),
             nodes.radius,
             nodes.owner,
-            wp.array(linked, dtype=wp.int32, device="cpu"),
+            buffers.array(linked, wp.int32),
             by_reference(geometry, layout.Geometry),
             obstacles,
             bodies,
             marked,
         ],
-        device="cpu",
     )
     found: Ints = marked.numpy()
     return found

@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.world import World
 
 # Loaded when first launched: which of them a world needs depends on its parameters.
@@ -50,7 +51,7 @@ def load_kernels(world: World) -> None:
         if world.objects:
             found.append(step_kernel(bool(world.joints)).module)
     unique = list({id(m): m for m in found}.values())
-    wp.force_load(device="cpu", modules=unique, max_workers=len(os.sched_getaffinity(0)))
+    buffers.load(unique, workers=len(os.sched_getaffinity(0)))
 
 
 def _kernel_modules(module: ModuleType) -> list[Any]:

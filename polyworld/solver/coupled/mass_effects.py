@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.effects import Motion
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled.nodes import Clock, Nodes
@@ -56,7 +57,7 @@ class MassEffects:
         acts = [[e.objects is None or d.name in e.objects for d in world.deformables] for e in enabled]
         self.any = bool(np.any(acts)) if acts else False
         table = np.array(acts, dtype=np.int32).reshape(len(enabled), len(world.deformables))
-        self._acts: Any = wp.array(table, dtype=wp.int32, device="cpu")
+        self._acts: Any = buffers.array(table, wp.int32)
         self._kinds: Any = None
         self._parameters: Any = None
         self._programs: Any = None
@@ -73,19 +74,19 @@ class MassEffects:
             self._parameters.numpy()[:] = values
             self._origin.numpy()[:] = origin
             return False
-        self._origin = wp.array(origin, dtype=wp.float64, device="cpu")
-        self._kinds = wp.array(arrays.effect_kind, dtype=wp.int32, device="cpu")
-        self._programs = wp.array(arrays.effect_programs, dtype=wp.float64, device="cpu")
-        self._parameters = wp.array(values, dtype=wp.float64, device="cpu")
+        self._origin = buffers.array(origin, wp.float64)
+        self._kinds = buffers.array(arrays.effect_kind, wp.int32)
+        self._programs = buffers.array(arrays.effect_programs, wp.float64)
+        self._parameters = buffers.array(values, wp.float64)
         return True
 
     def launch(self, nodes: Nodes, clock: Clock) -> None:
         """Add the forces at the current positions and velocities."""
         if self.any:
-            wp.launch(
+            buffers.launch(
                 add_effects,
-                dim=nodes.x.shape,
-                inputs=[
+                nodes.x.shape,
+                [
                     clock.dt,
                     clock.inner,
                     clock.time,
@@ -101,5 +102,4 @@ class MassEffects:
                     nodes.v,
                     nodes.f,
                 ],
-                device="cpu",
             )

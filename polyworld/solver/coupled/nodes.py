@@ -9,6 +9,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
+
 Array = NDArray[np.float64]
 Fields = dict[str, dict[str, Array]]  # deformable -> parameter -> values (1,) shared, or (W,)
 
@@ -60,4 +62,4 @@ def parameter_row(fields: Fields, names: tuple[str, ...], parameter: str) -> Any
     columns = [np.atleast_1d(fields[name][parameter]) for name in names]
     rows = max((len(c) for c in columns), default=1)
     values = np.stack([np.broadcast_to(c, (rows,)) for c in columns], axis=1) if columns else np.zeros((1, 0))
-    return wp.array(np.ascontiguousarray(values, dtype=np.float64), dtype=wp.float64, device="cpu")
+    return buffers.array(np.ascontiguousarray(values, dtype=np.float64), wp.float64)

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled import motion
@@ -52,7 +53,7 @@ class Shard:
         self.owners = {d.name: i for i, d in enumerate(world.deformables)}
         self.nodes = allocate_nodes(self.solids, meshes, self.owners, n_worlds)
         self.clock = clock_of(n_worlds)
-        self._before: Any = wp.zeros(self.nodes.v.shape, dtype=wp.vec3d, device="cpu")
+        self._before: Any = buffers.zeros(self.nodes.v.shape, wp.vec3d)
         load_kernels(world)
         self.stages = stages_of(world, self.nodes, n_worlds)
         self.effects = MassEffects(world)
@@ -63,11 +64,9 @@ class Shard:
         self._graphs: dict[str, Any] | None = None
         self._scale: Any = None
         self._damping: Any = None
-        self._start: Any = wp.array(
-            [getattr(d, "start_time", 0.0) for d in world.deformables], dtype=wp.float64, device="cpu"
-        )
-        self.diverged_node = wp.full((n_worlds,), -1, dtype=wp.int32, device="cpu")
-        self.diverged_time = wp.full((n_worlds,), np.nan, dtype=wp.float64, device="cpu")
+        self._start: Any = buffers.array([getattr(d, "start_time", 0.0) for d in world.deformables], wp.float64)
+        self.diverged_node = buffers.full((n_worlds,), -1, wp.int32)
+        self.diverged_time = buffers.full((n_worlds,), np.nan, wp.float64)
         self._build_rigid()
         bodies = None if self.rigid is None else self.rigid.bodies
         self.fluid = fluid_of(world, n_worlds, float(table.end[-1]))
@@ -101,9 +100,9 @@ class Shard:
             recapture |= self.fluid.write(fields)
         for stage in self.stages:
             recapture |= stage.write(fields)
-        gravity: Any = wp.array(arrays.gravity, dtype=wp.vec3d, device="cpu")
+        gravity: Any = buffers.array(arrays.gravity, wp.vec3d)
         recapture |= write_in_place(self.clock, "gravity", gravity)
-        recapture |= write_in_place(self, "_scale", wp.array(arrays.time_scale[:, 0], dtype=wp.float64, device="cpu"))
+        recapture |= write_in_place(self, "_scale", buffers.array(arrays.time_scale[:, 0], wp.float64))
         if self.rigid is not None:
             self.rigid.write(arrays)
         if recapture:
@@ -125,8 +124,8 @@ class Shard:
         for name in names:  # a fluid has neither friction nor restitution nor damping of its own
             for parameter in ("friction", "restitution", "linear_damping"):
                 fields[name].setdefault(parameter, zero)
-        recapture = write_in_place(nodes, "mass", wp.array(mass, dtype=wp.float64, device="cpu"))
-        recapture |= write_in_place(nodes, "inverse_mass", wp.array(inverse, dtype=wp.float64, device="cpu"))
+        recapture = write_in_place(nodes, "mass", buffers.array(mass, wp.float64))
+        recapture |= write_in_place(nodes, "inverse_mass", buffers.array(inverse, wp.float64))
         recapture |= write_in_place(nodes, "friction", parameter_row(fields, names, "friction"))
         recapture |= write_in_place(nodes, "restitution", parameter_row(fields, names, "restitution"))
         recapture |= write_in_place(self, "_damping", parameter_row(fields, names, "linear_damping"))
@@ -318,7 +317,7 @@ class Shard:
             *((("inner", self._inner, 1), ("block", self._inner, BLOCK)) if self.solids else ()),
             ("end", self._end, 1),
         ):
-            with wp.ScopedCapture(device="cpu") as capture:
+            with buffers.capture() as capture:
                 for _ in range(repeats):
                     launch()
             self._graphs[name] = capture.graph
@@ -326,7 +325,7 @@ class Shard:
     # --- the loop --------------------------------------------------------------------------------
 
     def _launch(self, kernel: Any, dim: Any, inputs: list[Any]) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")
+        buffers.launch(kernel, dim, inputs)
 
     def _begin(self) -> None:
         n, c = self.nodes, self.clock

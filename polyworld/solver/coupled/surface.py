@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh
 from polyworld.solver.coupled.contact_layout import Bounds, Found, Surface
 from polyworld.solver.coupled.nodes import Clock, Nodes
@@ -67,28 +66,31 @@ class SurfacePairs:
         kept = np.flatnonzero(cross.any(axis=1)[owners]).astype(np.int32)
         has_faces = surface.triangles.shape[0] > 0
         pairs = Pairs()
-        pairs.node, pairs.edge = _ints(exposed), _ints(kept)
-        pairs.may = wp.array(may, dtype=wp.int32, device="cpu")
-        pairs.cross = wp.array(cross.astype(np.int32), dtype=wp.int32, device="cpu")
-        pairs.bonded = wp.array(_bonded(world), dtype=wp.int32, device="cpu")
-        pairs.rest = wp.array(rest, dtype=wp.vec3d, device="cpu")
+        pairs.node, pairs.edge = buffers.ints(exposed), buffers.ints(kept)
+        pairs.may = buffers.array(may, wp.int32)
+        pairs.cross = buffers.array(cross.astype(np.int32), wp.int32)
+        pairs.bonded = buffers.array(_bonded(world), wp.int32)
+        pairs.rest = buffers.array(rest, wp.vec3d)
         room = ROOM * len(exposed) + 64
         # Left unwritten, so that room which is not needed takes no memory.
-        pairs.faces = wp.empty((self._w, room if has_faces else 1), dtype=wp.vec2i, device="cpu")
-        pairs.crossings = wp.empty((self._w, ROOM * len(kept) + 64), dtype=wp.vec2i, device="cpu")
+        pairs.faces = buffers.empty((self._w, room if has_faces else 1), wp.vec2i)
+        pairs.crossings = buffers.empty((self._w, ROOM * len(kept) + 64), wp.vec2i)
         has_sides = surface.sides.shape[0] > 0
-        pairs.sides = wp.empty((self._w, room if has_sides else 1), dtype=wp.vec2i, device="cpu")
-        pairs.side_count = _zeros((self._w,), wp.int32)
-        pairs.face_count, pairs.crossing_count = _zeros((self._w,), wp.int32), _zeros((self._w,), wp.int32)
-        pairs.listed_x = _zeros(nodes.x.shape, wp.vec3d)
-        pairs.margin = _zeros((self._w,), wp.float64)
-        pairs.fastest = _zeros((self._w,), wp.float64)
-        pairs.due = _zeros((self._w,), wp.int32)
-        pairs.chain = _ints(np.where(on_rope, owners, -1))
+        pairs.sides = buffers.empty((self._w, room if has_sides else 1), wp.vec2i)
+        pairs.side_count = buffers.zeros((self._w,), wp.int32)
+        pairs.face_count, pairs.crossing_count = (
+            buffers.zeros((self._w,), wp.int32),
+            buffers.zeros((self._w,), wp.int32),
+        )
+        pairs.listed_x = buffers.zeros(nodes.x.shape, wp.vec3d)
+        pairs.margin = buffers.zeros((self._w,), wp.float64)
+        pairs.fastest = buffers.zeros((self._w,), wp.float64)
+        pairs.due = buffers.zeros((self._w,), wp.int32)
+        pairs.chain = buffers.ints(np.where(on_rope, owners, -1))
         number = np.arange(len(edges))
         starts = np.array([number[owners == d].min(initial=len(edges)) for d in range(len(rope))])
-        pairs.place_in_chain = _ints(number - starts[owners])
-        pairs.segment = wp.array(lengths, dtype=wp.float64, device="cpu")
+        pairs.place_in_chain = buffers.ints(number - starts[owners])
+        pairs.segment = buffers.array(lengths, wp.float64)
         pairs.longest = float(lengths[kept].max(initial=0.0))
         pairs.skin = SKIN * float(np.median(lengths))
         self._pairs = pairs
@@ -114,19 +116,19 @@ class SurfacePairs:
         if not self.any:
             return
         surface, pairs = self._surface, self._pairs
-        _launch(sort_surfaces, self._w, [clock.h, nodes.x, nodes.v, surface, pairs, self._grid, self._edge_grid])
+        buffers.launch(sort_surfaces, self._w, [clock.h, nodes.x, nodes.v, surface, pairs, self._grid, self._edge_grid])
         listed = [nodes.x, nodes.radius, nodes.owner, nodes.active, surface, bounds, pairs]
         if surface.triangles.shape[0]:
-            _launch(list_faces, (self._w, surface.triangles.shape[0]), [*listed, self._grid, found])
+            buffers.launch(list_faces, (self._w, surface.triangles.shape[0]), [*listed, self._grid, found])
         if surface.sides.shape[0]:
-            _launch(
+            buffers.launch(
                 list_sides,
                 (self._w, surface.sides.shape[0]),
                 [nodes.x, nodes.owner, nodes.active, surface, pairs, self._grid, found],
             )
         if pairs.edge.shape[0]:
-            _launch(list_crossings, (self._w, surface.edges.shape[0]), [*listed, self._edge_grid, found])
-        _launch(
+            buffers.launch(list_crossings, (self._w, surface.edges.shape[0]), [*listed, self._edge_grid, found])
+        buffers.launch(
             take_pairs,
             self._w,
             [
@@ -154,15 +156,3 @@ def _bonded(world: World) -> Ints:
             a, b = index[attachment.object], index[attachment.to]
             bonded[a, b] = bonded[b, a] = 1
     return bonded
-
-
-def _ints(values: Any) -> Any:
-    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
-
-
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
-
-
-def _launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
-    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import warp as wp
+
+from polyworld.core import buffers
 
 
 @wp.struct
@@ -70,11 +70,7 @@ def make_grid(n_worlds: int, points: int, cell: float) -> Grid:
     grid = Grid()
     grid.buckets = int(2 ** np.ceil(np.log2(max(2 * points, 2))))
     grid.cell = cell
-    grid.point = _zeros((n_worlds, points), wp.vec3d)
-    grid.start = _zeros((n_worlds, grid.buckets + 1), wp.int32)
-    grid.items = _zeros((n_worlds, points), wp.int32)
+    grid.point = buffers.zeros((n_worlds, points), wp.vec3d)
+    grid.start = buffers.zeros((n_worlds, grid.buckets + 1), wp.int32)
+    grid.items = buffers.zeros((n_worlds, points), wp.int32)
     return grid
-
-
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")

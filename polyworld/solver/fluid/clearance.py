@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.fluid.covering import distances
 from polyworld.solver.fluid.scene import build_solids
 from polyworld.world import World, geometry
@@ -22,19 +23,18 @@ def clearance(world: World, points: Array) -> Array:
     present = np.array([o.start_time == 0.0 for o in objects] or [False], dtype=np.int32)
     position = np.array([o.position for o in objects] or [(0.0, 0.0, 0.0)], dtype=float)
     orientations = np.array([o.orientation for o in objects] or [(1.0, 0.0, 0.0, 0.0)], dtype=float)
-    out = wp.zeros(len(points), dtype=wp.float64, device="cpu")
-    wp.launch(
+    out = buffers.zeros(len(points), wp.float64)
+    buffers.launch(
         distances,
-        dim=len(points),
-        inputs=[
+        len(points),
+        [
             solids,
-            wp.array(present, dtype=wp.int32, device="cpu"),
-            wp.array(position, dtype=wp.vec3d, device="cpu"),
-            wp.array(geometry.quaternion_matrix(orientations), dtype=wp.mat33d, device="cpu"),
-            wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device="cpu"),
+            buffers.array(present, wp.int32),
+            buffers.array(position, wp.vec3d),
+            buffers.array(geometry.quaternion_matrix(orientations), wp.mat33d),
+            buffers.array(np.ascontiguousarray(points), wp.vec3d),
             out,
         ],
-        device="cpu",
     )
     result: Array = out.numpy()
     return result

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing import DeformableMesh, mesh_of
 from polyworld.solver.fluid.immersed import LINE, SHEET, SOFT, Samples
 from polyworld.solver.fluid.layout import PER_AXIS
@@ -180,19 +181,19 @@ def _samples(rows: _Rows, n_worlds: int, cells: int) -> Samples:
     for name in ("weight", "part", "volume", "area", "along", "across"):
         setattr(s, name, _array(getattr(rows, name), wp.float64))
     objects = np.concatenate(rows.object)
-    s.object = wp.array(objects, dtype=wp.int32, device="cpu")
+    s.object = buffers.array(objects, wp.int32)
     ends = np.cumsum([len(o) for o in rows.object])
-    s.first = wp.array(np.concatenate([[0], ends[:-1]]), dtype=wp.int32, device="cpu")
-    s.last = wp.array(ends, dtype=wp.int32, device="cpu")
-    s.kind = wp.array(rows.kind, dtype=wp.int32, device="cpu")
-    s.share = wp.array(rows.share, dtype=wp.float64, device="cpu")
-    s.wet = wp.zeros((n_worlds, len(rows.kind)), dtype=wp.int32, device="cpu")
+    s.first = buffers.array(np.concatenate([[0], ends[:-1]]), wp.int32)
+    s.last = buffers.array(ends, wp.int32)
+    s.kind = buffers.array(rows.kind, wp.int32)
+    s.share = buffers.array(rows.share, wp.float64)
+    s.wet = buffers.zeros((n_worlds, len(rows.kind)), wp.int32)
     soft = SOFT in rows.kind
     shape = (n_worlds, 3, cells) if soft else (1, 3, 1)
-    s.solid_mass = wp.zeros(shape, dtype=wp.float64, device="cpu")
-    s.solid_momentum = wp.zeros(shape, dtype=wp.float64, device="cpu")
+    s.solid_mass = buffers.zeros(shape, wp.float64)
+    s.solid_momentum = buffers.zeros(shape, wp.float64)
     return s
 
 
 def _array(parts: list[Any], dtype: Any) -> Any:
-    return wp.array(np.ascontiguousarray(np.concatenate(parts)), dtype=dtype, device="cpu")
+    return buffers.array(np.ascontiguousarray(np.concatenate(parts)), dtype)

@@ -9,6 +9,7 @@ import trimesh
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.fluid import layout
 from polyworld.solver.fluid.distance import OPEN_MESH
 from polyworld.solver.spatial import layout as rigid
@@ -106,8 +107,8 @@ class _Table:
     def add_mesh(self, shape: TriangleMesh, position: Array, rotation: Array) -> None:
         points = np.asarray(shape.vertices, dtype=np.float32)
         mesh = wp.Mesh(
-            points=wp.array(points, dtype=wp.vec3, device="cpu"),
-            indices=wp.array(np.asarray(shape.faces, dtype=np.int32).reshape(-1), dtype=wp.int32, device="cpu"),
+            points=buffers.array(points, wp.vec3),
+            indices=buffers.array(np.asarray(shape.faces, dtype=np.int32).reshape(-1), wp.int32),
             support_winding_number=True,
         )
         solid = trimesh.Trimesh(shape.vertices, shape.faces)  # merges equal vertices
@@ -196,7 +197,7 @@ def _solids(world: World, table: _Table, moving: int) -> layout.Solids:
         for name, value in row.items():
             rows[name][i] = value
     solids = layout.Solids()
-    solids.solids = wp.array(rows[: len(table.rows)], dtype=layout.Solid, device="cpu")
+    solids.solids = buffers.array(rows[: len(table.rows)], layout.Solid)
     solids.normals = _array(table.normals, wp.vec3d)
     solids.offsets = _array(table.offsets, wp.float64)
     solids.meshes = _array([0 if m is None else m.id for m in table.meshes], wp.uint64)
@@ -226,5 +227,5 @@ def body_shares(world: World) -> list[float]:
 
 def _array(rows: Any, dtype: Any) -> Any:
     if len(rows) == 0:
-        return wp.zeros(1, dtype=dtype, device="cpu")
-    return wp.array(np.asarray(rows), dtype=dtype, device="cpu")
+        return buffers.zeros(1, dtype)
+    return buffers.array(np.asarray(rows), dtype)

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing.fluid import fluid_particles
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.fluid import (
@@ -70,7 +71,7 @@ class FluidSolver:
         self._bodies: Any = storage.zeros((w, max(len(world.objects), 1)), Body)
         self._samples: Any = None
         self._nodes: Any = None
-        wp.launch(covering.cover_by_statics, dim=g.cells, inputs=[g, self.solids, self._fields], device="cpu")
+        buffers.launch(covering.cover_by_statics, g.cells, [g, self.solids, self._fields])
         self.write({})
         self.reset()
 
@@ -208,8 +209,8 @@ class FluidSolver:
 
     def _read(self, rows: Any, points: Array) -> Array:
         out = storage.zeros((self.n_worlds, len(points)), wp.float64)
-        at: Any = wp.array(np.ascontiguousarray(points, dtype=float), dtype=wp.vec3d, device="cpu")
-        wp.launch(pressure.read_cells, dim=out.shape, inputs=[self.grid, rows, at, out], device="cpu")
+        at: Any = buffers.array(np.ascontiguousarray(points, dtype=float), wp.vec3d)
+        buffers.launch(pressure.read_cells, out.shape, [self.grid, rows, at, out])
         result: Array = out.numpy()
         return result
 
@@ -278,14 +279,14 @@ class FluidSolver:
             go(bodies.bump_bodies, g, s, wet, b, pace)
 
     def _launch(self, kernel: Any, *inputs: Any) -> None:
-        wp.launch(kernel, dim=self.n_worlds, inputs=list(inputs), device="cpu")
+        buffers.launch(kernel, self.n_worlds, list(inputs))
 
 
 def _liquids(fluids: tuple[Fluid, ...]) -> Any:
     from polyworld.solver.fluid.layout import Liquids
 
     q = Liquids()
-    q.slip = wp.array([int(f.slip) for f in fluids], dtype=wp.int32, device="cpu")
+    q.slip = buffers.array([int(f.slip) for f in fluids], wp.int32)
     for name in FLUID_PARAMETERS:
         setattr(q, name, storage.zeros((0, 0), wp.float64))
     return q
@@ -299,5 +300,5 @@ def _write(holder: Any, name: str, columns: list[Array]) -> bool:
     if tuple(kept.shape) == values.shape:
         kept.numpy()[:] = values
         return False
-    setattr(holder, name, wp.array(np.ascontiguousarray(values, dtype=float), dtype=wp.float64, device="cpu"))
+    setattr(holder, name, buffers.array(np.ascontiguousarray(values, dtype=float), wp.float64))
     return True

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.solver.fluid import layout
 
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
     """Return a Warp array of zeros on the CPU."""
-    return wp.zeros(shape, dtype=dtype, device="cpu")
+    return buffers.zeros(shape, dtype)
 
 
 def particle_arrays(grid: layout.Grid, worlds: int, rows: int) -> layout.Particles:
@@ -31,7 +32,7 @@ def field_arrays(grid: layout.Grid, worlds: int) -> layout.Fields:
         setattr(f, name, zeros((w, 3, c), wp.float64))
     for name in ("room", "content", "liquid", "filled", "level", "pressure"):
         setattr(f, name, zeros((w, c), wp.float64))
-    f.known, f.unknown = zeros((w, 3, c), wp.int32), wp.full((w, c), -1, dtype=wp.int32, device="cpu")
+    f.known, f.unknown = zeros((w, 3, c), wp.int32), buffers.full((w, c), -1, wp.int32)
     f.static_open, f.static_room = zeros((3, c), wp.float64), zeros((c,), wp.float64)
     f.static_distance, f.window = zeros((c,), wp.float64), zeros((w, 6), wp.int32)
     return f
@@ -96,6 +97,6 @@ def pace_arrays(worlds: int) -> layout.Pace:
     p = layout.Pace()
     p.left, p.dt, p.fastest = (zeros((worlds,), wp.float64) for _ in range(3))
     p.given, p.touching = zeros((worlds,), wp.vec3d), zeros((worlds,), wp.int32)
-    p.diverged = wp.full((worlds,), -1, dtype=wp.int32, device="cpu")
+    p.diverged = buffers.full((worlds,), -1, wp.int32)
     p.go, p.steps = zeros((1,), wp.int32), zeros((worlds,), wp.int32)
     return p

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.fluid.sources import Sources
 from polyworld.world import World
 from polyworld.world.representations.fluid import Drain, Emitter
@@ -35,7 +36,7 @@ def build_sources(world: World, fluids: tuple[str, ...], n_worlds: int, thin: in
     s.position = _array([e.position for e in emitters], wp.vec3d)
     s.direction = _array(directions / np.maximum(lengths, 1e-12)[:, None], wp.vec3d)
     s.radius = _array([e.radius for e in emitters], wp.float64)
-    s.rate = wp.array(np.array([[e.rate for e in emitters] or [0.0]]), dtype=wp.float64, device="cpu")
+    s.rate = buffers.array(np.array([[e.rate for e in emitters] or [0.0]]), wp.float64)
     s.lower = _array([d.lower for d in drains], wp.vec3d)
     s.upper = _array([d.upper for d in drains], wp.vec3d)
     s.drain_rate = _array([-1.0 if d.rate is None else d.rate for d in drains], wp.float64)
@@ -48,9 +49,9 @@ def build_sources(world: World, fluids: tuple[str, ...], n_worlds: int, thin: in
     s.factors = _array([f for line in knots for _, f in line], wp.float64)
     s.emitters, s.drains = len(emitters), len(drains)
     w, e, d = n_worlds, max(len(emitters), 1), max(len(drains), 1)
-    s.due, s.allowed = (wp.zeros((w, n), dtype=wp.float64, device="cpu") for n in (e, d))
-    s.emitted, s.drained = (wp.zeros((w, n), dtype=wp.int32, device="cpu") for n in (e, d))
-    s.full = wp.zeros((w,), dtype=wp.int32, device="cpu")
+    s.due, s.allowed = (buffers.zeros((w, n), wp.float64) for n in (e, d))
+    s.emitted, s.drained = (buffers.zeros((w, n), wp.int32) for n in (e, d))
+    s.full = buffers.zeros((w,), wp.int32)
     return s
 
 
@@ -85,5 +86,5 @@ def open_time(source: Emitter | Drain, horizon: float) -> float:
 
 def _array(rows: Any, dtype: Any) -> Any:
     if len(rows) == 0:
-        return wp.zeros(1, dtype=dtype, device="cpu")
-    return wp.array(np.asarray(rows), dtype=dtype, device="cpu")
+        return buffers.zeros(1, dtype)
+    return buffers.array(np.asarray(rows), dtype)

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.expressions.effect import effect_programs
 from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.effect_forces import forces_among
@@ -103,28 +104,28 @@ def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array
     scene.level = float(axes[2] @ np.asarray(plane.point))
     vertices = np.concatenate([o.vertices for o in outlines]) if outlines else np.zeros((0, 2))
     normals = np.concatenate([edge_normals(o.vertices) for o in outlines]) if outlines else np.zeros((0, 2))
-    scene.vertices = wp.array(vertices, dtype=wp.vec2d, device="cpu")
-    scene.normals = wp.array(normals, dtype=wp.vec2d, device="cpu")
-    scene.first = _ints(np.concatenate([[0], np.cumsum([len(o.vertices) for o in outlines])]))
-    scene.sweep = _doubles([o.sweep for o in outlines])
-    scene.bound = _doubles(bound)
-    scene.depth = _doubles([leap_limit(o) for o in outlines])
-    scene.collides = _ints(collides)
+    scene.vertices = buffers.array(vertices, wp.vec2d)
+    scene.normals = buffers.array(normals, wp.vec2d)
+    scene.first = buffers.ints(np.concatenate([[0], np.cumsum([len(o.vertices) for o in outlines])]))
+    scene.sweep = buffers.doubles([o.sweep for o in outlines])
+    scene.bound = buffers.doubles(bound)
+    scene.depth = buffers.doubles([leap_limit(o) for o in outlines])
+    scene.collides = buffers.ints(collides)
     scene.touch = TOUCH * min(bound[:n])
     scene.skin = SKIN * float(np.mean(bound[:n]))
     scene.axes = wp.mat33d(*axes.ravel())
-    scene.segment_end = _doubles(table.end)
-    scene.segment_steps = _ints(table.steps)
-    scene.segment_sample = _ints(table.sample)
-    scene.joins = _ints(table.joins)
+    scene.segment_end = buffers.doubles(table.end)
+    scene.segment_steps = buffers.ints(table.steps)
+    scene.segment_sample = buffers.ints(table.sample)
+    scene.joins = buffers.ints(table.joins)
     kinds, programs = effect_programs(effects)
-    scene.effect_kind = _ints(kinds)
-    scene.effect_programs = _doubles(programs)
+    scene.effect_kind = buffers.ints(kinds)
+    scene.effect_programs = buffers.doubles(programs)
     acts = [[e.objects is None or o.name in e.objects for o in world.objects] for e in effects]
     scene.contact_laws = contact_laws(kinds)
     scene.forces = forces_among(kinds)
-    scene.effect_acts = _ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
-    scene.effect_radius = _doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
+    scene.effect_acts = buffers.ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
+    scene.effect_radius = buffers.doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
     poses = np.array([o.pose for o in outlines[n:]]).reshape(-1, 3)
     return scene, [o.name for o in world.objects] + [s.name for s in world.statics], poses
 
@@ -135,8 +136,8 @@ def build_joints(world: World) -> Joints:
     joints = Joints()
     joints.count = len(pairs)
     joints.ends = 2
-    joints.hinged = _ints([any(i in pair for pair in pairs) for i in range(len(world.objects))])
-    joints.body = _ints(np.reshape(pairs, (-1, 2)))
+    joints.hinged = buffers.ints([any(i in pair for pair in pairs) for i in range(len(world.objects))])
+    joints.body = buffers.ints(np.reshape(pairs, (-1, 2)))
     return joints
 
 
@@ -177,11 +178,3 @@ def _hinged(world: World) -> list[tuple[int, int]]:
 def _overlap(a: Outline, b: Outline) -> bool:
     slack = 1e-9
     return a.low < b.high - slack and b.low < a.high - slack
-
-
-def _ints(values: Any) -> Any:
-    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
-
-
-def _doubles(values: Any) -> Any:
-    return wp.array(np.asarray(values, dtype=np.float64), dtype=wp.float64, device="cpu")

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
 from polyworld.solver.planar.plane_motion import PlaneMotion
@@ -131,48 +132,48 @@ class PlanarSimulator:
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
-        self._scene.schedule, self._scene.reach = _zeros((w,), wp.int32), _zeros((w,), wp.int32)
+        self._scene.schedule, self._scene.reach = buffers.zeros((w,), wp.int32), buffers.zeros((w,), wp.int32)
         pairs = int(_view(self._scene.collides).sum())
         corners = np.diff(_view(self._scene.first))
         bodies = Bodies()
         for name, dtype in BODY_FIELDS.items():
-            setattr(bodies, name, _zeros((w, n), dtype))
-        bodies.static_pose = _zeros((w, s), wp.vec3d)
-        bodies.decay_step = _zeros((w,), wp.float64)
-        bodies.friction = _zeros((w, n + s), wp.float64)
-        bodies.restitution = _zeros((w, n + s), wp.float64)
-        bodies.gravity = _zeros((w,), wp.vec3d)
-        bodies.time_scale = _zeros((w,), wp.float64)
-        bodies.time_origin = _zeros((w,), wp.float64)
-        bodies.effect_parameters = _zeros((w, self._scene.effect_kind.shape[0], MAX_PARAMETERS), wp.float64)
-        bodies.corners = _zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
+            setattr(bodies, name, buffers.zeros((w, n), dtype))
+        bodies.static_pose = buffers.zeros((w, s), wp.vec3d)
+        bodies.decay_step = buffers.zeros((w,), wp.float64)
+        bodies.friction = buffers.zeros((w, n + s), wp.float64)
+        bodies.restitution = buffers.zeros((w, n + s), wp.float64)
+        bodies.gravity = buffers.zeros((w,), wp.vec3d)
+        bodies.time_scale = buffers.zeros((w,), wp.float64)
+        bodies.time_origin = buffers.zeros((w,), wp.float64)
+        bodies.effect_parameters = buffers.zeros((w, self._scene.effect_kind.shape[0], MAX_PARAMETERS), wp.float64)
+        bodies.corners = buffers.zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
         contacts = Contacts()
-        contacts.near = _zeros((w, max(pairs, 1)), wp.vec2i)
-        contacts.near_gap = _zeros((w, max(pairs, 1)), wp.float64)
+        contacts.near = buffers.zeros((w, max(pairs, 1)), wp.vec2i)
+        contacts.near_gap = buffers.zeros((w, max(pairs, 1)), wp.float64)
         # Touching outlines form a planar graph: at most 3 (n + s) pairs of two points, twice that for overlaps.
-        contacts.rows = _zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
+        contacts.rows = buffers.zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
         joints = self._joints
-        joints.anchor = _zeros((w, joints.count), wp.vec2d)
-        joints.arm = _zeros((w, joints.count, 2), wp.vec2d)
-        joints.moment_arm = _zeros((w, joints.count, 2), wp.vec2d)
-        joints.impulse = _zeros((w, joints.count), wp.vec2d)
-        joints.active = _zeros((w, joints.count), wp.int32)
+        joints.anchor = buffers.zeros((w, joints.count), wp.vec2d)
+        joints.arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
+        joints.moment_arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
+        joints.impulse = buffers.zeros((w, joints.count), wp.vec2d)
+        joints.active = buffers.zeros((w, joints.count), wp.int32)
         log = Log()
         log.record = int(self.record_events)
         log.merge = MERGE
         kept = EPISODES if self.record_events else 1
-        log.open = _zeros((w, n, n + s) if self.record_events else (1, 1, 1), wp.int32)
-        log.count = _zeros((w,), wp.int32)
-        log.pair = _zeros((w, kept), wp.vec2i)
-        log.point = _zeros((w, kept), wp.vec2d)
+        log.open = buffers.zeros((w, n, n + s) if self.record_events else (1, 1, 1), wp.int32)
+        log.count = buffers.zeros((w,), wp.int32)
+        log.pair = buffers.zeros((w, kept), wp.vec2i)
+        log.point = buffers.zeros((w, kept), wp.vec2d)
         for name in ("begin", "last", "first_impulse", "impulse", "speed"):
-            setattr(log, name, _zeros((w, kept), wp.float64))
+            setattr(log, name, buffers.zeros((w, kept), wp.float64))
         samples = Samples()
-        samples.pose = _zeros((w, self.sample_times.shape[1], n), wp.vec3d)
-        samples.rate = _zeros((w, self.sample_times.shape[1], n), wp.vec3d)
-        samples.diverged_object = _zeros((w,), wp.int32)
-        samples.diverged_time = _zeros((w,), wp.float64)
-        samples.overflowed = _zeros((w,), wp.int32)
+        samples.pose = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
+        samples.rate = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
+        samples.diverged_object = buffers.zeros((w,), wp.int32)
+        samples.diverged_time = buffers.zeros((w,), wp.float64)
+        samples.overflowed = buffers.zeros((w,), wp.int32)
         self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
         self._of_scene = _Views(self._scene)
         self._of_bodies, self._of_joints, self._of_log, self._of_samples = map(_Views, (bodies, joints, log, samples))
@@ -248,10 +249,10 @@ class PlanarSimulator:
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
-            wp.launch(
+            buffers.launch(
                 rollout,
-                dim=last - first,
-                inputs=[
+                last - first,
+                [
                     self._scene,
                     self._bodies,
                     self._contacts,
@@ -261,7 +262,6 @@ class PlanarSimulator:
                     self._references,
                     first,
                 ],
-                device="cpu",
             )
 
         rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
@@ -332,10 +332,6 @@ class PlanarSimulator:
             if last[k] < end:
                 events.append(Event("contact_end", float(last[k]), names, None, float(total[k])))
         return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
-
-
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
 
 
 def _view(array: Any) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing.rope import Threading, threading, unit_axis
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
@@ -49,7 +50,7 @@ class RopeStage:
         self.items = tuple(items)
         self.n_worlds = n_worlds
         self.threads = [threading(world, rope) for rope in self.items]
-        self._bodies: Any = wp.zeros((1, 1), dtype=Body, device="cpu")
+        self._bodies: Any = buffers.zeros((1, 1), Body)
         self._ropes = self._describe(nodes_first)
         self._state = self._allocate()
         self._sweeps = SHARED_SWEEPS if self._shares_bodies() else 1
@@ -68,21 +69,21 @@ class RopeStage:
         pulleys = [p for thread in self.threads for p in thread.pulleys]
         indices = {o.name: i for i, o in enumerate(self.world.objects)}
         ropes = Ropes()
-        ropes.first_node = _ints([nodes_first[r.name] for r in self.items])
-        ropes.nodes = _ints([len(t.nodes) for t in self.threads])
-        ropes.first_link = _ints(_starts([len(t.rest) for t in self.threads]))
-        ropes.first_wheel = _ints(_starts([len(t.pulleys) for t in self.threads]))
-        ropes.wheels = _ints([len(t.pulleys) for t in self.threads])
+        ropes.first_node = buffers.ints([nodes_first[r.name] for r in self.items])
+        ropes.nodes = buffers.ints([len(t.nodes) for t in self.threads])
+        ropes.first_link = buffers.ints(_starts([len(t.rest) for t in self.threads]))
+        ropes.first_wheel = buffers.ints(_starts([len(t.pulleys) for t in self.threads]))
+        ropes.wheels = buffers.ints([len(t.pulleys) for t in self.threads])
         ropes.segment_length = _floats([t.segment_length for t in self.threads])
         ends = [self._ends(rope, thread, indices) for rope, thread in zip(self.items, self.threads, strict=True)]
-        ropes.end_body = wp.array([[e["body"] for e in pair] for pair in ends], dtype=wp.int32, device="cpu")
-        ropes.clamped = wp.array([[e["clamped"] for e in pair] for pair in ends], dtype=wp.int32, device="cpu")
+        ropes.end_body = buffers.array([[e["body"] for e in pair] for pair in ends], wp.int32)
+        ropes.clamped = buffers.array([[e["clamped"] for e in pair] for pair in ends], wp.int32)
         for name in ("anchor", "direction", "director"):
             rows = np.array([[e[name] for e in pair] for pair in ends]).reshape(count, 2, 3)
-            setattr(ropes, f"end_{name}", wp.array(rows, dtype=wp.vec3d, device="cpu"))
+            setattr(ropes, f"end_{name}", buffers.array(rows, wp.vec3d))
         for name in ("release", "strength"):
             rows = np.array([[e[name] for e in pair] for pair in ends])
-            setattr(ropes, f"end_{name}", wp.array(rows, dtype=wp.float64, device="cpu"))
+            setattr(ropes, f"end_{name}", buffers.array(rows, wp.float64))
         carriers = [NO_BODY if p.object is None else indices[p.object] for p in pulleys]
         centres, axes = [], []
         for pulley in pulleys:
@@ -93,21 +94,21 @@ class RopeStage:
             axes.append(axis)
         angles = [parallel_angle(t.nodes, e[0]["held"], e[1]["held"]) for t, e in zip(self.threads, ends, strict=True)]
         ropes.twist_at_start = _floats(angles)
-        ropes.curved = _ints([int(r.curved_at_rest) for r in self.items])
+        ropes.curved = buffers.ints([int(r.curved_at_rest) for r in self.items])
         self._frames = [
             reference_frames(t.nodes, e[0]["held"]) if rope.curved_at_rest else (np.zeros((len(t.rest), 3)),) * 2
             for rope, t, e in zip(self.items, self.threads, ends, strict=True)
         ]
         curves = np.concatenate([curvatures(*frames) for frames in self._frames])
-        ropes.curvature = wp.array(curves, dtype=wp.vec2d, device="cpu")
-        ropes.wheel_body = _ints(carriers)
-        ropes.wheel_centre = wp.array(np.array(centres).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
-        ropes.wheel_axis = wp.array(np.array(axes).reshape(-1, 3), dtype=wp.vec3d, device="cpu")
+        ropes.curvature = buffers.array(curves, wp.vec2d)
+        ropes.wheel_body = buffers.ints(carriers)
+        ropes.wheel_centre = buffers.array(np.array(centres).reshape(-1, 3), wp.vec3d)
+        ropes.wheel_axis = buffers.array(np.array(axes).reshape(-1, 3), wp.vec3d)
         ropes.wheel_radius = _floats([p.radius for p in pulleys])
-        ropes.wheel_fixed = _ints([int(p.fixed_wheel) for p in pulleys])
+        ropes.wheel_fixed = buffers.ints([int(p.fixed_wheel) for p in pulleys])
         met = [self._times_met(k, ends, carriers) for k in range(count)]
         shares = [[met[k].get(e["body"], 1) for e in pair] for k, pair in enumerate(ends)]
-        ropes.end_share = wp.array(np.array(shares, dtype=float), dtype=wp.float64, device="cpu")
+        ropes.end_share = buffers.array(np.array(shares, dtype=float), wp.float64)
         owners = [k for k, thread in enumerate(self.threads) for _ in thread.pulleys]
         ropes.wheel_share = _floats([met[k].get(b, 1) for k, b in zip(owners, carriers, strict=True)])
         return ropes
@@ -177,22 +178,22 @@ class RopeStage:
         links = sum(len(t.rest) for t in self.threads)
         pulleys = sum(len(t.pulleys) for t in self.threads)
         state = RopeState()
-        state.order = _zeros((w, links + n), wp.int32)
-        state.need = _zeros((w,), wp.float64)
-        state.least_steps = _zeros((w,), wp.int32)
-        state.elements = _zeros((w, n), wp.int32)
-        state.attached = _zeros((w, n, 2), wp.int32)
-        state.held = _zeros((w, links), wp.int32)
-        state.direction = _zeros((w, links), wp.vec3d)
-        state.reference = _zeros((w, links), wp.vec3d)
-        state.heading = _zeros((w, links), wp.vec3d)
-        state.before = _zeros((w, n), wp.float64)
-        state.twist = _zeros((w, n), wp.float64)
-        state.wheels = _zeros((w, pulleys), Wheel)
-        state.end_mobility = _zeros((w, n, 2), wp.mat33d)
-        state.end_kept = _zeros((w, n, 2), wp.vec3d)
-        state.end_lag = _zeros((w, n, 2), wp.vec3d)
-        state.end_split = _zeros((w, n, 2), wp.mat33d)
+        state.order = buffers.zeros((w, links + n), wp.int32)
+        state.need = buffers.zeros((w,), wp.float64)
+        state.least_steps = buffers.zeros((w,), wp.int32)
+        state.elements = buffers.zeros((w, n), wp.int32)
+        state.attached = buffers.zeros((w, n, 2), wp.int32)
+        state.held = buffers.zeros((w, links), wp.int32)
+        state.direction = buffers.zeros((w, links), wp.vec3d)
+        state.reference = buffers.zeros((w, links), wp.vec3d)
+        state.heading = buffers.zeros((w, links), wp.vec3d)
+        state.before = buffers.zeros((w, n), wp.float64)
+        state.twist = buffers.zeros((w, n), wp.float64)
+        state.wheels = buffers.zeros((w, pulleys), Wheel)
+        state.end_mobility = buffers.zeros((w, n, 2), wp.mat33d)
+        state.end_kept = buffers.zeros((w, n, 2), wp.vec3d)
+        state.end_lag = buffers.zeros((w, n, 2), wp.vec3d)
+        state.end_split = buffers.zeros((w, n, 2), wp.mat33d)
         for name in (
             "rest",
             "tension",
@@ -208,7 +209,7 @@ class RopeStage:
             "reference_twist",
             "mean_tension",
         ):
-            setattr(state, name, _zeros((w, links), wp.float64))
+            setattr(state, name, buffers.zeros((w, links), wp.float64))
         return state
 
     # --- one run -------------------------------------------------------------------------------
@@ -320,7 +321,7 @@ class RopeStage:
     def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
         """See `Paced.launch_begin`."""
         inputs = [self._ropes, self._state, clock.h, nodes.active, nodes.inverse_mass, clock.inner_steps]
-        wp.launch(pace.choose_inner_steps, dim=self.n_worlds, inputs=inputs, device="cpu")
+        buffers.launch(pace.choose_inner_steps, self.n_worlds, inputs)
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_forces`."""
@@ -346,11 +347,10 @@ class RopeStage:
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_positions`."""
-        wp.launch(
+        buffers.launch(
             stretch.average_tensions,
-            dim=self._state.tension.shape,
-            inputs=[clock.dt, clock.inner, self._state.tension, self._state.mean_tension],
-            device="cpu",
+            self._state.tension.shape,
+            [clock.dt, clock.inner, self._state.tension, self._state.mean_tension],
         )
         if self._state.wheels.shape[1] > 0:
             inputs = [self._ropes, self._state, self._bodies, clock.dt, nodes.active]
@@ -388,7 +388,7 @@ class RopeStage:
         return self._ropes, self._state
 
     def _launch(self, kernel: Any, inputs: list[Any]) -> None:
-        wp.launch(kernel, dim=(self.n_worlds, len(self.items)), inputs=inputs, device="cpu")
+        buffers.launch(kernel, (self.n_worlds, len(self.items)), inputs)
 
 
 def _mass(world: World, name: str) -> float:
@@ -410,13 +410,5 @@ def _starts(counts: list[int]) -> list[int]:
     return [0, *np.cumsum(counts)[:-1].tolist()] if counts else []
 
 
-def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(shape, dtype=dtype, device="cpu")
-
-
-def _ints(values: Sequence[int]) -> Any:
-    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
-
-
 def _floats(values: Sequence[float]) -> Any:
-    return wp.array(np.asarray(values, dtype=np.float64), dtype=wp.float64, device="cpu")
+    return buffers.array(np.asarray(values, dtype=np.float64), wp.float64)

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.meshing.soft import soft_form
 from polyworld.meshing.soft_elements import QuadraticMesh
 from polyworld.solver.soft import readout, slices, solids, solids_plastic, solids_viscous
@@ -55,19 +56,19 @@ class Kind:
             rows[:, :, : form.corners - 1] = gradient[:, :, 1:]
             slopes.append(rows)
             volume.append(weight)
-        record.nodes = wp.array(np.concatenate(nodes), dtype=wp.int32, device="cpu")
-        record.body = wp.array(np.concatenate(body), dtype=wp.int32, device="cpu")
-        record.slopes = wp.array(np.concatenate(slopes), dtype=wp.mat33d, device="cpu")
-        record.volume = wp.array(np.concatenate(volume), dtype=wp.float64, device="cpu")
+        record.nodes = buffers.array(np.concatenate(nodes), wp.int32)
+        record.body = buffers.array(np.concatenate(body), wp.int32)
+        record.slopes = buffers.array(np.concatenate(slopes), wp.mat33d)
+        record.volume = buffers.array(np.concatenate(volume), wp.float64)
         self.elements = record
-        self._none = wp.array(np.tile(np.eye(3), (1, 1, self.points, 1, 1)), dtype=wp.mat33d, device="cpu")
+        self._none = buffers.array(np.tile(np.eye(3), (1, 1, self.points, 1, 1)), wp.mat33d)
 
     def allow_flow(self, worlds: int) -> bool:
         """Make room for plastic deformation; True where there was none."""
         if self.undo is not None:
             return False
-        self.undo = wp.zeros((worlds, self.count, self.points), dtype=wp.mat33d, device="cpu")
-        self.strain = wp.zeros((worlds, self.count, self.points), dtype=wp.float64, device="cpu")
+        self.undo = buffers.zeros((worlds, self.count, self.points), wp.mat33d)
+        self.strain = buffers.zeros((worlds, self.count, self.points), wp.float64)
         self.reset()
         return True
 
@@ -83,12 +84,12 @@ class Kind:
         if self._readings is None:
             self._readings = readout.Readings()
             for name in ("stress", "strain", "volume"):
-                setattr(self._readings, name, wp.zeros((worlds, self.count), dtype=wp.float64, device="cpu"))
+                setattr(self._readings, name, buffers.zeros((worlds, self.count), wp.float64))
         out = self._readings
         for values in (out.stress, out.strain, out.volume):
             values.zero_()
         undo = self.undo if flows else self._none
-        wp.launch(self.read, dim=(worlds, self.count), inputs=[self.elements, laws, x, undo, out], device="cpu")
+        buffers.launch(self.read, (worlds, self.count), [self.elements, laws, x, undo, out])
         found = {}
         for name, span in self.spans.items():
             found[name] = {

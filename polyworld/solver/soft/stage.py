@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.soft import damping
 from polyworld.solver.soft.bodies import Kind, SliceKind, SolidKind
@@ -67,7 +68,7 @@ class SoftStage:
         if self._laws is not None and self._laws.shape == values.shape:
             self._laws.numpy()[:] = values
             return recapture
-        self._laws = wp.array(values, dtype=Law, device="cpu")
+        self._laws = buffers.array(values, Law)
         return True
 
     def reset(self) -> None:
@@ -87,11 +88,11 @@ class SoftStage:
         for kind in self._kinds:
             dim = (self._worlds, kind.count)
             given = [kind.elements, self._laws]
-            _launch(kind.elastic_forces, dim, [*given, nodes.x, clock.dt, nodes.f])
+            buffers.launch(kind.elastic_forces, dim, [*given, nodes.x, clock.dt, nodes.f])
             if flows:
-                _launch(kind.plastic_forces, dim, [*given, nodes.x, clock.dt, kind.undo, kind.strain, nodes.f])
+                buffers.launch(kind.plastic_forces, dim, [*given, nodes.x, clock.dt, kind.undo, kind.strain, nodes.f])
             if weak:
-                _launch(kind.viscous_forces, dim, [*given, 0, nodes.x, nodes.v, clock.dt, nodes.f])
+                buffers.launch(kind.viscous_forces, dim, [*given, 0, nodes.x, nodes.v, clock.dt, nodes.f])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """Integrate strong damping; nodes.f of the bodies that have it is cleared."""
@@ -102,7 +103,7 @@ class SoftStage:
         for stage in range(1, stages + 1):
             for kind in self._kinds:
                 given = [kind.elements, self._laws, stage, nodes.x, nodes.v, clock.dt, nodes.f]
-                _launch(kind.viscous_forces, (self._worlds, kind.count), given)
+                buffers.launch(kind.viscous_forces, (self._worlds, kind.count), given)
             self._launch_nodes(
                 damping.finish_stage, [stage, clock.dt, nodes.inverse_mass, nodes.active, nodes.v, nodes.f]
             )
@@ -120,19 +121,15 @@ class SoftStage:
 
     def _launch_nodes(self, kernel: Any, inputs: list[Any]) -> None:
         dim = (self._worlds, self._damping.node.shape[0])
-        _launch(kernel, dim, [self._damping, self._laws, *inputs])
+        buffers.launch(kernel, dim, [self._damping, self._laws, *inputs])
 
 
 def _velocities(counts: list[int], first: dict[str, int], names: tuple[str, ...], worlds: int) -> Any:
     """Rows and columns of all nodes of soft bodies, and what the stages of damping keep of them."""
     v = damping.Velocities()
     rows = [first[name] + np.arange(count) for name, count in zip(names, counts, strict=True)]
-    v.node = wp.array(np.concatenate(rows), dtype=wp.int32, device="cpu")
-    v.body = wp.array(np.repeat(np.arange(len(counts)), counts), dtype=wp.int32, device="cpu")
+    v.node = buffers.array(np.concatenate(rows), wp.int32)
+    v.body = buffers.array(np.repeat(np.arange(len(counts)), counts), wp.int32)
     for name in ("start", "change", "last"):
-        setattr(v, name, wp.zeros((worlds, sum(counts)), dtype=wp.vec3d, device="cpu"))
+        setattr(v, name, buffers.zeros((worlds, sum(counts)), wp.vec3d))
     return v
-
-
-def _launch(kernel: Any, dim: tuple[int, int], inputs: list[Any]) -> None:
-    wp.launch(kernel, dim=dim, inputs=inputs, device="cpu")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld.core import buffers
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.effect_contacts import contact_laws
 from polyworld.solver.effect_forces import forces_among
@@ -54,7 +55,7 @@ SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the sam
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
     """Return an array of zeros on the CPU."""
-    return wp.zeros(shape, dtype=dtype, device="cpu")
+    return buffers.zeros(shape, dtype)
 
 
 def allocate_state(world: World, rows: int) -> layout.State:
@@ -141,7 +142,7 @@ class ParameterBuffers:
         self.reference = by_reference(self._record, layout.Parameters, self.reference)
 
     def _made(self, name: str, values: Any, dtype: Any) -> Any:
-        made: Any = wp.array(values, dtype=dtype, device="cpu")
+        made: Any = buffers.array(values, dtype)
         setattr(self._record, name, made)
         self._content[name] = made.numpy()
         return self._content[name]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from polyworld.core import buffers
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.spatial import joint_layout
 from polyworld.solver.spatial.tree_scene import build_tree
@@ -77,12 +78,12 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
 
     joints = joint_layout.Joints()
     joints.count, joints.equalities, joints.axes, joints.base = len(order), equality, axes, base
-    joints.kinds = wp.array(kinds, dtype=joint_layout.JointKind, device="cpu")
-    joints.column = _ints(first)
-    joints.start = _ints(np.concatenate([[0], np.cumsum(lengths)]))
+    joints.kinds = buffers.array(kinds, joint_layout.JointKind)
+    joints.column = buffers.ints(first)
+    joints.start = buffers.ints(np.concatenate([[0], np.cumsum(lengths)]))
     owners = np.array([*owner, *axis_owner], dtype=np.int64)
-    joints.row_a, joints.row_b = _ints(kinds["a"][owners]), _ints(kinds["b"][owners])
-    joints.jointed = _ints(jointed)
+    joints.row_a, joints.row_b = buffers.ints(kinds["a"][owners]), buffers.ints(kinds["b"][owners])
+    joints.jointed = buffers.ints(jointed)
     joints.joint = _zeros((rows, len(order)), joint_layout.Joint)
     joints.matrix = _zeros((rows, int(lengths.sum())), wp.float64)
     for name in ("inverse", "target", "work", "force"):
@@ -146,7 +147,7 @@ def _write(joints: joint_layout.Joints, name: str, values: Array, dtype: Any) ->
     if kept.shape == values.shape[:2]:
         kept.numpy()[:] = values
     else:
-        setattr(joints, name, wp.array(values, dtype=dtype, device="cpu"))
+        setattr(joints, name, buffers.array(values, dtype))
 
 
 def _order(world: World) -> list[int]:
@@ -198,9 +199,5 @@ def _frame(axis: Array) -> Array:
     return np.stack([axis, first, np.cross(axis, first)], axis=1)
 
 
-def _ints(values: Any) -> Any:
-    return wp.array(np.asarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
-
-
 def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(tuple(max(s, 1) for s in shape), dtype=dtype, device="cpu")
+    return buffers.zeros(tuple(max(s, 1) for s in shape), dtype)

@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from polyworld.core import buffers
 from polyworld.solver.spatial import layout
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
@@ -47,7 +48,7 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
     for i, shape in enumerate(tables.shapes):
         for name, value in shape.items():
             rows[name][i] = value
-    g.shapes = wp.array(rows, dtype=layout.Shape, device="cpu")
+    g.shapes = buffers.array(rows, layout.Shape)
     _place_shapes(g, world, pieces, tables)
     g.vertices = _array(tables.vertices, wp.vec3d)
     g.face_normals = _array(tables.normals, wp.vec3d)
@@ -80,7 +81,7 @@ def _place_shapes(g: layout.Geometry, world: World, pieces: list[tuple[geometry.
         if joint.other is not None and joint.kind != "spring":
             a, b = index[joint.object], index[joint.other]
             collides[a, b] = collides[b, a] = 0
-    g.collides = wp.array(collides, dtype=wp.int32, device="cpu")
+    g.collides = buffers.array(collides, wp.int32)
     if world.planar:
         normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
         g.lock = wp.vec3d(*(normal / np.linalg.norm(normal)))
@@ -178,8 +179,8 @@ def _add_triangles(tables: _Tables, shape: TriangleMesh) -> None:
     # The tree has single precision: widen its boxes so that none gets too small by rounding.
     grain = 1e-6 * max(1.0, float(np.abs(vertices).max()))
     tree = wp.Bvh(
-        wp.array((low - grain).astype(np.float32), dtype=wp.vec3, device="cpu"),
-        wp.array((high + grain).astype(np.float32), dtype=wp.vec3, device="cpu"),
+        buffers.array((low - grain).astype(np.float32), wp.vec3),
+        buffers.array((high + grain).astype(np.float32), wp.vec3),
     )
     tables.trees.append(tree)
     tables.shapes.append(
@@ -229,5 +230,5 @@ def box_orientation(rotation: Array) -> Array:
 
 def _array(rows: Any, dtype: Any) -> Any:
     if len(rows) == 0:
-        return wp.zeros(1, dtype=dtype, device="cpu")
-    return wp.array(np.asarray(rows), dtype=dtype, device="cpu")
+        return buffers.zeros(1, dtype)
+    return buffers.array(np.asarray(rows), dtype)

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
 from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
@@ -58,7 +59,7 @@ class SpatialSimulator:
         self._table = schedules(world, self.sample_times)
         self._schedule = layout.Schedule()
         for name, dtype in (("end", wp.float64), ("steps", wp.int32), ("sample", wp.int32), ("joins", wp.int32)):
-            setattr(self._schedule, name, wp.array(getattr(self._table, name), dtype=dtype, device="cpu"))
+            setattr(self._schedule, name, buffers.array(getattr(self._table, name), dtype))
         self._schedule.own, self._schedule.reach = zeros((n_worlds,), wp.int32), zeros((n_worlds,), wp.int32)
         self._own, self._reach = self._schedule.own.numpy(), self._schedule.reach.numpy()
         self._pieces = shares(n_worlds, self.threads)
@@ -136,11 +137,10 @@ class SpatialSimulator:
 
         def piece(index: int) -> None:
             first, last = int(edges[index]), int(edges[index + 1])
-            wp.launch(
+            buffers.launch(
                 kernel,
-                dim=last - first,
-                inputs=[geometry, parameters, schedule, joints, state, samples, log, first, index],
-                device="cpu",
+                last - first,
+                [geometry, parameters, schedule, joints, state, samples, log, first, index],
             )
 
         kernel.module.load("cpu", block_dim=1)  # before the threads ask for it

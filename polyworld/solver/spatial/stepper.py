@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
@@ -50,7 +51,7 @@ class RigidStepper:
         self.joints = allocate_joints(world, self.state)
         self.bodies = self.state.bodies
         self.log = allocate_log(world, n_worlds, record_events)
-        self._start: Any = wp.array([o.start_time for o in world.objects], dtype=wp.float64, device="cpu")
+        self._start: Any = buffers.array([o.start_time for o in world.objects], wp.float64)
         self._half = zeros((n_worlds,), wp.int32)
         self._diverged = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
@@ -80,11 +81,10 @@ class RigidStepper:
         self._diverged.numpy()[:] = -1
         geometry, state, _ = self._fixed
         parameters, joints = self._parameters.reference, self._joints_reference
-        wp.launch(
+        buffers.launch(
             load_worlds,
-            dim=self.n_worlds,
-            inputs=[geometry, parameters, joints, state, self._start],
-            device="cpu",
+            self.n_worlds,
+            [geometry, parameters, joints, state, self._start],
         )
 
     def launch_step(self, time: Any, h: Any) -> None:
@@ -97,11 +97,10 @@ class RigidStepper:
             return
         geometry, state, log = self._fixed
         parameters, joints = self._parameters.reference, self._joints_reference
-        wp.launch(
+        buffers.launch(
             self._kernel,
-            dim=self.n_worlds,
-            inputs=[geometry, parameters, joints, state, log, self._start, time, h, self._half, self._diverged],
-            device="cpu",
+            self.n_worlds,
+            [geometry, parameters, joints, state, log, self._start, time, h, self._half, self._diverged],
         )
 
     def diverged(self) -> NDArray[np.int32]:

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.spatial import joint_layout, tree_layout
 
 _FREEDOMS = {
@@ -43,7 +44,7 @@ def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
     freedoms = sum(int(link["freedoms"]) for link in links)
     tree = tree_layout.Tree()
     tree.count, tree.freedoms = len(links), freedoms
-    tree.kinds = wp.array(_records(links), dtype=tree_layout.LinkKind, device="cpu")
+    tree.kinds = buffers.array(_records(links), tree_layout.LinkKind)
     room = rows if links else 1
     tree.links = _zeros((room, len(links)), tree_layout.Link)
     tree.inertia = _zeros((room, len(links)), wp.spatial_matrixd)
@@ -51,7 +52,7 @@ def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
     tree.slopes = _zeros((room, len(_STAGES) * freedoms), wp.float64)
     tree.rates = _zeros((room, len(_STAGES) * freedoms), wp.float64)
     tree.known = _zeros((rows,), wp.int32)
-    tree.method = wp.array(_method(), dtype=wp.float64, device="cpu")
+    tree.method = buffers.array(_method(), wp.float64)
     return tree
 
 
@@ -114,4 +115,4 @@ def _records(links: Sequence[dict[str, float]]) -> Any:
 
 
 def _zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    return wp.zeros(tuple(max(s, 1) for s in shape), dtype=dtype, device="cpu")
+    return buffers.zeros(tuple(max(s, 1) for s in shape), dtype)

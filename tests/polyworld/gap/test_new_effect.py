@@ -57,7 +57,7 @@ sys.modules["polyworld"] = importlib.util.module_from_spec(engine)
 laws = importlib.util.find_spec("polyworld.effects")
 laws.submodule_search_locations.append(sys.argv[1])
 sys.modules["polyworld.effects"] = importlib.util.module_from_spec(laws)
-importlib.import_module("polyworld.warp_settings")
+importlib.import_module("polyworld.core.warp_settings")
 laws.loader.exec_module(sys.modules["polyworld.effects"])
 engine.loader.exec_module(sys.modules["polyworld"])
 
