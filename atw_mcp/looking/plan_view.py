@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from atw_mcp.looking.overlay import DARK, FINE_BITS, OBSERVED, SIMULATED, Canvas, Image, fine
-from polyworld.pictures.deformable_pictures import mesh_for
+from polyworld.model import mesh_of
 from polyworld.trajectory import Trajectory
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.camera import Camera
 from polyworld.world.colors import display_color
-from polyworld.world.representations.cloth import Cloth
-from polyworld.world.representations.fluid import Fluid
-from polyworld.world.representations.rope import Rope
+from polyworld.world.materials import material_of
 from polyworld.world.shapes import Plane, TriangleMesh, Wall
 
 Array = NDArray[np.float64]
@@ -84,7 +82,7 @@ class PlanView:
                 shown[item.name] = mask > 0
             else:
                 others |= mask
-        pathless = {d.name for d in self.world.deformables if isinstance(d, Fluid | Rope)}
+        pathless = {d.name for d in self.world.of_form("liquid", "line")}
         for name in [name for name in shown if name not in pathless]:
             column = self.trajectory.index(name)
             began = int(np.argmax(self.trajectory.active[:, column]))
@@ -109,26 +107,27 @@ class PlanView:
         column = self.trajectory.index(item.name)
         if not self.trajectory.active[sample, column]:
             return
-        color = display_color(item.appearance.color or ("#408cd2" if isinstance(item, Fluid) else None), column)
+        material, mesh = material_of(item), mesh_of(self.world, item)
+        color = display_color(item.appearance.color or material.color, column)
         flat = self._flat(self.trajectory.deformables[item.name].points[sample])
         mask = np.zeros_like(others)
         wide = 1
-        if isinstance(item, Fluid):
+        if material.form == "liquid":
             pixels = np.rint(self._pixel_points(flat[np.all(np.isfinite(flat), axis=1)])).astype(int)
             inside = np.all((pixels >= 0) & (pixels < [self.width, self.height]), axis=1)
             mask[pixels[inside, 1], pixels[inside, 0]] = 1
             cell = 0.0 if self.world.fluid_grid is None else self.world.fluid_grid.cell
             wide = max(2, round(1.2 * cell * self.pixels_per_metre))
             mask[:] = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
-        elif isinstance(item, Rope):
-            wide = max(2, round(2 * item.radius * self.pixels_per_metre))
+        elif material.form == "line":
+            wide = max(2, round(2 * float(mesh.radius[0]) * self.pixels_per_metre))
             cv2.polylines(mask, [self._pixels(flat)], False, 1, wide, cv2.LINE_8, FINE_BITS)
         else:
-            corners = self._pixels(flat)[mesh_for(self.world, item).triangles]
+            corners = self._pixels(flat)[mesh.triangles]
             for triangle in corners:
                 cv2.fillConvexPoly(mask, triangle, 1, cv2.LINE_8, FINE_BITS)
         covered = mask > 0
-        weight = 0.75 if isinstance(item, Cloth | Fluid) else 1.0
+        weight = material.opacity
         canvas.image[covered] = (weight * np.array(color[::-1]) + (1.0 - weight) * canvas.image[covered]).astype(
             np.uint8
         )

@@ -14,7 +14,6 @@ from polyworld.data.track_motion import LocalMotion, local_motion
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import World
 from polyworld.world.parameters import object_mass
-from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 
@@ -40,9 +39,9 @@ def observed_quantities(
 
     Raises ToolError where a quantity needs a mass that no world of the case has, or there are too few places.
     """
-    item = None if world is None or name not in world.moving_names else world.item(name)
+    item = world.object(name) if world is not None and world.is_rigid(name) else None
     asked = [quantity for quantity in NEED_MASS if quantity in wanted]
-    if asked and not isinstance(item, RigidObject):
+    if asked and item is None:
         raise ToolError(
             f"{', '.join(asked)} of {name!r} needs the mass of a rigid object: BuildWorld gives it one, FitWorld the "
             "ratios that collisions show; velocity, speed, acceleration and period need none"
@@ -51,7 +50,7 @@ def observed_quantities(
         motion = local_motion(tracks, name)
     times = tracks.times[motion.rows]
     inside = np.flatnonzero((times >= first - 1e-9) & (times <= last + 1e-9))
-    mass = object_mass(item) if isinstance(item, RigidObject) else 1.0
+    mass = 1.0 if item is None else object_mass(item)
     gravity = np.zeros(3) if world is None else np.asarray(world.environment.gravity)
     columns: dict[str, tuple[Array, Array]] = {}
     for quantity in get_args(Quantity):

@@ -29,6 +29,7 @@ from polyworld.probing.readouts import (
 )
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World
+from polyworld.world.materials import measure_of
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,6 @@ Readable = Annotated[
 ]
 EXAMPLE = {"kind": "centreline", "count": 8}
 MOST_NUMBERS = 200_000  # kept of one reading
-AMOUNT_UNIT = {"rope": "m", "cloth": "m^2", "soft": "m^3", "fluid": "m^3"}
 
 
 def readout_schema() -> dict[str, Any]:
@@ -109,10 +109,8 @@ def _mapping(readout: Any, what: str) -> dict[str, Any]:
 
 
 def _units(world: World, name: str, readout: Any) -> dict[str, str]:
-    kind = world.deformable(name).representation
     if isinstance(readout, Amount):
-        planar = {"fluid_planar": "m^2"}
-        return {"unit": planar.get(kind, AMOUNT_UNIT[kind.removesuffix("_planar")]), "entries": "one number"}
+        return {"unit": measure_of(world.deformable(name))[1], "entries": "one number"}
     if isinstance(readout, Tension):
         return {"unit": "N", "entries": "one number"}
     if isinstance(readout, Front | Level):

@@ -30,8 +30,6 @@ from polyworld.pictures.contact_shadow import with_contact_shadows
 from polyworld.pictures.render import Picture, default_camera, render
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World, geometry
-from polyworld.world.representations.fluid import Fluid
-from polyworld.world.representations.rope import Rope
 
 SOME = 12  # samples of a trajectory that the default camera looks at
 
@@ -41,7 +39,7 @@ class RolloutView:
 
     def __init__(self, app: App, case: Case, world: World, result: Rollout, background: str) -> None:
         self.world, self.result = world, result
-        self.pathless = {d.name for d in world.deformables if isinstance(d, Fluid | Rope)}
+        self.pathless = {d.name for d in world.of_form("liquid", "line")}
         self.frame_time = world.time.seconds_per_frame
         times = result.trajectory.times
         if not len(times):

@@ -16,10 +16,12 @@ from atw_mcp.cases.material_facts import about_deformable, mass, nodes_of, size_
 from atw_mcp.cases.origins import knowledge, lineage
 from evidence_store import Case
 from polyworld.effects import CATALOGUE
+from polyworld.probing.margins import ABOUT
+from polyworld.probing.predicates import Holds
 from polyworld.world import Deformable, World
-from polyworld.world.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS, STATE_PARAMETERS
+from polyworld.world.materials import material_of
+from polyworld.world.parameter_tables import OBJECT_PARAMETERS, STATE_PARAMETERS
 from polyworld.world.parameters import parameter_paths, read_parameter, specification
-from polyworld.world.representations.fluid import Fluid
 from polyworld.world.representations.rigid import RigidObject
 
 GROUP = ToolGroup("world inspection")
@@ -147,39 +149,40 @@ def _named(world: World) -> list[str]:
 
 
 def _about(app: App, case: Case, world: World, name: str, wanted: list[Any]) -> dict[str, Any]:
-    item = world.item(name)
+    item, rigid = world.item(name), world.is_rigid(name)
     about: dict[str, Any] = {"name": name, "representation": item.representation}
     start_time = getattr(item, "start_time", 0.0)
     if "appearance" in wanted:
         about["color"], about["material"] = item.appearance.color, item.appearance.material
     if "shape" in wanted:
-        if isinstance(item, RigidObject):
-            about["shape"] = item.shape.model_dump(mode="json")
+        if rigid:
+            about["shape"] = world.object(name).shape.model_dump(mode="json")
         else:
-            about["shape"] = {k: v for k, v in about_deformable(world, item).items() if k not in (*about, "color")}
+            facts = about_deformable(world, world.deformable(name))
+            about["shape"] = {k: v for k, v in facts.items() if k not in (*about, "color")}
     if "visibility" in wanted:
         about["joins_at_frame"] = round(start_time / world.time.seconds_per_frame, 2)
-        if world.camera is not None and isinstance(item, RigidObject):
-            about["starts_in_view"] = bool(world.camera.sees(np.asarray(item.position)))
+        if world.camera is not None and rigid:
+            about["starts_in_view"] = bool(world.camera.sees(np.asarray(world.object(name).position)))
     if "parameters" in wanted:
-        scalars = SCALARS if isinstance(item, RigidObject) else tuple(DEFORMABLE_PARAMETERS[item.representation])
+        scalars = SCALARS if rigid else tuple(material_of(item).parameters)
         about["parameters"] = {key: _property(app, case, world, name, key) for key in scalars}
     if "initial_state" in wanted:
         state = ("position", "orientation", "velocity", "angular_velocity")
         about["initial_state"] = {"time": start_time, **{k: getattr(item, k) for k in state if hasattr(item, k)}}
-    if "nodes" in wanted and not isinstance(item, RigidObject | Fluid):
-        about["nodes"] = nodes_of(world, item, most=40)
+    if "nodes" in wanted and name in [d.name for d in world.of_form("line", "sheet", "solid")]:
+        about["nodes"] = nodes_of(world, world.deformable(name), most=40)
     return about
 
 
 def _properties(world: World, name: str) -> list[str]:
     """Return what can be read of an object by a bare word."""
-    item = world.item(name)
-    if isinstance(item, RigidObject):
+    if world.is_rigid(name):
         return [*SCALARS, *VECTORS, *LOOKS]
+    item = world.deformable(name)
     vectors = [v for v in VECTORS if hasattr(item, v)]
     size = size_of(world, item)[0]
-    return [size, "mass", *DEFORMABLE_PARAMETERS[item.representation], *vectors, *LOOKS]
+    return [size, "mass", *material_of(item).parameters, *vectors, *LOOKS]
 
 
 def _property(app: App, case: Case, world: World, name: str, property: str) -> dict[str, Any]:
@@ -189,14 +192,16 @@ def _property(app: App, case: Case, world: World, name: str, property: str) -> d
             f"{name!r} ({item.representation}) has no property {property!r}; its properties: "
             f"{', '.join(_properties(world, name))}, or a path"
         )
-    if not isinstance(item, RigidObject) and property in ("mass", *SIZES):
-        return _size(world, item, property)
+    rigid = world.is_rigid(name)
+    if not rigid and property in ("mass", *SIZES):
+        return _size(world, world.deformable(name), property)
     if property in VECTORS:
         return _vector(app, case, world, item, property)
     if property in ("color", "material"):
         return {"value": getattr(item.appearance, property), "known": "observed or given"}
     if property == "shape":
-        shape = item.shape.model_dump(mode="json") if isinstance(item, RigidObject) else about_deformable(world, item)
+        described = world.object(name).shape.model_dump(mode="json") if rigid else None
+        shape = about_deformable(world, world.deformable(name)) if described is None else described
         return {"value": shape, "unit": "m", "known": "observed or given"}
     if property == "representation":
         return {"value": item.representation, "known": "chosen"}
@@ -206,7 +211,7 @@ def _property(app: App, case: Case, world: World, name: str, property: str) -> d
 def _size(world: World, item: Deformable, property: str) -> dict[str, Any]:
     """Mass, or length, area or volume without forces, of a deformable object as it starts."""
     if property == "mass":
-        unit = "kg/m" if item.representation == "fluid_planar" else "kg"
+        unit = "kg/m" if size_of(world, item)[0] == "area" and material_of(item).form == "liquid" else "kg"
         return {"value": mass(world, item), "unit": unit, "known": "density times size"}
     word, value, unit = size_of(world, item)
     return {"value": value, "unit": unit, "known": f"{word} at rest, from its shape as given or observed"}
@@ -285,15 +290,8 @@ def _predicates(world: World) -> list[str]:
     found += ["within_distance", "moved_by_more_than", "comes_to_rest_before", "passes_before", "reaches_before"]
     if world.camera is not None or world.region is not None:
         found.append("in_view")
-    kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
-    if kinds:
-        found.append("occupies")
-    if world.containers and "fluid" in kinds:
-        found.append("holds")
-    if "rope" in kinds:
-        found += ["taut", "slack"]
-    if "cloth" in kinds:
-        found.append("folded")
-    if kinds & {"rope", "cloth", "soft"}:
-        found.append("deformed")
+    forms = {material_of(d).form for d in world.deformables}
+    for predicate, about in ABOUT.items():
+        if forms.intersection(about) and (predicate is not Holds or world.containers):
+            found.append(str(predicate.model_fields["predicate"].default))
     return found

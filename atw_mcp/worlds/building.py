@@ -20,6 +20,7 @@ from polyworld.world import Effect, Environment, MotionPlane, StaticObject, Time
 from polyworld.world.camera import Camera
 from polyworld.world.description import Appearance
 from polyworld.world.geometry import hull, planar_outline
+from polyworld.world.materials import material
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere
 
@@ -219,7 +220,7 @@ def _deformable(item: dict[str, Any], kind: Chosen, tracks: ObservedTracks, time
     fields = {key: value for key, value in item.items() if key != "representation"}
     fields = {**_observed_start(str(item["name"]), kind_of_part, fields, tracks, time), **fields}
     made = read_part(kind_of_part, fields)
-    if kind == "planar" and kind_of_part != "cloth":
+    if kind == "planar" and material(kind_of_part).planar:
         return made.model_copy(update={"representation": f"{kind_of_part}_planar"})
     return made
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.looking.overlay import DARK, Canvas, Color, fine
-from polyworld.pictures.deformable_pictures import mesh_for
+from polyworld.model import mesh_of
 from polyworld.trajectory import Trajectory
 from polyworld.world import World, geometry
 from polyworld.world.camera import Camera
@@ -143,7 +143,7 @@ class WorldMarks:
 
 def held_nodes(world: World, attachment: Attachment) -> list[int]:
     """Indices of the nodes that an attachment holds."""
-    nodes = mesh_for(world, world.deformable(attachment.object)).nodes
+    nodes = mesh_of(world, world.deformable(attachment.object)).nodes
     if attachment.end is not None:
         return [0 if attachment.end == "start" else len(nodes) - 1]
     if attachment.nodes is not None:

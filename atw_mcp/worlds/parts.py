@@ -18,18 +18,13 @@ from atw_mcp.calls.forms import did_you_mean
 from atw_mcp.calls.results import validation_text
 from atw_mcp.calls.schemas import inlined, without_null
 from polyworld.world.description import Description
+from polyworld.world.materials import kinds, material
 from polyworld.world.representations.attachment import Attachment
-from polyworld.world.representations.cloth import Cloth
-from polyworld.world.representations.fluid import Container, Drain, Emitter, Fluid, FluidGrid
+from polyworld.world.representations.fluid import Container, Drain, Emitter, FluidGrid
 from polyworld.world.representations.joint import Ball, Fixed, Hinge, Joint, Slider, Spring
-from polyworld.world.representations.rope import Pulley, Rope
-from polyworld.world.representations.soft import Soft
+from polyworld.world.representations.rope import Pulley
 
-KINDS: dict[str, type[Description]] = {
-    "rope": Rope,
-    "cloth": Cloth,
-    "soft": Soft,
-    "fluid": Fluid,
+_OTHERS: dict[str, type[Description]] = {
     "fluid_grid": FluidGrid,
     "emitter": Emitter,
     "drain": Drain,
@@ -42,7 +37,6 @@ KINDS: dict[str, type[Description]] = {
     "fixed": Fixed,
     "spring": Spring,
 }
-DEFORMABLE = ("rope", "cloth", "soft", "fluid")
 JOINTS = ("hinge", "slider", "ball", "fixed", "spring")
 TAGS = ("representation", "kind")  # fields of the engine's descriptions that `part` stands for
 EXAMPLES: dict[str, str] = {
@@ -73,13 +67,18 @@ class Parts:
     containers: tuple[Container, ...] = ()
 
 
+def part_kinds() -> dict[str, type[Description]]:
+    """Kinds of parts and the engine's descriptions of them: objects of every registered material first."""
+    return {**{kind: material(kind).description for kind in kinds()}, **_OTHERS}
+
+
 def read_parts(given: Sequence[Any]) -> Parts:
     """Parts as written, checked one by one; raises ToolError naming the part, its field and what it takes."""
-    found: dict[str, list[Any]] = {kind: [] for kind in KINDS}
+    found: dict[str, list[Any]] = {kind: [] for kind in part_kinds()}
     for number, item in enumerate(given, start=1):
         kind = _kind(item, number)
         fields = {key: value for key, value in item.items() if key != "part"}
-        if kind in DEFORMABLE:
+        if kind in kinds():
             _known_fields(kind, fields, number)
             if "name" not in fields:
                 raise ToolError(f"part {number} ({kind}): name is missing; {takes(kind)}. {_more(kind)}")
@@ -91,7 +90,7 @@ def read_parts(given: Sequence[Any]) -> Parts:
     if len(found["fluid_grid"]) > 1:
         raise ToolError("give one fluid_grid: all fluids share it")
     return Parts(
-        deformables=tuple(item for kind in DEFORMABLE for item in found[kind]),
+        deformables=tuple(item for kind in kinds() for item in found[kind]),
         joints=tuple(joint for kind in JOINTS for joint in found[kind]),
         attachments=tuple(found["attachment"]),
         pulleys=tuple(found["pulley"]),
@@ -106,19 +105,19 @@ def read_part(kind: str, fields: Mapping[str, Any], number: int | None = None) -
     """One part as the engine describes it; raises ToolError naming the field whose value is wrong."""
     what = f"part {number} ({kind})" if number is not None else f"{kind} {fields.get('name', '')!r}"
     _known_fields(kind, fields, number)
-    model = KINDS[kind].model_fields
+    model = part_kinds()[kind].model_fields
     missing = [name for name in _fields(kind) if name in model and model[name].is_required() and name not in fields]
     if missing:
         raise ToolError(f"{what}: {', '.join(missing)} is missing; {takes(kind)}. {_more(kind)}")
     try:
-        return KINDS[kind].model_validate(fields)
+        return part_kinds()[kind].model_validate(fields)
     except ValidationError as error:
         raise ToolError(f"{what}: {validation_text(error)}. {_more(kind)}") from error
 
 
 def takes(kind: str) -> str:
     """The fields of a kind of part in one phrase, optional ones in brackets."""
-    fields = KINDS[kind].model_fields
+    fields = part_kinds()[kind].model_fields
     required = [name for name in _fields(kind) if name != "color" and fields[name].is_required()]
     optional = [name for name in _fields(kind) if name not in required]
     return f"{kind}({', '.join(required)}" + (f", [{', '.join(optional)}])" if optional else ")")
@@ -126,8 +125,8 @@ def takes(kind: str) -> str:
 
 def parts_schema() -> dict[str, Any]:
     """The schema of one part, as a flat object: every field of every kind with its type, and which kind has which."""
-    properties: dict[str, Any] = {"part": {"type": "string", "enum": list(KINDS)}}
-    for model in KINDS.values():
+    properties: dict[str, Any] = {"part": {"type": "string", "enum": list(part_kinds())}}
+    for model in part_kinds().values():
         for name, schema in without_null(inlined(model.model_json_schema()))["properties"].items():
             if name in TAGS:
                 continue
@@ -141,7 +140,7 @@ def parts_schema() -> dict[str, Any]:
             properties[name] = field["anyOf"][0]
         if name in EXAMPLES:
             properties[name]["description"] = EXAMPLES[name]
-    says = "; ".join(takes(kind) for kind in KINDS)
+    says = "; ".join(takes(kind) for kind in part_kinds())
     return {
         "type": "object",
         "additionalProperties": False,
@@ -153,14 +152,14 @@ def parts_schema() -> dict[str, Any]:
 
 def part_schema(kind: str) -> dict[str, Any]:
     """The full schema of one kind of part; raises ToolError naming the kinds."""
-    if kind not in KINDS:
-        raise ToolError(f"no part {kind!r}{did_you_mean(kind, KINDS)}; parts: {', '.join(KINDS)}")
-    schema = without_null(inlined(KINDS[kind].model_json_schema()))
+    if kind not in part_kinds():
+        raise ToolError(f"no part {kind!r}{did_you_mean(kind, part_kinds())}; parts: {', '.join(part_kinds())}")
+    schema = without_null(inlined(part_kinds()[kind].model_json_schema()))
     schema["properties"] = {
         "part": {"const": kind},
         **{key: value for key, value in schema["properties"].items() if key not in (*TAGS, "appearance")},
     }
-    if kind in DEFORMABLE:
+    if kind in kinds():
         schema["properties"]["color"] = {"type": "string", "description": "colour name, or #rrggbb"}
     return schema
 
@@ -177,18 +176,19 @@ def part_field_schema(kind: str, field: str) -> dict[str, Any]:
 def _kind(item: Any, number: int) -> str:
     if not isinstance(item, Mapping) or "part" not in item:
         raise ToolError(
-            f"part {number} needs 'part', one of {', '.join(KINDS)}, for example {json.dumps(EXAMPLE)}; got {item!r}"
+            f"part {number} needs 'part', one of {', '.join(part_kinds())}, for example {json.dumps(EXAMPLE)}; "
+            f"got {item!r}"
         )
-    kind = str(item["part"])
-    if kind not in KINDS:
-        raise ToolError(f"part {number}: no part {kind!r}{did_you_mean(kind, KINDS)}; parts: {', '.join(KINDS)}")
+    kind, known = str(item["part"]), part_kinds()
+    if kind not in known:
+        raise ToolError(f"part {number}: no part {kind!r}{did_you_mean(kind, known)}; parts: {', '.join(known)}")
     return kind
 
 
 def _known_fields(kind: str, fields: Mapping[str, Any], number: int | None) -> None:
     known = _fields(kind)
     # A deformable may also come as it stands in a world.
-    allowed = {*known, "representation", "appearance"} if kind in DEFORMABLE else set(known)
+    allowed = {*known, "representation", "appearance"} if kind in kinds() else set(known)
     unknown = [str(name) for name in fields if name not in allowed]
     if unknown:
         hint = did_you_mean(unknown[0], known)
@@ -198,7 +198,7 @@ def _known_fields(kind: str, fields: Mapping[str, Any], number: int | None) -> N
 
 def _fields(kind: str) -> list[str]:
     """Names of the fields of a kind of part, as an agent writes them."""
-    names = [name for name in KINDS[kind].model_fields if name not in TAGS]
+    names = [name for name in part_kinds()[kind].model_fields if name not in TAGS]
     return ["color" if name == "appearance" else name for name in names]
 
 

@@ -11,6 +11,7 @@ from atw_mcp.worlds.parts import Parts
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane, StaticObject
 from polyworld.world.geometry import quaternion_matrix
+from polyworld.world.materials import material
 from polyworld.world.representations.joint import Hinge, Joint
 from polyworld.world.shapes import BodyShape
 
@@ -111,9 +112,11 @@ def _needs_space(shapes: Mapping[str, BodyShape], statics: tuple[StaticObject, .
     """Why a world can only be spatial, or None."""
     if any(static.shape.kind == "triangle_mesh" for static in statics):
         return "a triangle mesh can only be touched in a spatial world"
-    cloth = [str(d["name"]) for d in parts.deformables if d["representation"] == "cloth"]
-    if cloth:
-        return f"cloth moves in space ({', '.join(cloth)})"
+    for item in parts.deformables:
+        if not material(item["representation"]).planar:
+            kind = item["representation"]
+            named = [str(d["name"]) for d in parts.deformables if d["representation"] == kind]
+            return f"{kind} moves in space ({', '.join(named)})"
     compounds = [name for name, shape in shapes.items() if shape.kind == "compound"]
     if compounds:
         return f"compound shapes move in space ({', '.join(compounds)})"

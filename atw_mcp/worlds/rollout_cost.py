@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polyworld.pictures.deformable_pictures import mesh_for
+from polyworld.model import mesh_of
 from polyworld.world import World
-from polyworld.world.representations.fluid import Emitter, Fluid
+from polyworld.world.materials import PLANAR, material_of
+from polyworld.world.representations.fluid import Emitter
 
 MAX_POINT_SAMPLES = 8_000_000  # places of points in one rollout: some 60 MB in the store for a fluid
 
@@ -30,11 +31,11 @@ def cost(world: World, horizon: float) -> Cost:
     """Estimate what rolling a world out to `horizon` [s] takes."""
     points = {}
     for item in world.deformables:
-        count = len(mesh_for(world, item).nodes)
-        if isinstance(item, Fluid) and world.fluid_grid is not None:
+        count = len(mesh_of(world, item).nodes)
+        if material_of(item).form == "liquid" and world.fluid_grid is not None:
             # Two particles along a cell's edge; planar fluids have one layer of them.
             spacing = world.fluid_grid.cell / 2.0
-            size = spacing**2 if item.representation == "fluid_planar" else spacing**3
+            size = spacing**2 if item.representation.endswith(PLANAR) else spacing**3
             count += sum(round(emitted(e, horizon) / size) for e in world.emitters if e.fluid == item.name)
         points[item.name] = count
     return Cost(points, int(np.floor(horizon / world.time.seconds_per_frame)) + 2)

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from polyworld.meshing.fluid import carvings
-from polyworld.pictures.deformable_pictures import mesh_for
+from polyworld.model import mesh_of
 from polyworld.solver.fluid.clearance import clearance
+from polyworld.solver.fluid.seeding import carvings
 from polyworld.world import MotionPlane, StaticObject, World
 from polyworld.world.geometry import quaternion_matrix, wall_box
-from polyworld.world.representations.fluid import Fluid
-from polyworld.world.representations.rope import Rope
 from polyworld.world.shapes import Box, Wall
 
 CARVED = 0.01  # share of a volume that may be missing without a word
@@ -55,9 +53,7 @@ def fluid_warnings(world: World) -> tuple[str, ...]:
     if world.fluid_grid is None:
         return ()
     notes = []
-    for item in world.deformables:
-        if not isinstance(item, Fluid):
-            continue
+    for item in world.of_form("liquid"):
         for found in carvings(world, item):
             by = ", ".join(f"{name} ({share:.0%})" for name, share in found.by.items())
             if found.lost >= 1.0:
@@ -84,9 +80,8 @@ def _unsupported(world: World) -> list[str]:
     places = {item.name: np.asarray(item.position, dtype=float) for item in world.objects}
     held = {name for joint in world.joints for name in (joint.object, joint.other) if name is not None}
     held |= {name for a in world.attachments for name in (a.object, a.to) if name is not None}
-    for item in world.deformables:
-        if not isinstance(item, Fluid | Rope):
-            places[item.name] = mesh_for(world, item).nodes.mean(axis=0)
+    for item in world.of_form("sheet", "solid"):
+        places[item.name] = mesh_of(world, item).nodes.mean(axis=0)
     grounds = world.model_copy(update={"objects": ()})
     loose = []
     for name, place in places.items():

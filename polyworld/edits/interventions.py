@@ -17,6 +17,7 @@ from polyworld.world import Deformable, StaticObject, World
 from polyworld.world.description import Description, Name, NonNegative, Positive, Quaternion, Vec3
 from polyworld.world.geometry import quaternion_matrix, quaternion_product, rotation_quaternion
 from polyworld.world.joints import check_joints_hold, with_stops_kept
+from polyworld.world.materials import material
 from polyworld.world.parameters import read_parameter, with_parameters
 from polyworld.world.representations.attachment import Attachment
 from polyworld.world.representations.fluid import Container, Drain, Emitter, FluidGrid
@@ -290,7 +291,7 @@ def _must_move(world: World, name: str) -> None:
 def _restarted(world: World, edit: SetVelocity) -> World:
     _must_move(world, edit.object)
     kind = world.item(edit.object).representation
-    if edit.angular_velocity is not None and not kind.startswith(("rigid", "soft")):
+    if edit.angular_velocity is not None and not (world.is_rigid(edit.object) or material(kind).turns):
         raise ValueError(f"{edit.object!r} is {kind}, which starts without turning: give it a velocity only")
     data: dict[str, Any] = world.model_dump()
     item = next(d for d in (*data["objects"], *data["deformables"]) if d["name"] == edit.object)

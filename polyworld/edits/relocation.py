@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
-from polyworld.meshing.rope import threading
+from polyworld.model import mesh_of
+from polyworld.model.rope import threading
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.joints import carry_springs, check_joints_hold, turned_about, with_stops_kept
+from polyworld.world.materials import material, material_of
 from polyworld.world.parameters import shift_deformable
 from polyworld.world.representations.attachment import Attachment
 from polyworld.world.representations.rigid import RigidObject
-from polyworld.world.representations.rope import Rope
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -89,8 +89,8 @@ def moved(world: World, name: str, position: Vector | None, orientation: Turn | 
 
 def _follow(world: World, data: dict[str, Any], attachment: Attachment, carried: Callable[[Any], Vector]) -> str:
     """Let a rope's end follow the body it is tied to; returns its name. Raises ValueError for what cannot follow."""
-    item = world.deformable(attachment.object)
-    if not isinstance(item, Rope) or attachment.end is None:
+    item: Any = world.deformable(attachment.object)
+    if material_of(item).form != "line" or attachment.end is None:
         raise ValueError(
             f"attachment {attachment.name!r} holds {item.name!r} to it and would be torn: remove the attachment "
             f"first, or move {item.name!r} first and fasten it again"
@@ -100,13 +100,12 @@ def _follow(world: World, data: dict[str, Any], attachment: Attachment, carried:
     index = 0 if attachment.end == "start" else len(points) - 1
     points[index] = carried(points[index])
     rope["points"], rope["length"] = points, float(threading(world, item).rest.sum())
-    return item.name
+    return attachment.object
 
 
 def _check_length(world: World, name: str) -> None:
     """Raise ValueError where a rope starts stretched by more than LONGEST_STRETCH."""
-    rope = world.deformable(name)
-    assert isinstance(rope, Rope)
+    rope: Any = world.deformable(name)
     length = float(threading(world, rope).rest.sum())
     run = float(threading(world, rope.model_copy(update={"length": None})).rest.sum())
     if run > length * (1.0 + LONGEST_STRETCH):
@@ -118,7 +117,9 @@ def _check_length(world: World, name: str) -> None:
 
 def start_of(world: World, item: RigidObject | Deformable) -> Vector:
     """Centre of mass (3,) of an object where it starts [m]."""
-    return item.position if isinstance(item, RigidObject) else _vector(centre_of_mass(world, item))
+    if world.is_rigid(item.name):
+        return world.object(item.name).position
+    return _vector(centre_of_mass(world, world.deformable(item.name)))
 
 
 def _moved_deformable(world: World, item: Deformable, position: Vector | None, orientation: Turn | None) -> World:
@@ -144,7 +145,7 @@ def _moved_deformable(world: World, item: Deformable, position: Vector | None, o
             inside = np.all((nodes >= attachment.region.lower) & (nodes <= attachment.region.upper), axis=1)
             data["attachments"][number].update(region=None, nodes=[int(i) for i in np.flatnonzero(inside)])
     if orientation is not None:
-        if item.representation.startswith("soft"):
+        if material_of(item).turns:
             description["orientation"] = orientation
         else:
             _turn(description, centre_of_mass(world, item), np.asarray(orientation, dtype=float))
@@ -159,27 +160,14 @@ def _moved_deformable(world: World, item: Deformable, position: Vector | None, o
 
 
 def _turn(item: dict[str, Any], centre: Array, quaternion: Array) -> None:
-    """Turn a rope, cloth or fluid, given as its description, about a point."""
+    """Turn an object without an orientation of its own, given as its description, about a point."""
     quaternion = quaternion / np.linalg.norm(quaternion)
     matrix = geometry.quaternion_matrix(quaternion)
 
     def turned(point: Any) -> Vector:
         return _vector(centre + matrix @ (np.asarray(point, dtype=float) - centre))
 
-    if item["representation"].startswith("rope"):
-        item["points"] = [turned(p) for p in item["points"]]
-    elif item["representation"] == "cloth" and item["geometry"]["kind"] == "sheet":
-        sheet = item["geometry"]
-        sheet["corner"] = turned(sheet["corner"])
-        for edge in ("edge_u", "edge_v"):
-            sheet[edge] = _vector(matrix @ np.asarray(sheet[edge], dtype=float))
-    elif item["representation"] == "cloth":
-        item["geometry"]["vertices"] = [turned(p) for p in item["geometry"]["vertices"]]
-    else:
-        for volume in item["volumes"]:
-            volume["position"] = turned(volume["position"])
-            product = geometry.quaternion_product(quaternion, np.asarray(volume["orientation"]))
-            volume["orientation"] = tuple(float(x) for x in product)
+    material(item["representation"]).moved(item, turned, quaternion)
 
 
 def _vector(values: Any) -> Vector:

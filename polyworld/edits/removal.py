@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from polyworld.world import World
+from polyworld.world.materials import material
 
 # Parts of a world, by the word an agent uses for one of them; the first three are objects.
 PARTS = {
@@ -57,5 +58,5 @@ def _forget(data: dict[str, Any], name: str) -> None:
     data["pulleys"] = [p for p in data["pulleys"] if name not in (p["rope"], p["object"])]
     data["emitters"] = [e for e in data["emitters"] if e["fluid"] != name]
     data["containers"] = [c for c in data["containers"] if c["object"] != name]
-    if not any(d["representation"].startswith("fluid") for d in data["deformables"]):
+    if not any(material(d["representation"]).form == "liquid" for d in data["deformables"]):
         data["fluid_grid"], data["drains"] = None, []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.comparing import Comparison, Motion
 from polyworld.estimation.design import Design, RunDesign, owner
 from polyworld.estimation.unknown import Unknown
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.probing.readouts.material_points import MaterialPoints, material_points
 from polyworld.solver.planar import PlanarSimulator
 from polyworld.solver.planar.plane_motion import PlaneMotion

@@ -25,7 +25,6 @@ from polyworld.estimation.normal_equations import (
     within_reach,
 )
 from polyworld.world import World
-from polyworld.world.representations.fluid import Fluid
 
 Array = NDArray[np.float64]
 
@@ -68,7 +67,7 @@ def first_steps(forward: Forward) -> Steps:
 def least_step(world: World) -> float:
     """Return the least step of a difference quotient, in typical changes, that shows beyond the roughness of a world's
     motion."""
-    return ROUGH_STEP if any(isinstance(d, Fluid) for d in world.deformables) else 0.0
+    return ROUGH_STEP if world.of_form("liquid") else 0.0
 
 
 def descend(

@@ -14,7 +14,6 @@ from polyworld.data.recording import Recording, Run
 from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.predictability import extent_of, predictable_instants, swings_on_others
 from polyworld.world import World
-from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 
@@ -133,7 +132,7 @@ def starts_anywhere(world: World, recording: Recording) -> bool:
         return False
     if any(getattr(j, "motor", None) is not None for j in world.joints):  # it switches at instants of a run
         return False
-    if not all(isinstance(i, RigidObject) and i.start_time == 0.0 for i in items):
+    if world.deformables or not all(o.start_time == 0.0 for o in world.objects):
         return False
     if any(set(run.names) != {i.name for i in items} or run.lead for run in recording.runs):
         return False

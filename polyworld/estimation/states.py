@@ -19,7 +19,7 @@ from polyworld.estimation.initial_support import is_aloft, is_supported, keeps_h
 from polyworld.estimation.linkage import Linkage, is_held, linkages
 from polyworld.estimation.measured_spin import initial_spin
 from polyworld.world import World, geometry
-from polyworld.world.representations.fluid import Fluid
+from polyworld.world.materials import material_of
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
 from polyworld.world.symmetry import rotation_vector
@@ -76,10 +76,10 @@ def state_coordinates(world: World, run: Run) -> tuple[StateCoordinates, ...]:
     found = [_jointed(k, run) for k in jointed if any(link.item.name in run.names for link in k.links)]
     owners = dict.fromkeys(name.split("#", 1)[0] for name in run.names)
     for name in owners:
-        item = world.item(name)
-        if not isinstance(item, RigidObject):
+        if not world.is_rigid(name):
             found.append(_deformable(name, world, run))
             continue
+        item = world.object(name)
         column = run.names.index(name)
         if not is_held(world, name):
             short_window = np.array([_free(world, item, run, column, count).start for count in SHORT_WINDOWS])
@@ -94,9 +94,9 @@ def with_unobserved_spins(world: World, states: tuple[StateCoordinates, ...]) ->
         return states
     found = []
     for own in states:
-        item = world.item(own.name)
         known = any(label.startswith("angular_velocity") for label in own.labels)
-        if own.linkage is not None or known or not isinstance(item, RigidObject) or not item.friction:
+        is_ball = own.linkage is None and not known and world.is_rigid(own.name)
+        if not (is_ball and world.object(own.name).friction):
             found.append(own)
             continue
         none, spread = np.zeros(3), np.full(3, SPIN)
@@ -268,7 +268,7 @@ def _deformable(name: str, world: World, run: Run) -> StateCoordinates:
     What is held somewhere, and fluids, start as the world says: they cannot be shifted off what holds them.
     """
     fixed = any(a.object == name for a in world.attachments) or any(p.rope == name for p in world.pulleys)
-    fixed = fixed or isinstance(world.item(name), Fluid)
+    fixed = fixed or material_of(world.deformable(name)).form == "liquid"
     labels = [] if fixed else [f"{field}.{axis}" for axis in "xyz" for field in ("shift", "velocity")]
     if world.planar:
         normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])

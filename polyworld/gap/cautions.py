@@ -7,7 +7,6 @@ from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.predictability import swings_on_others
 from polyworld.estimation.run_segments import MOST
 from polyworld.gap.single_coordinate import is_single_coordinate
-from polyworld.world.representations.rigid import RigidObject
 
 FEW = 16  # instants of a series below which its noise is a guess
 
@@ -23,9 +22,8 @@ def cautions(plan: Design) -> tuple[str, ...]:
         missing = ["xyz"[axis] for axis in range(3) if (name, axis) not in measured]
         if missing:
             found.append(f"{' and '.join(missing)} of {name} was never measured: there it starts as the world says")
-        item = plan.world.item(name)
-        if len(missing) < 2 and isinstance(item, RigidObject) and name not in turned:
-            spin = ", ".join(f"{v:g}" for v in item.angular_velocity)
+        if len(missing) < 2 and plan.world.is_rigid(name) and name not in turned:
+            spin = ", ".join(f"{v:g}" for v in plan.world.object(name).angular_velocity)
             found.append(
                 f"neither turns nor spins of {name} were measured: it starts with the described spin, ({spin}) rad/s, "
                 "and what spin does, lift in flight or grip at a bounce, is right only as far as that is"

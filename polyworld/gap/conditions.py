@@ -155,8 +155,7 @@ def _span(recording: Recording) -> float:
 
 
 def _start(world: World, name: str) -> Array:
-    item = world.item(name)
-    return np.asarray(item.position if isinstance(item, RigidObject) else (0.0, 0.0, 0.0), dtype=float)
+    return np.asarray(world.object(name).position if world.is_rigid(name) else (0.0, 0.0, 0.0), dtype=float)
 
 
 def _noise(run: Run, places: Array) -> float:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from polyworld.pictures.render import Picture
 from polyworld.world import World, geometry
 from polyworld.world.camera import Camera
-from polyworld.world.representations.fluid import Fluid
+from polyworld.world.materials import material_of
 from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def with_contact_shadows(
             outside = _distance_outside(flat[near], outline) - radius
             light[near] *= 1.0 - strength * np.clip(1.0 - outside / (SOFT * size), 0.0, 1.0) ** 2
         for index, soft in enumerate(world.deformables, start=len(world.objects)):
-            nodes = None if isinstance(soft, Fluid) else (points or {}).get(soft.name)
+            nodes = None if material_of(soft).form == "liquid" else (points or {}).get(soft.name)
             if nodes is not None and (visible is None or visible[index]):
                 light *= _under_points(nodes - foot, places - foot, axes)
         color[rows, columns] *= light[:, None]

@@ -10,14 +10,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.model import DeformableMesh, mesh_of
 from polyworld.pictures import rasterize
 from polyworld.probing.readouts.rope_line import along_wheels
 from polyworld.world import Deformable, World
 from polyworld.world.camera import Camera
 from polyworld.world.colors import display_color
+from polyworld.world.materials import material_of
 from polyworld.world.representations.cloth import Cloth, Sheet
-from polyworld.world.representations.fluid import Fluid
 from polyworld.world.representations.rope import Pulley, Rope
 
 Array = NDArray[np.float64]
@@ -71,18 +71,19 @@ def draw_solids(
 
     wheels: the world's pulleys where they now are.
     """
+    item: Any
     for index, item in enumerate(world.deformables):
-        if isinstance(item, Fluid) or item.name in hidden:
+        if material_of(item).form == "liquid" or item.name in hidden:
             continue
         mesh, places = mesh_for(world, item), np.asarray(points[item.name], dtype=float)
         color = display_color(item.appearance.color, first_label + index)
         relative = places - raster.camera.centre
-        if isinstance(item, Rope):
+        if material_of(item).form == "line":
             over = [wheel for wheel in wheels if wheel.rope == item.name]
             line, number = along_wheels(item.name, places, over)
             _tubes(item, line - raster.camera.centre, number, len(mesh.segments), color, first_label + index, raster)
         else:
-            tint = _checks(item, mesh) if isinstance(item, Cloth) else np.ones(len(mesh.triangles))
+            tint = _checks(item, mesh) if hasattr(item, "geometry") else np.ones(len(mesh.triangles))
             _triangles(relative, mesh.triangles, tint, color, first_label + index, raster)
 
 

@@ -21,7 +21,8 @@ from polyworld.pictures.deformable_pictures import Raster, rectangles
 from polyworld.world import World
 from polyworld.world.camera import Camera
 from polyworld.world.colors import rgb
-from polyworld.world.representations.fluid import Fluid, FluidGrid
+from polyworld.world.materials import material_of
+from polyworld.world.representations.fluid import FluidGrid
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,9 @@ def liquid_seen(
     world: World, points: Mapping[str, Array], camera: Camera, pixel_to_ray: Array, hidden: set[str]
 ) -> Liquid | None:
     """Every fluid of a world by itself, as if nothing else were there; None where none is in the picture."""
-    fluids = [(i, d) for i, d in enumerate(world.deformables) if isinstance(d, Fluid) and d.name not in hidden]
+    fluids = [
+        (i, d) for i, d in enumerate(world.deformables) if material_of(d).form == "liquid" and d.name not in hidden
+    ]
     if not fluids or world.fluid_grid is None:
         return None
     shape = (camera.height, camera.width)

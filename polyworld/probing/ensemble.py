@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from polyworld.edits.interventions import Intervention, branch
-from polyworld.probing.readouts import object_mesh
+from polyworld.model import model_of
 from polyworld.solver.rollout import rollouts
 from polyworld.trajectory import Rollout
 from polyworld.world import World
@@ -73,8 +73,8 @@ def differences(world: World, members: Sequence[World], paths: Iterable[str]) ->
             continue
         if field.startswith("shift."):
             axis = "xyz".index(field[-1])
-            origin = object_mesh(world, head).nodes[0]
-            found[path] = np.array([(object_mesh(member, head).nodes[0] - origin)[axis] for member in members])
+            origin = model_of(world).mesh(head).nodes[0]
+            found[path] = np.array([(model_of(member).mesh(head).nodes[0] - origin)[axis] for member in members])
             continue
         values = [read_parameter(member, path) for member in members]
         if None not in values:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.model import model_of
 from polyworld.probing.closest_approach import height, surface_gaps
 from polyworld.probing.predicates import (
     Above,
@@ -31,28 +33,28 @@ from polyworld.probing.predicates import (
     WithinDistance,
     names_in,
 )
-from polyworld.probing.readouts import Amount, Front, object_mesh, read
+from polyworld.probing.readouts import Amount, Front, read
 from polyworld.probing.readouts.centreline import lengths_along
 from polyworld.probing.readouts.deformation import folded_share, principal_stretches
 from polyworld.probing.readouts.distribution import container_named, substance
 from polyworld.trajectory import Trajectory
 from polyworld.trajectory.events import point_speed, share_in_view
 from polyworld.world import World
-from polyworld.world.representations.fluid import Fluid
-from polyworld.world.representations.rope import Rope
+from polyworld.world.description import Description
+from polyworld.world.materials import PLANAR, Form, kinds_of, material_of
 
 Array = NDArray[np.float64]
 
 OWN_WEIGHT = 0.5  # share of a rope's weight above which it counts as taut
-# What deformable objects each of these statements can be made about.
-_ABOUT: dict[type, tuple[str, ...]] = {
-    Occupies: ("rope", "cloth", "soft", "fluid"),
-    Holds: ("fluid",),
-    Taut: ("rope",),
-    Slack: ("rope",),
-    Folded: ("cloth",),
-    Deformed: ("rope", "cloth", "soft"),
+ABOUT: dict[type[Description], tuple[Form, ...]] = {
+    Occupies: ("line", "sheet", "solid", "liquid"),
+    Holds: ("liquid",),
+    Taut: ("line",),
+    Slack: ("line",),
+    Folded: ("sheet",),
+    Deformed: ("line", "sheet", "solid"),
 }
+"""Forms of materials that each of these statements can be made about."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +77,12 @@ class Margin:
 def why_unknown(world: World, trajectory: Trajectory, predicate: Predicate) -> str | None:
     """Return why a statement is undecidable in this world, else None: a material it does not apply to, no view."""
     soft = {d.name: d.representation for d in world.deformables}
-    allowed = _ABOUT.get(type(predicate))
-    if allowed is not None:
+    allowed = kinds_of(*ABOUT.get(type(predicate), ()))
+    if allowed:
         for name in names_in(predicate):
             kind = soft.get(name, "rigid")
-            if kind.removesuffix("_planar") not in allowed:
-                choices = sorted(n for n, k in soft.items() if k.removesuffix("_planar") in allowed)
+            if kind.removesuffix(PLANAR) not in allowed:
+                choices = sorted(n for n, k in soft.items() if k.removesuffix(PLANAR) in allowed)
                 scope = f"{predicate.predicate} applies to {' or '.join(allowed)}"
                 other = "; for a rigid object's centre use inside_region"
                 hint = other if isinstance(predicate, Occupies) and kind == "rigid" else ""
@@ -89,7 +91,7 @@ def why_unknown(world: World, trajectory: Trajectory, predicate: Predicate) -> s
         known = [c.name for c in world.containers]
         if predicate.container not in known:
             return f"no container is called {predicate.container!r}; containers: {known}"
-    if isinstance(predicate, Holds) and not any(isinstance(d, Fluid) for d in world.deformables):
+    if isinstance(predicate, Holds) and not world.of_form("liquid"):
         return "there is no fluid in this world"
     if isinstance(predicate, Taut | Slack) and "tension" not in trajectory.deformables[predicate.object].quantities:
         return f"the rollout holds no tension of {predicate.object!r}"
@@ -138,7 +140,7 @@ def state_margin(trajectory: Trajectory, world: World, predicate: Predicate) -> 
         margin = lowest - least if isinstance(predicate, Taut) else least - lowest
         return Margin(lowest, margin, "lowest_tension_N")
     if isinstance(predicate, Folded):
-        share = folded_share(trajectory.deformables[name].points, object_mesh(world, name))
+        share = folded_share(trajectory.deformables[name].points, model_of(world).mesh(name))
         return Margin(share, share - predicate.share, "folded_share")
     if isinstance(predicate, Deformed):
         strain = largest_strain(trajectory, world, name)
@@ -187,9 +189,10 @@ def largest_strain(trajectory: Trajectory, world: World, name: str) -> Array:
 
     A rope's strain is its tension over its stiffness, which also holds on a pulley.
     """
-    item, points = world.deformable(name), trajectory.deformables[name].points
-    mesh = object_mesh(world, name)
-    if isinstance(item, Rope):
+    points = trajectory.deformables[name].points
+    item: Any = world.deformable(name)
+    mesh = model_of(world).mesh(name)
+    if material_of(item).form == "line":
         tension = trajectory.deformables[name].quantities.get("tension")
         if tension is not None:
             strain: Array = np.abs(tension).max(axis=-1) / item.stretch_stiffness
@@ -209,13 +212,13 @@ def share_in(trajectory: Trajectory, world: World, predicate: Occupies) -> Array
     inside = read(place, world, trajectory)[:, 0, 0]
     points = trajectory.deformables[name].points
     whole = np.isfinite(points).all(axis=-1) @ substance(
-        world, world.deformable(name), object_mesh(world, name), points.shape[-2]
+        world, world.deformable(name), model_of(world).mesh(name), points.shape[-2]
     )
     return np.where(whole > 0.0, inside / np.where(whole > 0.0, whole, 1.0), 0.0)
 
 
 def _holds(trajectory: Trajectory, world: World, predicate: Holds) -> Margin:
-    fluids = [d.name for d in world.deformables if isinstance(d, Fluid)]
+    fluids = [d.name for d in world.of_form("liquid")]
     chosen = fluids if predicate.object is None else [predicate.object]
     container_named(world, predicate.container)
     parts = [read(Amount(object=f, container=predicate.container), world, trajectory)[:, 0, 0] for f in chosen]
@@ -314,9 +317,8 @@ def _target_gap(trajectory: Trajectory, world: World, predicate: WithinDistance)
 def _taut_tension(world: World, predicate: Taut | Slack) -> float:
     if predicate.tension is not None:
         return predicate.tension
-    item = world.deformable(predicate.object)
-    assert isinstance(item, Rope)  # checked by `why_unknown`
-    weight = item.linear_density * object_mesh(world, item.name).measure.sum()
+    item: Any = world.deformable(predicate.object)  # a rope, by `why_unknown`
+    weight = item.linear_density * model_of(world).mesh(item.name).measure.sum()
     return float(OWN_WEIGHT * weight * np.linalg.norm(world.environment.gravity))
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from polyworld.trajectory import Trajectory
 from polyworld.world import World, geometry
 from polyworld.world.parameters import object_mass
-from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 
@@ -47,9 +46,10 @@ def mechanical_quantities(world: World, trajectory: Trajectory, name: str) -> Qu
     Accelerations are central differences of the velocity: smeared over the two samples about an impact. Raises
     ValueError for a deformable object.
     """
-    item = world.item(name)
-    if not isinstance(item, RigidObject):
-        raise ValueError(f"{name!r} is {item.representation}: momentum and energy are those of rigid objects")
+    if not world.is_rigid(name):
+        kind = world.item(name).representation
+        raise ValueError(f"{name!r} is {kind}: momentum and energy are those of rigid objects")
+    item = world.object(name)
     i = trajectory.index(name)
     mass = object_mass(item)
     velocity = trajectory.velocities[:, i]

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from polyworld.probing.readouts import object_mesh
+from polyworld.model import model_of
 from polyworld.trajectory import Trajectory
 from polyworld.world import World, geometry
-from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
 
 Array = NDArray[np.float64]
@@ -39,8 +38,7 @@ def point_gaps(world: World, trajectory: Trajectory, name: str, other: str, rows
             shape: object = static.shape
             position, turn = np.asarray(static.position), geometry.quaternion_matrix(np.asarray(static.orientation))
         else:
-            item, column = world.item(other), trajectory.index(other)
-            assert isinstance(item, RigidObject)  # deformable others were met above
+            item, column = world.object(other), trajectory.index(other)  # deformable others were met above
             shape, position = item.shape, trajectory.positions[row, column]
             turn = geometry.quaternion_matrix(trajectory.orientations[row, column])
         distance = distance_to(shape, (points[i, known] - position) @ turn)
@@ -103,6 +101,6 @@ def _between(points: Array, radius: Array, theirs: Array, their_radius: Array) -
 
 
 def _radius(world: World, name: str, count: int) -> Array:
-    radius = object_mesh(world, name).radius
+    radius = model_of(world).mesh(name).radius
     rest = float(np.median(radius)) if len(radius) else 0.0
     return np.concatenate([radius[:count], np.full(max(count - len(radius), 0), rest)])

@@ -31,7 +31,6 @@ from polyworld.probing.predicates import (
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.trajectory.events import rest_events
 from polyworld.world import World
-from polyworld.world.representations.fluid import Fluid
 
 Array = NDArray[np.float64]
 Aggregation = Literal["any", "all", "first", "last", "count", "fraction"]
@@ -119,7 +118,7 @@ def query(
     if not (np.isfinite(asked[0]) and np.isfinite(asked[1]) and asked[0] <= asked[1]):
         raise ValueError(f"an interval is (start, end) with start <= end, got {asked}")
     result = replace(_decided(rollout, world, predicate, asked, aggregation), asked=asked)
-    fluids = {d.name for d in world.deformables if isinstance(d, Fluid)}
+    fluids = {d.name for d in world.of_form("liquid")}
     if result.covered is not None and not (
         isinstance(predicate, InContact | Collides) and not fluids & set(names_in(predicate))
     ):
@@ -284,7 +283,7 @@ def _wet(
 
     The solver has events of contacts between solids alone.
     """
-    fluids = {d.name: d for d in world.deformables if isinstance(d, Fluid)}
+    fluids = {d.name: d for d in world.of_form("liquid")}
     named = [n for n in names_in(predicate) if n in fluids]
     if not named or world.fluid_grid is None:
         return None

@@ -6,12 +6,13 @@ low: its centre alone would miss a pendulum of rope, or a spreading fluid.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.trajectory import Event, Trajectory
 from polyworld.world import World
-from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -104,8 +105,8 @@ def point_speed(velocities: Array) -> Array:
 
 
 def _joining(world: World, trajectory: Trajectory, i: int, k: int) -> tuple[float, Array]:
-    item = world.item(trajectory.names[i])
-    if isinstance(item, RigidObject):
+    item: Any = world.item(trajectory.names[i])
+    if world.is_rigid(item.name):
         return item.start_time, np.asarray(item.position)
     return float(getattr(item, "start_time", trajectory.times[k])), trajectory.positions[k, i]
 

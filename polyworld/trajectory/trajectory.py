@@ -50,7 +50,7 @@ class PointMotion:
 
     points, velocities (..., T, k, 3) [m], [m/s]: NaN for a fluid particle that is not (yet, or any more) there.
     quantities: name -> (..., T, m), for example tension of a rope's segments [N]. In a batch the arrays have a
-    leading axis W. Elements between the points: `polyworld.meshing.mesh_of`.
+    leading axis W. Elements between the points: `polyworld.model.mesh_of`.
     """
 
     points: Array

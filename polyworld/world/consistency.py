@@ -9,6 +9,7 @@ import numpy as np
 
 from polyworld.effects import CATALOGUE
 from polyworld.expressions.effect import EXPRESSION, check_law, law_of
+from polyworld.world.materials import material_of
 
 if TYPE_CHECKING:
     from polyworld.world import World
@@ -125,7 +126,7 @@ def _check_joints(world: World) -> None:
 
 
 def _check_attachments(world: World) -> None:
-    holdable = {d.name: d for d in world.deformables if not d.representation.startswith("fluid")}
+    holdable = {d.name: d for d in world.of_form("line", "sheet", "solid")}
     for attachment in world.attachments:
         name = attachment.name
         if attachment.object not in holdable:
@@ -139,7 +140,7 @@ def _check_attachments(world: World) -> None:
                 f"attachment {name!r} is to {attachment.to!r}; choices: {choices}; for the world or a static, "
                 "leave `to` out"
             )
-        is_rope = holdable[attachment.object].representation.startswith("rope")
+        is_rope = material_of(holdable[attachment.object]).form == "line"
         if (attachment.end is not None or attachment.clamped) and not is_rope:
             raise ValueError(
                 f"attachment {name!r}: `end` and `clamped` are for ropes; {attachment.object!r} is "
@@ -148,7 +149,7 @@ def _check_attachments(world: World) -> None:
 
 
 def _check_pulleys(world: World) -> None:
-    ropes = {d.name: d for d in world.deformables if d.representation in ("rope", "rope_planar")}
+    ropes = {d.name: d for d in world.of_form("line")}
     rigid = [o.name for o in world.objects]
     for pulley in world.pulleys:
         rope = ropes.get(pulley.rope)
@@ -164,7 +165,7 @@ def _check_pulleys(world: World) -> None:
 
 
 def _check_fluids(world: World) -> None:
-    fluids = [d.name for d in world.deformables if d.representation in ("fluid", "fluid_planar")]
+    fluids = [d.name for d in world.of_form("liquid")]
     if fluids and world.fluid_grid is None:
         raise ValueError(f"fluids {fluids} need a fluid_grid: the box they are computed in and the size of its cells")
     for emitter in world.emitters:

@@ -27,55 +27,12 @@ OBJECT_PARAMETERS: dict[str, ParameterSpec] = {
     "linear_damping": ParameterSpec("1/s", 0.0, 1e3, (0.0, 1.0), "linear damping rate"),
     "angular_damping": ParameterSpec("1/s", 0.0, 1e3, (0.0, 2.0), "angular damping rate"),
 }
-_COMMON = {
+COMMON = {
     "linear_damping": OBJECT_PARAMETERS["linear_damping"],
     "friction": OBJECT_PARAMETERS["friction"],
     "restitution": OBJECT_PARAMETERS["restitution"],
 }
-_TAU = (0.0, 0.1)  # [s]
-_ROPE = {
-    "linear_density": ParameterSpec("kg/m", 1e-6, 1e5, (0.01, 1.0), "mass per rest length"),
-    "stretch_stiffness": ParameterSpec("N", 1e-3, 1e12, (10.0, 1e5), "EA: tension per strain"),
-    "bending_stiffness": ParameterSpec("N m^2", 0.0, 1e9, (1e-6, 1e-1), "EI: moment per curvature"),
-    "twist_stiffness": ParameterSpec("N m^2", 0.0, 1e9, (1e-6, 1e-1), "GJ: torque per twist rate"),
-    "stretch_damping": ParameterSpec("s", 0.0, 1e3, _TAU, "damping time of stretching"),
-    "bending_damping": ParameterSpec("s", 0.0, 1e3, _TAU, "damping time of bending"),
-    **_COMMON,
-}
-_CLOTH = {
-    "areal_density": ParameterSpec("kg/m^2", 1e-4, 1e4, (0.05, 1.0), "mass per area"),
-    "stretch_stiffness": ParameterSpec("N/m", 1e-3, 1e9, (10.0, 5e3), "E t: force per width and strain"),
-    "poisson_ratio": ParameterSpec("1", -0.9, 0.49, (0.0, 0.45), "Poisson ratio in the sheet"),
-    "shear_stiffness": ParameterSpec("N/m", 1e-3, 1e9, (1.0, 2e3), "G t"),
-    "bending_stiffness": ParameterSpec("N m", 0.0, 1e6, (1e-7, 1e-2), "D: moment per width and curvature"),
-    "stretch_damping": ParameterSpec("s", 0.0, 1e3, _TAU, "damping time of stretching"),
-    "bending_damping": ParameterSpec("s", 0.0, 1e3, _TAU, "damping time of bending"),
-    "drag_normal": ParameterSpec("1", 0.0, 1e3, (0.0, 3.0), "drag coefficient of flow across the sheet"),
-    "drag_tangential": ParameterSpec("1", 0.0, 1e3, (0.0, 0.2), "friction coefficient of flow along the sheet"),
-    **_COMMON,
-}
-_SOFT = {
-    "density": ParameterSpec("kg/m^3", 1e-2, 1e6, (100.0, 5e3), "density"),
-    "youngs_modulus": ParameterSpec("Pa", 1e-2, 1e12, (1e3, 1e6), "Young's modulus"),
-    "poisson_ratio": ParameterSpec("1", 0.0, 0.49, (0.0, 0.48), "Poisson ratio"),
-    "damping": ParameterSpec("s", 0.0, 1e3, _TAU, "damping time of deformation"),
-    "yield_stress": ParameterSpec("Pa", 1e-2, 1e12, (1e2, 1e6), "von Mises stress beyond which it flows"),
-    **_COMMON,
-}
-_FLUID = {
-    "density": ParameterSpec("kg/m^3", 1e-2, 1e6, (300.0, 3e3), "density"),
-    "viscosity": ParameterSpec("Pa s", 0.0, 1e6, (1e-3, 10.0), "dynamic viscosity"),
-    "surface_tension": ParameterSpec("N/m", 0.0, 1e3, (0.0, 0.1), "surface tension against air"),
-}
-DEFORMABLE_PARAMETERS: dict[str, dict[str, ParameterSpec]] = {
-    "rope": _ROPE,
-    "rope_planar": _ROPE,
-    "cloth": _CLOTH,
-    "soft": _SOFT,
-    "soft_planar": _SOFT,
-    "fluid": _FLUID,
-    "fluid_planar": _FLUID,
-}
+TAU = (0.0, 0.1)  # times that a search of damping spans [s]
 EMITTER_PARAMETERS = {
     "rate": ParameterSpec("m^3/s", 0.0, 1e6, (1e-5, 1e-2), "volume per time"),
 }
@@ -109,12 +66,9 @@ _STATE = {
     "rotation": ParameterSpec("rad", -100.0, 100.0, (-np.pi, np.pi), "turn about a world axis, on top of orientation"),
 }
 STATE_PARAMETERS: dict[str, ParameterSpec] = {f"{k}.{a}": s for k, s in _STATE.items() for a in "xyz"}
-_SHIFT = {f"shift.{a}": ParameterSpec("m", -1e6, 1e6, (-1.0, 1.0), "displacement of its start") for a in "xyz"}
-_VELOCITY = {f"velocity.{a}": _STATE["velocity"] for a in "xyz"}
-_SPIN = {f"angular_velocity.{a}": _STATE["angular_velocity"] for a in "xyz"}
-DEFORMABLE_STATE: dict[str, dict[str, ParameterSpec]] = {
-    kind: {**_SHIFT, **_VELOCITY, **(_SPIN if kind.startswith("soft") else {})} for kind in DEFORMABLE_PARAMETERS
-}
+SHIFT = {f"shift.{a}": ParameterSpec("m", -1e6, 1e6, (-1.0, 1.0), "displacement of its start") for a in "xyz"}
+VELOCITY = {f"velocity.{a}": _STATE["velocity"] for a in "xyz"}
+SPIN = {f"angular_velocity.{a}": _STATE["angular_velocity"] for a in "xyz"}
 GRAVITY = ParameterSpec("m/s^2", -1e4, 1e4, (-20.0, 20.0), "gravitational acceleration")
 STATIC_PARAMETERS = {k: OBJECT_PARAMETERS[k] for k in ("friction", "restitution")}
 _POSE = {

@@ -16,10 +16,9 @@ import numpy as np
 from polyworld.expressions.effect import law_of
 from polyworld.world import Deformable, StaticObject, World, geometry
 from polyworld.world.joints import carry_springs
+from polyworld.world.materials import PLANAR, material, material_of
 from polyworld.world.parameter_tables import (
     ANCHOR_PARAMETERS,
-    DEFORMABLE_PARAMETERS,
-    DEFORMABLE_STATE,
     EMITTER_PARAMETERS,
     GRAVITY,
     JOINT_PARAMETERS,
@@ -44,8 +43,8 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         for field, spec in {**OBJECT_PARAMETERS, **STATE_PARAMETERS}.items():
             paths[f"objects.{item.name}.{field}"] = spec
     for soft in world.deformables:
-        kind = soft.representation
-        for field, spec in {**DEFORMABLE_PARAMETERS[kind], **DEFORMABLE_STATE[kind]}.items():
+        entry = material_of(soft)
+        for field, spec in {**entry.parameters, **entry.state}.items():
             paths[f"objects.{soft.name}.{field}"] = spec
     for static in world.statics:
         for field, spec in {**STATIC_PARAMETERS, **STATIC_POSE}.items():
@@ -54,7 +53,7 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         for field, spec in PULLEY_PARAMETERS.items():
             paths[f"pulleys.{pulley.name}.{field}"] = spec
     for emitter in world.emitters:
-        planar = world.deformable(emitter.fluid).representation == "fluid_planar"
+        planar = world.deformable(emitter.fluid).representation.endswith(PLANAR)
         for field, spec in EMITTER_PARAMETERS.items():
             paths[f"emitters.{emitter.name}.{field}"] = replace(spec, unit="m^2/s") if planar else spec
     for joint in () if world.planar and not world.coupled else world.joints:  # planar hinges turn freely
@@ -124,10 +123,9 @@ def read_parameter(world: World, path: str) -> float | None:
     specification(world, path)
     parts = path.split(".")
     if parts[0] == "objects":
-        item = world.item(parts[1])
-        if isinstance(item, RigidObject):
-            return _read_object(world, item, parts[2:])
-        return _read_deformable(item, parts[2:])
+        if world.is_rigid(parts[1]):
+            return _read_object(world, world.object(parts[1]), parts[2:])
+        return _read_deformable(world.deformable(parts[1]), parts[2:])
     if parts[0] in ("pulleys", "emitters", "joints"):
         part: Any = next(x for x in getattr(world, parts[0]) if x.name == parts[1])
         for field in parts[2:]:
@@ -215,18 +213,7 @@ def with_parameters(world: World, values: Mapping[str, float]) -> World:
 
 def shift_deformable(item: dict[str, Any], shift: Sequence[float]) -> None:
     """Displace the start of a deformable object, given as its JSON-like description, by a vector [m]."""
-    kind = item["representation"]
-    if kind.startswith("rope"):
-        item["points"] = [_sum(p, shift) for p in item["points"]]
-    elif kind == "cloth" and item["geometry"]["kind"] == "sheet":
-        item["geometry"]["corner"] = _sum(item["geometry"]["corner"], shift)
-    elif kind == "cloth":
-        item["geometry"]["vertices"] = [_sum(p, shift) for p in item["geometry"]["vertices"]]
-    elif kind.startswith("soft"):
-        item["position"] = _sum(item["position"], shift)
-    else:
-        for volume in item["volumes"]:
-            volume["position"] = _sum(volume["position"], shift)
+    material(item["representation"]).moved(item, lambda point: _sum(point, shift), None)
 
 
 def object_mass(item: RigidObject) -> float:
@@ -278,8 +265,9 @@ def _static_value(world: World, name: str, field: list[str]) -> float | None:
     return value
 
 
-def _sum(a: Sequence[float], b: Sequence[float]) -> tuple[float, ...]:
-    return tuple(float(x + y) for x, y in zip(a, b, strict=True))
+def _sum(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (float(x + y) for x, y in zip(a, b, strict=True))
+    return x, y, z
 
 
 def _replace(vector: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:

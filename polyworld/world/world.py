@@ -13,8 +13,16 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import (
+    Field,
+    SerializeAsAny,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    field_validator,
+    model_validator,
+)
 
+from polyworld.world import materials
 from polyworld.world.camera import Camera
 from polyworld.world.consistency import check_consistent
 from polyworld.world.description import (
@@ -131,9 +139,21 @@ class TimeBase(Description):
     )
 
 
-Deformable = Annotated[Rope | Cloth | Soft | Fluid, Field(discriminator="representation")]
+def _registered(value: Any, described: ValidatorFunctionWrapHandler) -> Any:
+    """A deformable object whose material is not built in, by its entry in the registry; else as described."""
+    kind = value.get("representation") if isinstance(value, Mapping) else getattr(value, "representation", None)
+    name = str(kind).removesuffix(materials.PLANAR)
+    if name in materials.BUILT_IN or name not in materials.kinds():
+        return described(value)
+    return materials.material(name).description.model_validate(value)
 
-PLANAR = frozenset({"rigid_planar", "rope_planar", "soft_planar", "fluid_planar"})
+
+Deformable = Annotated[
+    Rope | Cloth | Soft | Fluid,
+    Field(discriminator="representation"),
+    WrapValidator(_registered),
+    SerializeAsAny(),
+]
 # Parts that are left out of the canonical JSON where they are empty.
 _OPTIONAL = (
     "joints",
@@ -206,7 +226,7 @@ class World(Description):
     @property
     def planar(self) -> bool:
         """Whether the objects move in `environment.motion_plane`."""
-        return any(o.representation in PLANAR for o in (*self.objects, *self.deformables))
+        return any(o.representation.endswith(materials.PLANAR) for o in (*self.objects, *self.deformables))
 
     @property
     def moving_names(self) -> tuple[str, ...]:
@@ -231,6 +251,14 @@ class World(Description):
             if candidate.name == name:
                 return candidate
         raise KeyError(f"unknown deformable object {name!r}; deformables: {[d.name for d in self.deformables]}")
+
+    def of_form(self, *forms: materials.Form) -> tuple[Any, ...]:
+        """The deformable objects whose materials have one of some forms, in order."""
+        return tuple(d for d in self.deformables if materials.material_of(d).form in forms)
+
+    def is_rigid(self, name: str) -> bool:
+        """Whether a rigid object is called `name`."""
+        return any(o.name == name for o in self.objects)
 
     def item(self, name: str) -> RigidObject | Deformable:
         """The rigid or deformable object called `name`; raises KeyError naming the valid choices."""

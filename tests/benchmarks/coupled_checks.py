@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from atw_mcp.worlds.marks import held_nodes
 from atw_mcp.worlds.rollout_cost import emitted
-from polyworld.meshing import mesh_of
-from polyworld.meshing.rope import threading
+from polyworld.model import mesh_of
+from polyworld.model.rope import threading
 from polyworld.trajectory import Rollout
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.parameters import object_mass

@@ -18,8 +18,8 @@ import numpy as np
 import warp as wp
 
 from polyworld import World, simulator
-from polyworld.meshing import mesh_of
-from polyworld.meshing.soft import soft_form
+from polyworld.model import mesh_of
+from polyworld.model.soft import soft_form
 from polyworld.world.representations.soft import Soft
 from tests.benchmarks.speed_rows import THREADS, Row, header, print_rows, timed
 

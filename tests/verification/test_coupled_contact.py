@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.world import StaticObject, World
 from polyworld.world.representations.attachment import Attachment
 from polyworld.world.representations.rigid import RigidObject

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.solver.coupled.contact_obstacles import surface_edges
 from polyworld.world import Environment, MotionPlane, World
 from polyworld.world.representations.attachment import Attachment

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from polyworld.world.representations.attachment import Attachment, Region

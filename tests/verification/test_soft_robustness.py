@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.meshing.soft_elements import QuadraticMesh
+from polyworld.model.soft_elements import QuadraticMesh
 from polyworld.solver.soft.spectrum import shape_gradients
 from polyworld.world.representations.soft import Soft
 from polyworld.world.shapes import Sphere

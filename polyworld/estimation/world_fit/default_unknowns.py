@@ -13,16 +13,11 @@ from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.slowing import started_from_slowing
 from polyworld.expressions.effect import law_of
 from polyworld.world import Deformable, World, geometry
-from polyworld.world.parameter_tables import DEFORMABLE_PARAMETERS, OBJECT_PARAMETERS
+from polyworld.world.materials import kinds, material, material_of
+from polyworld.world.parameter_tables import OBJECT_PARAMETERS
 from polyworld.world.parameters import read_parameter, specification
 
 # What the motion of each material shows best, fitted unless asked otherwise.
-MATERIAL: dict[str, tuple[str, ...]] = {
-    "rope": ("bending_stiffness", "linear_damping"),
-    "cloth": ("stretch_stiffness", "bending_stiffness", "linear_damping"),
-    "soft": ("youngs_modulus", "damping"),
-    "fluid": ("viscosity",),
-}
 # Bounds of initial states reach this many standard deviations, and at least these distances, around the
 # track's own estimate: a polynomial over the first samples is biased where drag or a collision bends it.
 REACH = 5.0
@@ -52,9 +47,9 @@ def default_unknowns(
     first is kept, since motion shows only ratios, and is the unit of the others. initial_conditions: position,
     velocity, rotation and spin of every object that moves at first, position and rotation of those that are
     moved later, shift and velocity of soft bodies that nothing holds. effects: coefficients of the world's enabled
-    effects. time_base: seconds_per_frame, when it is not given. materials: fields of `DEFORMABLE_PARAMETERS`, fitted
-    for every observed deformable object that has them; default `MATERIAL`, with the density of a fluid beside another
-    fluid, friction of pulleys and rate of emitters.
+    effects. time_base: seconds_per_frame, when it is not given. materials: fields of the
+    materials' parameters, fitted for every observed deformable object that has them; default: those that their entries
+    in the registry name, with the density of a fluid beside another fluid, friction of pulleys and rate of emitters.
 
     Left out: objects without a track or which neither move nor are reached by anything; contact parameters of
     objects that nothing reaches. These keep what the world has, except that a shared value is everybody's.
@@ -79,11 +74,11 @@ def default_unknowns(
     for item in world.deformables:
         if item.name not in shown.observed:
             continue
-        table, begin = DEFORMABLE_PARAMETERS[item.representation], float(getattr(item, "start_time", 0.0))
+        table, begin = material_of(item).parameters, float(getattr(item, "start_time", 0.0))
         chosen = _material(world, item) if materials is None else materials
         found += [_searched(world, (f"objects.{item.name}.{f}",), begin) for f in chosen if f in table]
         held = any(item.name in (a.object, a.to) for a in world.attachments)
-        if initial_conditions and item.representation.startswith("soft") and not held:
+        if initial_conditions and material_of(item).turns and not held:
             for axis in _axes(world):
                 found.append(_state(world, item.name, f"shift.{axis}", SHIFT_SD, 0.0, begin))
                 found.append(_state(world, item.name, f"velocity.{axis}", VELOCITY_SD, 0.0, begin))
@@ -144,7 +139,7 @@ def _known(world: World, path: str, sd: float) -> Unknown:
 
 
 def _check_fields(shared: Sequence[str], each: Sequence[str], materials: Sequence[str] | None) -> None:
-    of_materials = {field for fields in DEFORMABLE_PARAMETERS.values() for field in fields}
+    of_materials = {field for kind in kinds() for field in material(kind).parameters}
     for kind, given, choices in (
         ("object parameters", {*shared, *each}, OBJECT_PARAMETERS),
         ("parameters of deformable objects", set(materials or ()), sorted(of_materials)),
@@ -253,7 +248,7 @@ def _state(world: World, name: str, field: str, deviation: float, least: float, 
 
 def _material(world: World, item: Deformable) -> tuple[str, ...]:
     """Return parameters of a deformable object fitted by default."""
-    kind = item.representation.removesuffix("_planar")
-    fluids = [d for d in world.deformables if d.representation.startswith("fluid")]
+    material = material_of(item)
     # Densities enter as ratios: that of the first fluid is their unit.
-    return (*MATERIAL[kind], "density") if kind == "fluid" and item is not fluids[0] else MATERIAL[kind]
+    beside = material.form == "liquid" and item.name != world.of_form("liquid")[0].name
+    return (*material.fitted, "density") if beside else material.fitted

@@ -9,7 +9,7 @@ from polyworld.data.initial_states import InitialState, initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.contacts import possible_contacts
 from polyworld.world import World
-from polyworld.world.parameter_tables import DEFORMABLE_PARAMETERS
+from polyworld.world.materials import material_of
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def reasons_undeterminable(world: World, tracks: ObservedTracks) -> dict[str, st
             reasons[f"{head}.mass"] = f"mass ratios enter through collisions only, and {item.name} meets no other body"
     for soft in world.deformables:
         if soft.name not in shown.observed:
-            for field in DEFORMABLE_PARAMETERS[soft.representation]:
+            for field in material_of(soft).parameters:
                 reasons[f"objects.{soft.name}.{field}"] = f"neither {soft.name} nor what it is fastened to was observed"
     first = next((o.name for o in world.objects if o.name in shown.met), None)
     if first is not None:

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit.observed import Entries, observed_entries, sample_times
-from polyworld.probing.readouts import object_mesh
+from polyworld.model import model_of
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World, geometry
-from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -156,13 +155,13 @@ def gyration_radius(world: World, name: str, normal: Array | None) -> float:
     It is the length by which a rotation moves an object's substance, so it turns radians into metres. Deformable
     objects have that of their initial shape.
     """
-    item = world.item(name)
-    if isinstance(item, RigidObject):
+    if world.is_rigid(name):
+        item = world.object(name)
         properties = geometry.mass_properties(item.shape)
         axes = geometry.quaternion_matrix(np.asarray(item.orientation))
         inertia = axes @ properties.inertia @ axes.T / properties.volume
     else:
-        mesh = object_mesh(world, name)
+        mesh = model_of(world).mesh(name)
         share = mesh.measure / mesh.measure.sum()
         offset = mesh.nodes - share @ mesh.nodes
         spread = (offset.T * share) @ offset

@@ -117,7 +117,7 @@ def _tracks(world: World, tracks: ObservedTracks) -> tuple[Entries, Entries]:
     names = list(world.moving_names)
     columns = np.array([names.index(n) if n in names else -1 for n in tracks.names], dtype=np.int64)
     axes = geometry.plane_axes(world.environment.motion_plane)
-    fluids = {d.name for d in world.deformables if d.representation.startswith("fluid")}
+    fluids = {d.name for d in world.of_form("liquid")}
     order = np.array(tracks.symmetry, dtype=np.int64)
     turns = np.array([n not in fluids for n in tracks.names], dtype=bool) & ((order != 0) | (not world.planar))
     turned = turns & (tracks.orientation_confidence > 0.0) & np.all(np.isfinite(tracks.orientations), axis=-1)

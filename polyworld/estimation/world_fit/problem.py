@@ -19,12 +19,12 @@ from polyworld.estimation.world_fit.result import FitResult, FittedValue, LossPo
 from polyworld.estimation.world_fit.search_space import SearchSpace
 from polyworld.estimation.world_fit.sensitivity import Sensitivity, sensitivity
 from polyworld.estimation.world_fit.support_constraints import SupportConstraint
-from polyworld.probing.readouts import object_mesh
+from polyworld.model import model_of
 from polyworld.solver.rollout import Simulator, simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
+from polyworld.world.materials import PLANAR, material_of
 from polyworld.world.parameters import specification, with_parameters
-from polyworld.world.representations.fluid import Fluid
 
 Array = NDArray[np.float64]
 
@@ -257,10 +257,12 @@ def most_worlds(world: World, times: Array) -> int:
     """Return of how many worlds one batch of rollouts may keep the motion: at least 1."""
     bytes_of_sample = BYTES_OF_BODY * len(world.moving_names)
     for item in world.deformables:
-        points = len(object_mesh(world, item.name).nodes)
-        if isinstance(item, Fluid) and world.fluid_grid is not None:  # particles of all fluids are kept together
-            volume = (world.fluid_grid.cell / 2.0) ** (2 if item.representation == "fluid_planar" else 3)
-            points = sum(len(object_mesh(world, d.name).nodes) for d in world.deformables if isinstance(d, Fluid))
+        points = len(model_of(world).mesh(item.name).nodes)
+        if (
+            material_of(item).form == "liquid" and world.fluid_grid is not None
+        ):  # particles of all fluids are kept together
+            volume = (world.fluid_grid.cell / 2.0) ** (2 if item.representation.endswith(PLANAR) else 3)
+            points = sum(len(model_of(world).mesh(d.name).nodes) for d in world.of_form("liquid"))
             points += int(sum(e.rate for e in world.emitters) * float(times[-1]) / volume)
         bytes_of_sample += BYTES_OF_POINT * points
     return max(MOST_BYTES // max(bytes_of_sample * len(times), 1), 1)

@@ -11,27 +11,28 @@ from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import by_value, one_start
 from polyworld.world import World
+from polyworld.world.materials import Form, material_of
 
-ROPES = frozenset({"rope", "rope_planar"})
-CLOTH = frozenset({"cloth"})
-SOFT = frozenset({"soft", "soft_planar"})
-FLUIDS = frozenset({"fluid", "fluid_planar"})
+ROPES: frozenset[Form] = frozenset({"line"})
+CLOTH: frozenset[Form] = frozenset({"sheet"})
+SOFT: frozenset[Form] = frozenset({"solid"})
+FLUIDS: frozenset[Form] = frozenset({"liquid"})
 FACTOR = 100.0  # by which a value may be wrong either way
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field of some representations. floor: an ordinary change where the value is zero."""
+    """A field of materials of some forms. floor: an ordinary change where the value is zero."""
 
     field: str
-    representations: frozenset[str]
+    forms: frozenset[Form]
     floor: float
     label: str = ""
 
 
 def _variants(world: World, fields: Sequence[Field]) -> tuple[Variant, ...]:
     """Return a variant for each field; objects of equal value share one unknown."""
-    owners = [[d.name for d in world.deformables if d.representation in f.representations] for f in fields]
+    owners = [[d.name for d in world.deformables if material_of(d).form in f.forms] for f in fields]
     several = sum(map(bool, owners)) > 1
     made: list[Variant] = []
     for field, names in zip(fields, owners, strict=True):
@@ -58,11 +59,9 @@ def _bending(world: World, recording: Recording) -> tuple[Variant, ...]:
     del recording
     weights = [0.0]
     g = float(np.linalg.norm(world.environment.gravity)) or 9.81
-    for soft in world.deformables:
-        if soft.representation in ROPES:
-            points = np.asarray(getattr(soft, "points"))  # noqa: B009
-            length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-            weights.append(float(getattr(soft, "linear_density")) * g * (0.1 * length) ** 3)  # noqa: B009
+    for rope in world.of_form("line"):
+        length = float(np.linalg.norm(np.diff(np.asarray(rope.points), axis=0), axis=1).sum())
+        weights.append(float(rope.linear_density) * g * (0.1 * length) ** 3)
     return _variants(
         world,
         (

@@ -14,7 +14,7 @@ from polyworld.probing.readouts.kinds import (
     Stretch,
     Tension,
 )
-from polyworld.probing.readouts.read import check_readable, object_mesh, read
+from polyworld.probing.readouts.read import check_readable, read
 
 __all__ = [
     "Amount",
@@ -30,6 +30,5 @@ __all__ = [
     "Stretch",
     "Tension",
     "check_readable",
-    "object_mesh",
     "read",
 ]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import Deformable, World, geometry
-from polyworld.world.representations.fluid import Container, Fluid
+from polyworld.world.materials import PLANAR, material_of
+from polyworld.world.representations.fluid import Container
 
 Array = NDArray[np.float64]
 
@@ -29,16 +30,16 @@ def substance(world: World, item: Deformable, mesh: DeformableMesh, count: int) 
         one = float(np.median(measure))
     else:
         assert world.fluid_grid is not None  # the world's own check: a fluid needs one
-        one = (world.fluid_grid.cell / 2.0) ** (2 if item.representation == "fluid_planar" else 3)
+        one = (world.fluid_grid.cell / 2.0) ** (2 if item.representation.endswith(PLANAR) else 3)
     return np.concatenate([measure, np.full(count - len(measure), one)])
 
 
 def particle_edges(world: World, item: Deformable, substances: Array) -> Array:
     """Edges (k, 3) [m] of the cubes that particles are taken for; 0 across a motion plane and for other objects."""
     edges = np.zeros((len(substances), 3))
-    if not isinstance(item, Fluid):
+    if material_of(item).form != "liquid":
         return edges
-    if item.representation == "fluid_planar":
+    if item.representation.endswith(PLANAR):
         across = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
         edges[:] = np.sqrt(substances)[:, None] * (across < 0.5)
         return edges

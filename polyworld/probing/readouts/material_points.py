@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

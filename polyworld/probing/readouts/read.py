@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.model import DeformableMesh, mesh_of
 from polyworld.probing.readouts import distribution
 from polyworld.probing.readouts.centreline import nearest_on_polyline, resampled
 from polyworld.probing.readouts.deformation import principal_stretches, reach
@@ -32,6 +32,7 @@ from polyworld.probing.readouts.silhouette import image_occupancy
 from polyworld.trajectory import BatchTrajectory, PointMotion, Trajectory
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.camera import Camera
+from polyworld.world.materials import Form, kinds_of, material_of
 
 Array = NDArray[np.float64]
 Motion = Trajectory | BatchTrajectory
@@ -51,13 +52,13 @@ def read(readout: Readout, world: World, motion: Motion, observed: Array | None 
 def check_readable(readout: Readout, world: World) -> None:
     """Raise ValueError or KeyError where `read` would for any motion of this world."""
     item = world.deformable(readout.object)
-    kind = item.representation.removesuffix("_planar")
+    form = material_of(item).form
     allowed = APPLIES[readout.kind]
-    if kind not in allowed:
-        fitting = sorted(k for k, kinds in APPLIES.items() if kind in kinds)
+    if form not in allowed:
+        fitting = sorted(k for k, forms in APPLIES.items() if form in forms)
         raise ValueError(
-            f"{readout.kind} is read off {' or '.join(allowed)}, and {readout.object!r} is {item.representation}; "
-            f"its readouts: {fitting}"
+            f"{readout.kind} is read off {' or '.join(kinds_of(*allowed))}, and {readout.object!r} is "
+            f"{item.representation}; its readouts: {fitting}"
         )
     if _view(readout) == "image" and world.camera is None:
         raise ValueError(f"{readout.kind} of {readout.object!r} is in pixels, and the world has no camera")
@@ -67,20 +68,20 @@ def check_readable(readout: Readout, world: World) -> None:
         raise ValueError(f"level is read off fluids that can stand: the motion plane of {readout.object!r} is level")
 
 
-_ALL = ("rope", "cloth", "soft", "fluid")
-_SOLID = ("rope", "cloth", "soft")
-APPLIES: dict[str, tuple[str, ...]] = {
+_SOLID: tuple[Form, ...] = ("line", "sheet", "solid")
+_ALL: tuple[Form, ...] = (*_SOLID, "liquid")
+APPLIES: dict[str, tuple[Form, ...]] = {
     "markers": _SOLID,
-    "centreline": ("rope",),
-    "curve": ("rope",),
+    "centreline": ("line",),
+    "curve": ("line",),
     "outline": _ALL,
     "image_occupancy": _ALL,
-    "grid_occupancy": ("fluid",),
+    "grid_occupancy": ("liquid",),
     "amount": _ALL,
     "front": _ALL,
-    "level": ("fluid",),
-    "tension": ("rope",),
-    "stretch": ("cloth", "soft"),
+    "level": ("liquid",),
+    "tension": ("line",),
+    "stretch": ("sheet", "solid"),
 }
 
 
@@ -115,7 +116,7 @@ class _Subject:
 
     @property
     def mesh(self) -> DeformableMesh:
-        return object_mesh(self.world, self.item.name)
+        return mesh_of(self.world, self.item)
 
     @property
     def substance(self) -> Array:
@@ -144,23 +145,9 @@ def _normal(world: World) -> Array:
     return normal
 
 
-_MESHES: dict[tuple[str, str], DeformableMesh] = {}
-MOST_MESHES = 64
-
-
-def object_mesh(world: World, name: str) -> DeformableMesh:
-    """The mesh of a deformable object; kept for the worlds met last."""
-    key = (world.id, name)
-    if key not in _MESHES:
-        while len(_MESHES) >= MOST_MESHES:
-            _MESHES.pop(next(iter(_MESHES)))
-        _MESHES[key] = mesh_of(world, world.deformable(name))
-    return _MESHES[key]
-
-
 def thickness(item: Deformable, mesh: DeformableMesh) -> float:
     """How far the visible surface is from the points [m]: the radius of a rope or of a fluid's particles, else 0."""
-    if item.representation.startswith(("cloth", "soft")) or not len(mesh.radius):
+    if material_of(item).form in ("sheet", "solid") or not len(mesh.radius):
         return 0.0
     return float(np.median(mesh.radius))
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing.rope import tangent_point, unit_axis
+from polyworld.model.rope import tangent_point, unit_axis
 from polyworld.probing.readouts.centreline import resampled
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World, geometry

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.world.camera import Camera
 
 Array = NDArray[np.float64]

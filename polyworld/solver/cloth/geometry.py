@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing.mesh import DeformableMesh
+from polyworld.model.mesh import DeformableMesh
 from polyworld.world.representations.cloth import Cloth, Sheet
 
 Array = NDArray[np.float64]

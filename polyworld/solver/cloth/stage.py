@@ -10,8 +10,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import mesh_of
-from polyworld.meshing.mesh import DeformableMesh
+from polyworld.model import mesh_of
+from polyworld.model.mesh import DeformableMesh
 from polyworld.solver.cloth import bending, damping, forces
 from polyworld.solver.cloth.damping import stages_for
 from polyworld.solver.cloth.geometry import ClothGeometry, cloth_geometry

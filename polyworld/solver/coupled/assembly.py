@@ -9,10 +9,11 @@ import numpy as np
 import warp as wp
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.stage import MaterialStage
 from polyworld.world import Deformable, World
+from polyworld.world.materials import material, material_of
 
 if TYPE_CHECKING:
     from polyworld.solver.fluid.solver import FluidSolver
@@ -68,29 +69,18 @@ def clock_of(w: int) -> Clock:
 
 def stages_of(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
     """Return the stages of the materials that the world has; only their kernels are compiled."""
-    stages: list[MaterialStage] = []
-    kinds = {d.representation.removesuffix("_planar") for d in world.deformables}
-    if "cloth" in kinds:
-        from polyworld.solver.cloth.stage import ClothStage
-
-        cloths = [d for d in world.deformables if d.representation == "cloth"]
-        stages.append(ClothStage(world, cloths, nodes.first, n_worlds))
-    if "soft" in kinds:
-        from polyworld.solver.soft.stage import SoftStage
-
-        softs = [d for d in world.deformables if d.representation in ("soft", "soft_planar")]
-        stages.append(SoftStage(world, softs, nodes.first, n_worlds))
-    if "rope" in kinds:
-        from polyworld.solver.rope.stage import RopeStage
-
-        ropes = [d for d in world.deformables if d.representation in ("rope", "rope_planar")]
-        stages.append(RopeStage(world, ropes, nodes.first, n_worlds))
+    stages = []
+    for kind in dict.fromkeys(material_of(item).kind for item in world.deformables):
+        own = [item for item in world.deformables if material_of(item).kind == kind]
+        stage = material(kind).stage
+        if stage is not None:
+            stages.append(stage(world, own, nodes.first, n_worlds))
     return stages
 
 
 def fluid_of(world: World, n_worlds: int, horizon: float) -> FluidSolver | None:
     """Return the solver of the world's fluids, None where it has none."""
-    if not any(d.representation in ("fluid", "fluid_planar") for d in world.deformables):
+    if not world.of_form("liquid"):
         return None
     from polyworld.solver.fluid.solver import FluidSolver
 

@@ -9,7 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.solver.coupled import attachment_kernels as kernels
 from polyworld.solver.coupled.attachment_targets import Held, held_by_rope_stage, held_nodes, nearest_on
 from polyworld.solver.coupled.nodes import Clock, Nodes

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.world import World
 from polyworld.world.representations.attachment import Attachment
 

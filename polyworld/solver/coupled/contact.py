@@ -9,7 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.solver.coupled import contact_layout as layout
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.contact_events import ContactLog

@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
@@ -18,7 +18,7 @@ from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.world import World
-from polyworld.world.representations.rope import Rope
+from polyworld.world.materials import PLANAR, material_of
 
 # Of its radius. A rope that lay on a wheel with the middles of its segments could swing in zigzag about them; where
 # the nodes touch, it cannot.
@@ -87,12 +87,12 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
     for d, item in enumerate(world.deformables):
         if item.name not in first:
             continue
-        mesh = meshes[item.name]
+        mesh, form = meshes[item.name], material_of(item).form
         begin[d], count[d] = first[item.name], len(mesh.nodes)
-        yielding[d] = ROPE_YIELDS if isinstance(item, Rope) else 0.0
-        one_sided[d] = item.representation.startswith("soft")
+        yielding[d] = ROPE_YIELDS if form == "line" else 0.0
+        one_sided[d] = form == "solid"
         edges.append(begin[d] + surface_edges(mesh))
-        if item.representation == "soft_planar":
+        if form == "solid" and item.representation.endswith(PLANAR):
             sides.append((begin[d] + mesh.segments).astype(np.int32))
         else:
             triangles.append((begin[d] + mesh.triangles).astype(np.int32))

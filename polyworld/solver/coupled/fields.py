@@ -9,12 +9,8 @@ from numpy.typing import NDArray
 
 from polyworld.solver.coupled.nodes import Fields
 from polyworld.world import World
-from polyworld.world.parameter_tables import (
-    DEFORMABLE_PARAMETERS,
-    DEFORMABLE_STATE,
-    EMITTER_PARAMETERS,
-    PULLEY_PARAMETERS,
-)
+from polyworld.world.materials import material_of
+from polyworld.world.parameter_tables import EMITTER_PARAMETERS, PULLEY_PARAMETERS
 from polyworld.world.parameters import read_parameter, specification
 
 Array = NDArray[np.float64]
@@ -40,7 +36,7 @@ def deformable_fields(world: World, overrides: Mapping[str, Array]) -> Fields:
     """
     fields: Fields = {}
     for item in world.deformables:
-        names = {**DEFORMABLE_PARAMETERS[item.representation], **DEFORMABLE_STATE[item.representation]}
+        names = (*material_of(item).parameters, *material_of(item).state)
         fields[item.name] = {p: _value(world, f"objects.{item.name}.{p}") for p in names}
     for pulley in world.pulleys:
         fields[pulley.name] = {p: _value(world, f"pulleys.{pulley.name}.{p}") for p in PULLEY_PARAMETERS}

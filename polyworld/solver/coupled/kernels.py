@@ -12,6 +12,7 @@ import warp as wp
 
 from polyworld.core import buffers
 from polyworld.world import World
+from polyworld.world.materials import material_of
 
 # Loaded when first launched: which of them a world needs depends on its parameters.
 _LATER = frozenset({"solids_plastic", "solids_viscous", "viscosity", "tension"})
@@ -19,13 +20,15 @@ _LATER = frozenset({"solids_plastic", "solids_viscous", "viscosity", "tension"})
 
 def load_kernels(world: World) -> None:
     """Compile, or load from Warp's cache, what the coupled solver needs for a world, on all cores."""
-    kinds = sorted({d.representation.removesuffix("_planar") for d in world.deformables})
-    fluids_alone = kinds == ["fluid"]
-    packages = kinds if fluids_alone else ["coupled", *kinds]
+    materials = {material_of(d).kind: material_of(d) for d in world.deformables}
+    fluids_alone = all(m.form == "liquid" for m in materials.values())
+    packages = [m.kernels for _, m in sorted(materials.items()) if m.kernels is not None]
+    if not fluids_alone:
+        packages.insert(0, "polyworld.solver.coupled")
     unneeded = {"twist"} if all(getattr(d, "twist_stiffness", 0.0) == 0.0 for d in world.deformables) else set()
     if not world.attachments:
         unneeded |= {"attachment_kernels", "attachment_ropes"}
-    if "rope" not in packages:
+    if "rope" not in materials:
         unneeded |= {"attachment_ropes"}
     if fluids_alone:
         unneeded |= {"immersed"}
@@ -40,7 +43,7 @@ def load_kernels(world: World) -> None:
     unneeded |= {"slices"} if "soft_planar" not in representations else set()
     found: list[Any] = []
     for package in packages:
-        home = importlib.import_module(f"polyworld.solver.{package}")
+        home = importlib.import_module(package)
         for part in pkgutil.iter_modules(home.__path__):
             if part.name not in unneeded:
                 found += _kernel_modules(importlib.import_module(f"{home.__name__}.{part.name}"))

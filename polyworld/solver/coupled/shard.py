@@ -9,7 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.solver.arrays import RigidArrays
 from polyworld.solver.coupled import motion
 from polyworld.solver.coupled.assembly import allocate_nodes, clock_of, fluid_of, stages_of, write_in_place
@@ -23,7 +23,7 @@ from polyworld.solver.coupled.stage import Paced
 from polyworld.solver.time_table import TimeTable
 from polyworld.trajectory import Event
 from polyworld.world import World
-from polyworld.world.parameter_tables import DEFORMABLE_STATE
+from polyworld.world.materials import material_of
 
 if TYPE_CHECKING:
     from polyworld.solver.fluid.solver import FluidSolver
@@ -35,7 +35,6 @@ BLOWN_UP = 100.0  # speed of a node above which a contact buffer overflow counts
 FLUID_DIVERGED = 1 << 29  # added to the index of a particle where it, not a node, diverged
 RIGID_DIVERGED = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
 BLOCK = 8  # inner steps in one graph
-DENSITY = {"rope": "linear_density", "cloth": "areal_density", "soft": "density"}
 
 
 class Shard:
@@ -48,8 +47,7 @@ class Shard:
         self.n_worlds = n_worlds
         self.table = table
         self.meshes = meshes
-        solids = [d for d in world.deformables if not d.representation.startswith("fluid")]
-        self.solids = tuple(solids)
+        self.solids: tuple[Any, ...] = world.of_form("line", "sheet", "solid")
         self.owners = {d.name: i for i, d in enumerate(world.deformables)}
         self.nodes = allocate_nodes(self.solids, meshes, self.owners, n_worlds)
         self.clock = clock_of(n_worlds)
@@ -113,7 +111,7 @@ class Shard:
         nodes = self.nodes
         masses = []
         for item in self.solids:
-            density = np.atleast_1d(fields[item.name][DENSITY[item.representation.removesuffix("_planar")]])
+            density = np.atleast_1d(fields[item.name][material_of(item).density])
             masses.append(density[:, None] * self.meshes[item.name].measure[None, :])
         rows = max((len(m) for m in masses), default=1)
         mass = np.concatenate([np.broadcast_to(m, (rows, m.shape[1])) for m in masses] or [np.zeros((1, 0))], axis=1)
@@ -136,10 +134,7 @@ class Shard:
         for item in self.solids:
             mesh = self.meshes[item.name]
             keep = slice(self.nodes.first[item.name], self.nodes.first[item.name] + self.nodes.count[item.name])
-            state = {
-                k: np.broadcast_to(fields[item.name][k], (self.n_worlds,))
-                for k in DEFORMABLE_STATE[item.representation]
-            }
+            state = {k: np.broadcast_to(fields[item.name][k], (self.n_worlds,)) for k in material_of(item).state}
             shift = np.stack([state[f"shift.{a}"] for a in "xyz"], axis=1)
             velocity = np.stack([state[f"velocity.{a}"] for a in "xyz"], axis=1)
             x[:, keep] = mesh.nodes[None] + shift[:, None]

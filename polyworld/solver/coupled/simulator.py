@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
+from polyworld.model import model_of
 from polyworld.solver.arrays import RigidArrays, rigid_arrays
 from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides
@@ -43,7 +43,8 @@ class CoupledSimulator:
         self.n_worlds = n_worlds
         self.sample_times = np.asarray(sample_times, dtype=float)
         self._table = time_table(world, self.sample_times)
-        self._meshes = {d.name: mesh_of(world, d) for d in world.deformables}
+        self._model = model_of(world)
+        self._meshes = self._model.meshes
         count = min(n_worlds, threads or len(os.sched_getaffinity(0)))
         edges = np.linspace(0, n_worlds, count + 1).astype(int)
         self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
@@ -100,7 +101,7 @@ class CoupledSimulator:
             }
             deformables[item.name] = PointMotion(points, velocities, quantities)
             mesh = self._meshes[item.name]
-            is_fluid = item.representation.startswith("fluid")
+            is_fluid = self._model.materials[item.name].form == "liquid"
             mass = np.ones(points.shape[2]) if is_fluid else mesh.measure
             centre = centre_motion(points, velocities, mass, None if is_fluid else mesh.nodes)
             columns.append([c[:, :, None] for c in centre])

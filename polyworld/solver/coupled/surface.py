@@ -7,7 +7,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh
+from polyworld.model import DeformableMesh
 from polyworld.solver.coupled.contact_layout import Bounds, Found, Surface
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface_grid import make_grid
@@ -20,8 +20,7 @@ from polyworld.solver.coupled.surface_pairs import (
     take_pairs,
 )
 from polyworld.world import World
-from polyworld.world.representations.cloth import Cloth
-from polyworld.world.representations.rope import Rope
+from polyworld.world.materials import material_of
 
 Ints = NDArray[np.int32]
 
@@ -33,10 +32,11 @@ def touching_objects(world: World) -> Ints:
     """Find which deformable objects may touch each other (D, D): all but fluids; themselves only ropes, and cloth where
     it says so. A soft body's own parts pass through each other.
     """
-    solid = np.array([not d.representation.startswith("fluid") for d in world.deformables], dtype=bool)
+    forms = [material_of(d).form for d in world.deformables]
+    solid = np.array([form != "liquid" for form in forms], dtype=bool)
     may = np.outer(solid, solid)
     for k, item in enumerate(world.deformables):
-        may[k, k] = isinstance(item, Rope) or (isinstance(item, Cloth) and item.self_contact)
+        may[k, k] = getattr(item, "self_contact", forms[k] == "line")
     return may.astype(np.int32)
 
 
@@ -58,7 +58,7 @@ class SurfacePairs:
         rest = np.concatenate([meshes[name].nodes for name in nodes.first])
         lengths = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
         owners = owner[edges[:, 0]]
-        rope = np.array([isinstance(d, Rope) for d in world.deformables])
+        rope = np.array([material_of(d).form == "line" for d in world.deformables])
         on_rope = rope[owners] & may.any(axis=1)[owners]
         solid = surface.one_sided.numpy() > 0
         cross = may * ~np.outer(solid, solid)  # an edge in a solid does not know which way is out

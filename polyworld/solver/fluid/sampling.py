@@ -9,13 +9,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.model import DeformableMesh, mesh_of
 from polyworld.solver.fluid.immersed import LINE, SHEET, SOFT, Samples
 from polyworld.solver.fluid.layout import PER_AXIS
 from polyworld.world import World
-from polyworld.world.representations.cloth import Cloth
-from polyworld.world.representations.fluid import Fluid
-from polyworld.world.representations.rope import Rope
+from polyworld.world.materials import material_of
 from polyworld.world.representations.soft import Soft
 
 Array = NDArray[np.float64]
@@ -104,13 +102,11 @@ def build_samples(world: World, first: dict[str, int], n_worlds: int, cells: int
     box = world.fluid_grid
     assert box is not None
     spacing = box.cell / PER_AXIS
-    for item in world.deformables:
-        if isinstance(item, Fluid):
-            continue
-        mesh = mesh_of(world, item)
-        if isinstance(item, Soft):
+    for item in world.of_form("line", "sheet", "solid"):
+        mesh, form = mesh_of(world, item), material_of(item).form
+        if form == "solid":
             _add_soft(rows, item, mesh, first[item.name], spacing, thin)
-        elif isinstance(item, Cloth):
+        elif form == "sheet":
             areas = _triangle_areas(mesh.nodes[mesh.triangles])
             counts = np.maximum(np.rint(areas / spacing**2).astype(int), 1)
             rows.add(
@@ -126,7 +122,7 @@ def build_samples(world: World, first: dict[str, int], n_worlds: int, cells: int
                 across=SEALED,
                 share=1.0,
             )
-        elif isinstance(item, Rope):
+        else:
             ends = mesh.nodes[mesh.segments]
             lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
             rows.add(

@@ -14,6 +14,7 @@ from polyworld.solver.fluid import layout
 from polyworld.solver.fluid.distance import OPEN_MESH
 from polyworld.solver.spatial import layout as rigid
 from polyworld.world import World, geometry
+from polyworld.world.materials import PLANAR
 from polyworld.world.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ AXES = "xyz"
 
 def thin_axis(world: World) -> int:
     """World axis across the plane of fluid_planar, -1 in space; ValueError where the plane is not along the axes."""
-    if not any(d.representation == "fluid_planar" for d in world.deformables):
+    if not any(d.representation.endswith(PLANAR) for d in world.of_form("liquid")):
         return -1
     normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
     normal = np.abs(normal / np.linalg.norm(normal))

@@ -9,7 +9,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing.fluid import fluid_particles
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.fluid import (
     bodies,
@@ -27,6 +26,7 @@ from polyworld.solver.fluid import (
 )
 from polyworld.solver.fluid.sampling import build_samples
 from polyworld.solver.fluid.scene import build_grid, build_solids
+from polyworld.solver.fluid.seeding import fluid_particles
 from polyworld.solver.fluid.supply import build_sources, particles_needed
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
@@ -50,7 +50,7 @@ class FluidSolver:
     def __init__(self, world: World, n_worlds: int, horizon: float) -> None:
         """Raises ValueError for a plane across the axes, and for more particles than fit."""
         self.world, self.n_worlds, self.horizon = world, n_worlds, horizon
-        self.fluids: tuple[Fluid, ...] = tuple(d for d in world.deformables if isinstance(d, Fluid))
+        self.fluids: tuple[Fluid, ...] = world.of_form("liquid")
         self.names = tuple(f.name for f in self.fluids)
         self.grid = build_grid(world)
         self.solids, self._meshes = build_solids(world)

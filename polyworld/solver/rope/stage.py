@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing.rope import Threading, threading, unit_axis
+from polyworld.model.rope import Threading, threading, unit_axis
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends

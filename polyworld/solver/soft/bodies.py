@@ -10,8 +10,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.meshing.soft import soft_form
-from polyworld.meshing.soft_elements import QuadraticMesh
+from polyworld.model.soft import soft_form
+from polyworld.model.soft_elements import QuadraticMesh
 from polyworld.solver.soft import readout, slices, solids, solids_plastic, solids_viscous
 from polyworld.world import World
 from polyworld.world.representations.soft import Soft

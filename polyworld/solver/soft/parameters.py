@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing.soft_elements import QuadraticMesh
+from polyworld.model.soft_elements import QuadraticMesh
 from polyworld.solver.soft.material import Law
 from polyworld.solver.soft.spectrum import highest_square_frequency
 

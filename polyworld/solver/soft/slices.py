@@ -6,7 +6,7 @@ inside out in its plane would otherwise gain by turning inside out across it too
 
 import warp as wp
 
-from polyworld.meshing.soft_elements import TRIANGLE_FAR, TRIANGLE_NEAR
+from polyworld.model.soft_elements import TRIANGLE_FAR, TRIANGLE_NEAR
 from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import (
     Law,

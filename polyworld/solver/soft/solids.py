@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.meshing.soft_elements import TETRAHEDRON_FAR, TETRAHEDRON_NEAR
+from polyworld.model.soft_elements import TETRAHEDRON_FAR, TETRAHEDRON_NEAR
 from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import Law, response, stress
 

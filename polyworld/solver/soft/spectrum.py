@@ -9,7 +9,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
-from polyworld.meshing.soft_elements import (
+from polyworld.model.soft_elements import (
     TETRAHEDRON_EDGES,
     TETRAHEDRON_FAR,
     TETRAHEDRON_NEAR,

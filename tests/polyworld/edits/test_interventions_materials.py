@@ -21,8 +21,8 @@ from polyworld.edits.interventions import (
     branch,
 )
 from polyworld.edits.relocation import centre_of_mass
-from polyworld.meshing import mesh_of
-from polyworld.meshing.rope import threading
+from polyworld.model import mesh_of
+from polyworld.model.rope import threading
 from polyworld.solver.rollout import rollout, simulator
 from polyworld.world import Effect, World
 from polyworld.world.parameters import read_parameter

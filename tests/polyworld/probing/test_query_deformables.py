@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.probing.predicates import (
     Above,
     AtRest,

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.trajectory import BatchTrajectory, PointMotion
 from polyworld.world import World
 

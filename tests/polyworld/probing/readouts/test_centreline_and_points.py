@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.model import DeformableMesh, mesh_of
 from polyworld.probing.readouts import Centreline, read
 from polyworld.probing.readouts.centreline import nearest_on_polyline, resampled, turning
 from polyworld.probing.readouts.material_points import material_points

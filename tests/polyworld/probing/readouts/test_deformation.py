@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.model import DeformableMesh, mesh_of
 from polyworld.probing.readouts.deformation import (
     area_stretch,
     evenly_chosen,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.pictures.render import look_at, render
 from polyworld.probing.readouts.silhouette import image_occupancy, intersection_over_union, silhouette
 from polyworld.world import World

@@ -9,7 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld import World
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 from polyworld.solver.cloth.stage import ClothStage
 from polyworld.solver.coupled.nodes import Clock, Nodes
 

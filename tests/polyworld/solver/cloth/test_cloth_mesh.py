@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from polyworld.meshing.cloth import cloth_mesh
+from polyworld.model.cloth import cloth_mesh
 from polyworld.world.representations.cloth import Cloth
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from polyworld import World, rollout, simulator
-from polyworld.meshing import mesh_of
+from polyworld.model import mesh_of
 
 
 def hanging(**more: Any) -> World:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from polyworld.meshing import DeformableMesh, mesh_of
+from polyworld.model import DeformableMesh, mesh_of
 from polyworld.solver.coupled.attachment_targets import held_nodes, nearest_on
 from polyworld.world import World
 from polyworld.world.representations.attachment import Attachment, Region

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.meshing.fluid import fluid_particles
+from polyworld.solver.fluid.seeding import fluid_particles
 from polyworld.solver.fluid.solver import FluidSolver
 from polyworld.world import Environment, MotionPlane, World
 from polyworld.world.representations.fluid import Drain, Emitter, Fluid, FluidGrid, FluidVolume

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polyworld import World
-from polyworld.meshing.rope import rope_mesh, threading
+from polyworld.model.rope import rope_mesh, threading
 from tests.verification.rope_world import rope, world
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.meshing import mesh_of
-from polyworld.meshing.soft import soft_form
+from polyworld.model import mesh_of
+from polyworld.model.soft import soft_form
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.soft import SoftStage
 from polyworld.world import Environment, World

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from polyworld.meshing import mesh_of
-from polyworld.meshing.soft import soft_form
+from polyworld.model import mesh_of
+from polyworld.model.soft import soft_form
 from polyworld.world import Environment, MotionPlane, World
 from polyworld.world.geometry import hull, mass_properties
 from polyworld.world.representations.cloth import SurfaceMesh
@@ -130,7 +130,7 @@ def _section_area(solid: trimesh.Trimesh) -> float:
 
 def test_same_mesh_on_every_call() -> None:
     """In fresh calls, not from the cache."""
-    from polyworld.meshing import soft
+    from polyworld.model import soft
 
     world, item = world_of(surface(SURFACES["torus"]))
     first = mesh_of(world, item)

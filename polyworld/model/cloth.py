@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing.mesh import DeformableMesh
+from polyworld.model.mesh import DeformableMesh
 from polyworld.world.representations.cloth import Cloth, Sheet, SurfaceMesh
 
 Array = NDArray[np.float64]

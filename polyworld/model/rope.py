@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing.mesh import DeformableMesh
+from polyworld.model.mesh import DeformableMesh
 from polyworld.world import World
 from polyworld.world.representations.rope import Pulley, Rope
 
 Array = NDArray[np.float64]
 
 LEAST_GAP = 0.15  # between a node and the place where a wheel is touched, over the length of a segment
+ARC_POINTS = 91  # at which the rope's way round a wheel is followed
 TANGENT_PASSES = 60  # wheel-to-wheel tangents converge by a factor of a few a pass, at worst
 
 
@@ -89,6 +90,17 @@ def threading(world: World, rope: Rope) -> Threading:
         k = int(np.flatnonzero(order == -1 - p)[0])
         rest[[k - 1, k]] += 0.5 * on_wheels[p]
     return Threading(nodes, pulleys, order, rest, segment_length, wrap, corners[[k for k, _, _ in arcs]])
+
+
+def round_wheels(thread: Threading) -> Array:
+    """Points (k, 3) of a rope's way round its wheels, on which it has no nodes [m]."""
+    points = [np.zeros((0, 3))]
+    for pulley, start, angle in zip(thread.pulleys, thread.arrives, thread.wrap, strict=True):
+        centre, axis = np.asarray(pulley.centre, dtype=float), unit_axis(pulley)
+        out = start - centre
+        turn = np.linspace(0.0, angle, ARC_POINTS)[:, None]
+        points.append(centre + np.cos(turn) * out + np.sin(turn) * np.cross(axis, out))
+    return np.concatenate(points)
 
 
 def _path(name: str, points: Array, pulleys: tuple[Pulley, ...]) -> tuple[Array, list[tuple[int, float, float]]]:

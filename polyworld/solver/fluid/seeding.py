@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.meshing.mesh import DeformableMesh
+from polyworld.model.mesh import DeformableMesh
 from polyworld.solver.fluid.clearance import clearance
 from polyworld.solver.fluid.layout import PER_AXIS
 from polyworld.solver.fluid.scene import thin_axis
 from polyworld.world import World, geometry
 from polyworld.world.representations.cloth import SurfaceMesh
 from polyworld.world.representations.fluid import Fluid, FluidVolume
-from polyworld.world.representations.soft import Soft
 from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 
 Array = NDArray[np.float64]
@@ -38,14 +37,13 @@ def fluid_particles(world: World, item: Fluid) -> DeformableMesh:
     for i, part in enumerate(item.volumes[:-1]):  # where volumes overlap, the first one counts
         later = np.arange(len(points)) >= sum(len(p) for p in parts[: i + 1])
         points = points[~(later & _inside(part, points, thin))]
-    for other in world.deformables:
+    for other in world.of_form("liquid"):
         if other.name == item.name:
             break
-        if isinstance(other, Fluid):
-            for part in other.volumes:
-                points = points[~_inside(part, points, thin)]
-    for solid in world.deformables:
-        if isinstance(solid, Soft) and solid.start_time == 0.0 and not isinstance(solid.shape, SurfaceMesh):
+        for part in other.volumes:
+            points = points[~_inside(part, points, thin)]
+    for solid in world.of_form("solid"):
+        if solid.start_time == 0.0 and not isinstance(solid.shape, SurfaceMesh):
             body = FluidVolume(shape=solid.shape, position=solid.position, orientation=solid.orientation)
             points = points[~_inside(body, points, thin)]
     points = points[clearance(world, points) > 0.0]

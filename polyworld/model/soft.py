@@ -9,13 +9,13 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from polyworld.meshing.mesh import DeformableMesh
-from polyworld.meshing.soft_box import box_tetrahedra
-from polyworld.meshing.soft_elements import QuadraticMesh, quadratic_slice, quadratic_solid, with_volume
-from polyworld.meshing.soft_lattice import filled
-from polyworld.meshing.soft_outline import area, nearest_on, outline_triangles, rectangle_triangles, section
-from polyworld.meshing.soft_round import ball_tetrahedra, cylinder_tetrahedra, disc_triangles
-from polyworld.meshing.soft_surface import CapsuleSurface, MeshSurface
+from polyworld.model.mesh import DeformableMesh
+from polyworld.model.soft_box import box_tetrahedra
+from polyworld.model.soft_elements import QuadraticMesh, quadratic_slice, quadratic_solid, with_volume
+from polyworld.model.soft_lattice import filled
+from polyworld.model.soft_outline import area, nearest_on, outline_triangles, rectangle_triangles, section
+from polyworld.model.soft_round import ball_tetrahedra, cylinder_tetrahedra, disc_triangles
+from polyworld.model.soft_surface import CapsuleSurface, MeshSurface
 from polyworld.world import World
 from polyworld.world.geometry import hull, mass_properties, plane_axes, quaternion_matrix
 from polyworld.world.representations.cloth import SurfaceMesh

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from polyworld.meshing.soft_elements import QuadraticMesh, quadratic_solid, with_volume
-from polyworld.meshing.soft_round import oriented
-from polyworld.meshing.soft_surface import Surface
+from polyworld.model.soft_elements import QuadraticMesh, quadratic_solid, with_volume
+from polyworld.model.soft_round import oriented
+from polyworld.model.soft_surface import Surface
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
