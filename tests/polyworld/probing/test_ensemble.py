@@ -23,8 +23,8 @@ from polyworld.world.representations.attachment import Attachment
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.representations.rope import Rope
 from polyworld.world.shapes import Box, Plane
+from tests.atw_mcp.two_discs import two_discs
 from tests.polyworld.sliding_block import block_world, stopping_distance
-from tests.server.probing import two_discs
 
 
 def test_members_in_a_batch_move_as_each_of_them_alone() -> None:

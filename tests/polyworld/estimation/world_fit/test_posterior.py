@@ -10,8 +10,8 @@ from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import FitProblem, default_unknowns, refine, sample_posterior
 from polyworld.estimation.world_fit.tempering import annealed, systematic, tempered
 from polyworld.estimation.world_fit.truncated import TruncatedGaussian
+from tests.atw_mcp.two_discs import two_discs
 from tests.polyworld.sliding_block import fitted_block
-from tests.server.probing import two_discs
 
 
 def drawn(centre: list[float], gradient: list[float], curvature: list[list[float]]) -> np.ndarray:

@@ -1,0 +1,182 @@
+"""Work that outlives its call: reported, joined, cancelled, and failed when its process is gone."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+from mcp import Client
+
+from atw_mcp import server
+from evidence_store import EvidenceStore
+from tests.atw_mcp import stdio_process
+from tests.atw_mcp.connections import REPOSITORY, connection
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    path = tmp_path / "atw.db"
+    created = EvidenceStore(path)
+    created.cases.add("c", content="x", kind="data", path="/x", facts={})
+    created.close()
+    return path
+
+
+@pytest.fixture(autouse=True)
+def with_slow_tool(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, stdio_process.SLOW))
+
+
+def body(result: Any) -> dict[str, Any]:
+    assert not result.is_error, result.content[0].text
+    loaded: dict[str, Any] = json.loads(result.content[0].text)
+    return loaded
+
+
+def test_work_within_its_patience_returns_its_result_and_reports_progress(store: Path) -> None:
+    reported: list[tuple[float, float | None]] = []
+
+    async def hear(progress: float, total: float | None, _message: str | None) -> None:
+        reported.append((progress, total))
+
+    async def session(client: Client) -> None:
+        async with client:
+            done = body(await client.call_tool("WorkSlowly", {"case": "c", "seconds": 0.5}, progress_callback=hear))
+            assert (done["status"], done["data"]) == ("completed", {"steps": 5})
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+    assert reported
+    assert all(total == 5 for _, total in reported)
+    assert [progress for progress, _ in reported] == sorted(progress for progress, _ in reported)
+
+
+@pytest.mark.parametrize("transport", ["memory", "stdio", "http"])
+def test_work_beyond_its_patience_is_reported_joined_and_read_when_done(transport: str, store: Path) -> None:
+    async def session(client: Client) -> None:
+        async with client:
+            call = {"case": "c", "seconds": 2.5, "patience_seconds": 0.2}
+            started = body(await client.call_tool("WorkSlowly", call))
+            assert started["status"] == "running"
+            assert "ReadEvidence" in started["summary"]
+            joined = body(await client.call_tool("WorkSlowly", call))
+            assert joined["evidence"] == started["evidence"]
+            done = body(await client.call_tool("WorkSlowly", call | {"patience_seconds": 30}))
+            assert (done["evidence"], done["status"]) == (started["evidence"], "completed")
+            again = body(await client.call_tool("ReadEvidence", {"evidence": started["evidence"]}))
+            assert again["data"] == {"steps": 25}
+
+    with connection(transport, store, "auto") as client:
+        anyio.run(session, client)
+
+
+def test_running_work_is_cancelled_by_read_evidence(store: Path) -> None:
+    async def session(client: Client) -> None:
+        async with client:
+            call = {"case": "c", "seconds": 60, "patience_seconds": 0.2}
+            started = body(await client.call_tool("WorkSlowly", call))
+            stopped = body(await client.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True}))
+            assert stopped["status"] == "cancelled"
+            refused = await client.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True})
+            assert refused.is_error
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+
+
+def test_work_of_another_process_can_be_watched_joined_and_cancelled(store: Path) -> None:
+    call = {"case": "c", "seconds": 60, "patience_seconds": 0.2}
+
+    async def session(worker: Client, watcher: Client) -> None:
+        async with worker, watcher:
+            started = body(await worker.call_tool("WorkSlowly", call))
+            seen = body(await watcher.call_tool("ReadEvidence", {"evidence": started["evidence"]}))
+            assert seen["status"] == "running"
+            joined = body(await watcher.call_tool("WorkSlowly", call))
+            assert joined["evidence"] == started["evidence"]
+            stopped = body(await watcher.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True}))
+            assert stopped["status"] == "cancelled"
+
+    with connection("stdio", store, "auto") as worker, connection("memory", store, "auto") as watcher:
+        anyio.run(session, worker, watcher)
+
+
+def test_work_that_breaks_is_failed_and_the_server_goes_on(store: Path) -> None:
+    async def session(client: Client) -> None:
+        async with client:
+            broken = await client.call_tool("WorkSlowly", {"case": "c", "seconds": 0.1, "fail": "secret text"})
+            assert broken.is_error
+            assert "RuntimeError" in broken.content[0].text
+            assert "secret" not in broken.content[0].text
+            assert body(await client.call_tool("ReadEvidence", {"evidence": "ev-1"}))["status"] == "failed"
+            again = body(await client.call_tool("WorkSlowly", {"case": "c", "seconds": 0.1}))
+            assert again["status"] == "completed"
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+
+
+def test_a_call_that_the_client_gives_up_stops_its_work(store: Path) -> None:
+    async def session(client: Client) -> None:
+        async with client:
+            with anyio.move_on_after(0.5):
+                await client.call_tool("WorkSlowly", {"case": "c", "seconds": 60})
+            with anyio.fail_after(10):
+                while EvidenceStore(store).read_evidence("ev-1").status == "running":
+                    await anyio.sleep(0.1)
+            assert EvidenceStore(store).read_evidence("ev-1").status == "cancelled"
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills a process by signal")
+def test_a_crashed_server_leaves_failed_not_running(store: Path) -> None:
+    script = (
+        "import anyio, os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from mcp import Client\n"
+        "from atw_mcp import server\n"
+        "from tests.atw_mcp import stdio_process\n"
+        "server.GROUPS = (*server.GROUPS, stdio_process.SLOW)\n"
+        "async def main():\n"
+        "    async with Client(server.build_server(Path(sys.argv[1]))) as client:\n"
+        "        await client.call_tool('WorkSlowly', {'case': 'c', 'seconds': 60, 'patience_seconds': 0.2})\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "anyio.run(main)\n"
+    )
+    crashed = subprocess.run([sys.executable, "-c", script, str(store)], cwd=REPOSITORY)
+    assert crashed.returncode == -signal.SIGKILL
+
+    async def session(client: Client) -> None:
+        async with client:
+            left = body(await client.call_tool("ReadEvidence", {"evidence": "ev-1"}))
+            assert left["status"] == "failed"
+            assert "WorkSlowly" in left["summary"]
+            done = body(await client.call_tool("WorkSlowly", {"case": "c", "seconds": 0.1}))
+            assert done["status"] == "completed"
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+
+
+def test_a_server_that_stops_leaves_no_work_running(store: Path) -> None:
+    async def session() -> None:
+        with connection("stdio", store, "auto") as client:
+            async with client:
+                call = {"case": "c", "seconds": 60, "patience_seconds": 0.2}
+                assert body(await client.call_tool("WorkSlowly", call))["status"] == "running"
+
+    anyio.run(session)
+    deadline = time.monotonic() + 10
+    while EvidenceStore(store).read_evidence("ev-1").status == "running" and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert EvidenceStore(store).read_evidence("ev-1").status in ("cancelled", "failed")

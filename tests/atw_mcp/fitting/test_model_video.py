@@ -1,0 +1,171 @@
+"""ModelVideo: one call from a video and what is known to a fitted world, each step addressable and correctable."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+from mcp import Client
+
+from tests.atw_mcp.clips import FRAMES, write_clip
+from tests.atw_mcp.session import Session
+from tests.real_data import FOLDER, needs
+
+BALL = {"kind": "sphere", "radius": 0.09}  # 9 px at 100 px a metre
+LENGTH = {"first_pixel": [20, 60], "second_pixel": [120, 60], "length": 1.0, "view": "top"}
+QUICK = {"generations": 4, "population": 16, "restarts": 1}
+PAIR = [{"name": "left", "color": "red", "shape": BALL, "mass": 1.0}, {"name": "right", "color": "blue", "shape": BALL}]
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    return Session(tmp_path / "atw.db")
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(write_clip(tmp_path_factory.mktemp("clip") / "discs.mp4"))
+
+
+def modelled(session: Session, **arguments: Any) -> dict[str, Any]:
+    return session("ModelVideo", **{"known_length": LENGTH, "fit": QUICK, "patience_seconds": 300, **arguments})
+
+
+def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(session: Session, clip: str) -> None:
+    made = modelled(session, video=clip, objects=PAIR)
+    case, data = made["case"], made["data"]
+    assert {m["object"]: m["track"] for m in data["matches"]} == {"left": "red_sphere", "right": "blue_sphere"}
+    assert all(m["confidence"] > 0.9 for m in data["matches"])
+    assert data["verdict"].startswith("follows")
+    assert {row["object"] for row in data["errors"]} == {"left", "right"}
+    assert all(row["error_px"] < 1.5 and row["of_radius"] < 0.2 for row in data["errors"])
+    session("CommitWorld", case=case, world=data["world"])
+    rolled = session("Rollout", case=case, horizon_frames=FRAMES + 10)
+    asked = {"predicate": "collides", "a": "left", "b": "right"}
+    assert session("QueryWorld", rollout=rolled["data"]["rollout"], predicate=asked)["data"]["verdict"] == "true"
+
+
+def test_each_step_is_evidence_of_its_own_tool_and_known_values_are_not_fitted(session: Session, clip: str) -> None:
+    made = modelled(session, video=clip, objects=PAIR, seconds_per_frame=0.05)
+    tools = []
+    for step in made["data"]["steps"]:
+        record = session("ReadEvidence", evidence=step["evidence"])
+        assert (record["tool"], record["status"]) == (step["tool"], "completed")
+        tools.append(step["tool"])
+    assert tools == ["ObserveObjects", "CalibrateCamera", "ObserveObjects", "BuildWorld", "FitWorld"]
+    built, fitted = made["data"]["steps"][-2:]
+    assert built["arguments"]["seconds_per_frame"] == 0.05
+    assert {"paths": ["objects.left.mass"], "fixed": True} in fitted["arguments"]["parameters"]
+    # The same call by hand gives the same world: there is no second path.
+    again = session("BuildWorld", case=made["case"], **built["arguments"])
+    assert again["source"]["world"] == fitted["arguments"]["world"]
+    refit = session("FitWorld", case=made["case"], **fitted["arguments"])
+    assert (refit["data"]["world"], refit["data"]["computed_now"]) == (made["data"]["world"], False)
+
+
+def test_what_is_not_listed_is_left_out_or_modelled_and_said(session: Session, clip: str) -> None:
+    made = modelled(session, video=clip, objects=[PAIR[0], {"name": "ghost", "color": "green", "shape": BALL}])
+    assert made["data"]["unseen_objects"] == ["ghost"]
+    (row,) = made["data"]["unlisted_tracks"]
+    assert (row["track"], row["moves"]) == ("blue_sphere", True)
+    assert made["objects"] == ["left"]
+    both = modelled(session, case=made["case"], objects=[PAIR[0]], unlisted="model")
+    assert set(both["objects"]) == {"left", "blue_sphere"}
+    everything = modelled(session, case=made["case"])
+    assert set(everything["objects"]) == {"left", "blue_sphere"}
+    assert "matches" not in everything["data"]
+
+
+def test_a_failed_step_is_named_with_its_cure_and_the_next_call_goes_on(session: Session, clip: str) -> None:
+    asked = {"video": clip, "objects": PAIR, "known_length": LENGTH, "patience_seconds": 300}
+    wrong = {**QUICK, "parameters": [{"paths": ["objects.nobody.mass"], "lower": 1, "upper": 2}]}
+    failed = session._call("ModelVideo", {**asked, "fit": wrong})
+    text = failed.content[0].text
+    assert failed.is_error
+    for part in ("stopped at FitWorld", "nobody", "Done and kept: ObserveObjects ev-", "BuildWorld ev-"):
+        assert part in text
+    (case,) = (row[0] for row in session.store_rows("SELECT id FROM cases"))
+    record = session("ReadEvidence", evidence=text.rsplit("(evidence ", 1)[1].rstrip(")"))
+    assert (record["status"], record["data"]["failed_step"]) == ("failed", "FitWorld")
+    made = session("ModelVideo", case=case, objects=PAIR, fit=QUICK, patience_seconds=300)
+    assert [step["tool"] for step in made["data"]["steps"]] == ["BuildWorld", "FitWorld"]
+
+
+def test_what_can_be_refused_is_refused_before_anything_is_observed(session: Session, clip: str) -> None:
+    assert "one of video=PATH and case=ID" in session.refused("ModelVideo", objects=PAIR)
+    case = session("OpenCase", video=clip)["case"]
+    assert "points, known_length or calibrate" in session.refused("ModelVideo", case=case, objects=PAIR)
+    camera = {"case": case, "known_length": LENGTH}
+    text = session.refused("ModelVideo", **camera, build={"wals": []})
+    assert "BuildWorld has no argument 'wals' (did you mean 'walls'?)" in text
+    text = session.refused("ModelVideo", **camera, floor=0.1, build={"floor": 0.2})
+    assert "floor of build is an argument of ModelVideo itself" in text
+    assert "same name" in session.refused("ModelVideo", **camera, objects=[PAIR[0], PAIR[0]])
+
+
+def test_cancelling_it_cancels_the_step_that_runs_and_keeps_those_before(session: Session, clip: str) -> None:
+    endless = {"method": "cem", "generations": 2000, "population": 512}
+    asked = {"video": clip, "objects": PAIR, "known_length": LENGTH, "fit": endless, "patience_seconds": 0}
+
+    async def cancel() -> list[dict[str, Any]]:
+        async with Client(session.server) as client:  # one connection: a server that loses its client stops its work
+
+            async def call(tool: str, **arguments: Any) -> dict[str, Any]:
+                body: dict[str, Any] = json.loads((await client.call_tool(tool, arguments)).content[0].text)
+                return body
+
+            running = await call("ModelVideo", **asked)
+            assert running["status"] == "running"
+            with anyio.fail_after(60):
+                tools: set[str] = set()
+                while "FitWorld" not in tools:
+                    await anyio.sleep(0.1)
+                    tools = {
+                        row["tool"] for row in (await call("ReadEvidence", case=running["case"]))["data"]["records"]
+                    }
+                await call("ReadEvidence", evidence=running["evidence"], cancel=True)
+                while (await call("ReadEvidence", evidence=running["evidence"]))["status"] == "running":
+                    await anyio.sleep(0.1)
+            rows: list[dict[str, Any]] = (await call("ReadEvidence", case=running["case"]))["data"]["records"]
+            return rows
+
+    status = {row["tool"]: row["status"] for row in anyio.run(cancel)}
+    assert (status["ModelVideo"], status["FitWorld"]) == ("cancelled", "cancelled")
+    assert status["BuildWorld"] == status["ObserveObjects"] == "completed"
+
+
+@needs("clevrer")
+def test_a_clevrer_video_is_modelled_with_its_objects_distinguished(session: Session) -> None:
+    folder = FOLDER / "clevrer"
+    kinds = {"sphere": {"kind": "sphere", "radius": 0.2}, "cube": {"kind": "box", "half_extents": [0.2, 0.2, 0.2]}}
+    kinds["cylinder"] = {"kind": "cylinder", "radius": 0.2, "half_height": 0.2}
+    listed = json.loads((folder / "annotation_00000.json").read_text())["object_property"]
+    objects = [
+        {
+            "name": f"thing_{item['object_id']}",
+            "shape": kinds[item["shape"]],
+            "color": item["color"],
+            "material": item["material"],
+        }
+        for item in listed
+    ]
+    plane = json.loads((folder / "camera_homography_z0.2.json").read_text())
+    made = modelled(
+        session,
+        video=str(folder / "video_00000.mp4"),
+        objects=objects,
+        seconds_per_frame=0.028,
+        calibrate={"homography": plane["H"], "plane_z": 0.2},
+        known_length=None,
+        build={"representation": "planar"},  # which object is which is asked here; in space the fit takes minutes
+    )
+    tracks = {match["object"]: match["track"] for match in made["data"]["matches"]}
+    assert len(tracks) == len(listed)
+    for item in listed:
+        track = tracks[f"thing_{item['object_id']}"]
+        assert track.startswith(item["color"])
+        assert item["color"] != "blue" or item["material"] in track  # two blue balls, one metal, one rubber
+    assert made["data"]["verdict"] != "does_not_follow"

@@ -1,0 +1,191 @@
+"""Positions in the world from masks: against geometry, an independent simulator's render, and CLEVRER."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from atw_mcp.perception import (
+    ImageObservation,
+    ObservationError,
+    calibrate_from_known_length,
+    estimate_sizes,
+    import_camera,
+    import_tracks,
+    observe,
+    world_tracks,
+)
+from atw_mcp.perception.silhouettes import Stage, outline_distance
+from polyworld.data.tracks import ObservedTracks
+from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.shapes import Box, Sphere
+from tests.atw_mcp.perception.clips import HEIGHT, WIDTH, Disc, render
+
+ROOT = Path(__file__).parents[3]
+CLEVRER = ROOT.parent / "shared" / "data" / "clevrer"
+DEMO = ROOT / "atw_mcp" / "demo"
+
+
+def quarter_turn_error(quaternions: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Error [deg] of a cube's turn about z, up to quarter turns."""
+    found = 2 * np.arctan2(quaternions[:, 3], quaternions[:, 0])
+    error = found - yaw
+    return np.degrees(np.abs(error - np.pi / 2 * np.round(error / (np.pi / 2))))
+
+
+def hull_distance(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Signed distance, positive outside, of points from the convex hull of pixels, by OpenCV."""
+    hull = cv2.convexHull(corners.astype(np.float32))
+    return np.array([-cv2.pointPolygonTest(hull, (float(x), float(y)), True) for x, y in points])
+
+
+def demo_camera() -> Camera:
+    return Camera.model_validate(json.loads((DEMO / "collision.json").read_text())["camera"])
+
+
+def test_outlines_agree_with_dense_projected_surfaces() -> None:
+    stage = Stage.of(demo_camera(), MotionPlane())
+    pose = np.array([[0.1, 0.05, 0.4]])
+    rng = np.random.default_rng(0)
+    c, s = np.cos(0.4), np.sin(0.4)
+    direction = rng.normal(size=(20000, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    angle = np.linspace(0, 2 * np.pi, 2000)
+    ring = np.stack([0.06 * np.cos(angle), 0.06 * np.sin(angle), np.zeros(2000)], axis=1)
+    lift_up = np.array([0, 0, 0.04])
+    corners = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * 0.05
+    turned = corners @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+    surfaces: list[tuple[Any, np.ndarray, np.ndarray, float]] = [
+        ("sphere", np.array([0.06]), 0.06 * direction, 0.06),
+        ("cylinder", np.array([0.06, 0.04]), np.concatenate([ring + lift_up, ring - lift_up]), 0.04),
+        ("cube", np.array([0.05]), turned, 0.05),
+    ]
+    for kind, size, surface, lift in surfaces:
+        projected = stage.camera.project(surface + np.array([0.1, 0.05, lift]))
+        centre = projected.mean(axis=0)
+        points = centre + rng.uniform(-1, 1, (60, 2)) * 25
+        expected = hull_distance(projected, points)
+        found = outline_distance(stage, kind, pose, size, points[None])[0]
+        # Beside a corner the distance to the two edges' lines stands in for that to the corner itself.
+        near = np.abs(expected) < 4
+        assert near.sum() > 10
+        assert np.median(np.abs(found - expected)[near]) < 0.15, kind
+        assert np.max((found - expected)[near]) < 0.35, kind
+
+
+def test_bouncing_ball_from_the_side_is_measured_in_metres(tmp_path: Path) -> None:
+    """A ball in a vertical plane; 200 px are 2 m: the ball's radius of 10 px is 0.1 m."""
+
+    def centre(t: int) -> tuple[float, float]:
+        return 20 + 4.0 * t, 140 - abs(90 * np.sin(t * 0.1 + 0.2))
+
+    clip = render(tmp_path / "a.mp4", [Disc(centre, 10, (40, 40, 170))], 44)
+    camera = calibrate_from_known_length((20, 150), (220, 150), 2.0, (WIDTH, HEIGHT), view="side").camera
+    plane = MotionPlane(normal=(0.0, -1.0, 0.0), supports=False)
+    observation = observe(clip.path)
+    sizes = estimate_sizes(observation, camera, plane)
+    solid = next(iter(sizes.values())).solid
+    assert isinstance(solid, Sphere)
+    assert solid.radius == pytest.approx(0.1, rel=0.04)
+    tracks = world_tracks(observation, camera, {observation.names[0]: solid}, plane, seconds_per_frame=0.02)
+    expected = np.array([((x) / 100, (HEIGHT - 1 - y) / 100) for x, y in map(centre, range(44))])
+    error = tracks.positions[:, 0][:, [0, 2]] - expected
+    assert np.median(np.abs(error)) < 0.004
+    assert np.abs(error).max() < 0.012
+    assert np.allclose(tracks.positions[:, 0, 1], 0, atol=1e-9)
+    assert np.all(tracks.confidence[:, 0] > 0.5)
+
+
+@pytest.fixture(scope="module")
+def demo() -> tuple[ImageObservation, dict[str, Any]]:
+    if not (DEMO / "collision.mp4").exists():
+        pytest.skip("the demonstration clip is not in this checkout")
+    return observe(DEMO / "collision.mp4"), json.loads((DEMO / "collision.json").read_text())
+
+
+def by_position(tracks: ObservedTracks, truth: np.ndarray) -> list[int]:
+    """For each track the true object nearest to it."""
+    distance = np.linalg.norm(tracks.positions[:, :, None, :2] - truth[:, None, :, :2], axis=-1)
+    return [int(j) for j in np.nanargmin(np.nanmedian(distance, axis=0), axis=1)]
+
+
+def test_render_of_an_independent_simulator_is_measured_to_millimetres(
+    demo: tuple[ImageObservation, dict[str, Any]],
+) -> None:
+    observation, truth = demo
+    camera = Camera.model_validate(truth["camera"])
+    assert {f"{o.colour.name}_{o.shape.name}" for o in observation.objects} == set(truth["names"])
+    sizes = estimate_sizes(observation, camera)
+    tracks = world_tracks(
+        observation, camera, {n: e.solid for n, e in sizes.items()}, seconds_per_frame=truth["seconds_per_frame"]
+    )
+    positions, orientations = np.array(truth["positions"]), np.array(truth["orientations"])
+    nearest = by_position(tracks, positions)
+    assert sorted(nearest) == [0, 1, 2, 3]
+    for k, j in enumerate(nearest):
+        name = truth["names"][j]
+        shape = truth["objects"][name]["shape"]
+        solid = sizes[tracks.names[k]].solid
+        assert solid.kind == shape["kind"]
+        if isinstance(solid, Box):
+            assert solid.half_extents[0] == pytest.approx(shape["half_extents"][0], rel=0.02)
+            yaw = 2 * np.arctan2(orientations[:, j, 3], orientations[:, j, 0])
+            seen = tracks.orientation_confidence[:, k] > 0.3
+            assert np.median(quarter_turn_error(tracks.orientations[seen, k], yaw[seen])) < 1.5
+        error = np.linalg.norm(tracks.positions[:, k, :2] - positions[:, j, :2], axis=1)
+        seen = tracks.confidence[:, k] > 0
+        assert seen.mean() > 0.95
+        assert np.median(error[seen]) < 0.004, name
+        assert error[seen].max() < 0.015, name
+        # Stated accuracy is neither boast nor alarm.
+        assert 0.1 < np.median(error[seen] / tracks.position_sigma[seen, k]) < 3, name
+
+
+def test_camera_of_another_image_size_and_unknown_objects_are_refused(
+    demo: tuple[ImageObservation, dict[str, Any]],
+) -> None:
+    observation, truth = demo
+    other = calibrate_from_known_length((0, 0), (10, 0), 1.0, (100, 100)).camera
+    with pytest.raises(ObservationError, match="480 x 320"):
+        world_tracks(observation, other, seconds_per_frame=0.1)
+    with pytest.raises(ObservationError, match="unknown object 'ball'"):
+        world_tracks(
+            observation,
+            Camera.model_validate(truth["camera"]),
+            {"ball": Sphere(radius=0.1)},
+            seconds_per_frame=0.1,
+        )
+
+
+def test_official_clevrer_video_is_tracked_to_centimetres() -> None:
+    scene = "02000"
+    if not (CLEVRER / f"video_{scene}.mp4").exists():
+        pytest.skip("shared CLEVRER data not found beside the repository")
+    observation = observe(CLEVRER / f"video_{scene}.mp4")
+    camera = import_camera(CLEVRER / "camera_homography_z0.2.json", (480, 320))
+    truth = import_tracks(CLEVRER / f"annotation_{scene}.json")
+    visible = truth.confidence == 1.0  # inside the camera's view
+    tracks = world_tracks(observation, camera, seconds_per_frame=0.028)
+    nearest = by_position(tracks, truth.positions)
+    assert sorted(nearest) == list(range(len(truth.names)))
+    errors = []
+    for k, j in enumerate(nearest):
+        observed = observation.objects[k]
+        assert truth.names[j] == f"{observed.colour.name}_{observed.material.name}_{observed.shape.name}"
+        seen = (tracks.confidence[:, k] > 0) & visible[:, j]
+        assert seen.sum() > 0.8 * visible[:, j].sum()
+        distance = np.linalg.norm(tracks.positions[seen, k, None, :2] - truth.positions[seen][:, :, :2], axis=2)
+        assert np.all(np.argmin(distance, axis=1) == j), "identity swap"
+        errors += distance[:, j].tolist()
+        if tracks.symmetry[k] == 4:
+            turn = truth.orientations[:, j]
+            yaw = 2 * np.arctan2(turn[:, 3], turn[:, 0])
+            assert np.median(quarter_turn_error(tracks.orientations[seen, k], yaw[seen])) < 3.0
+    assert np.median(errors) < 0.03
+    assert np.percentile(errors, 95) < 0.06

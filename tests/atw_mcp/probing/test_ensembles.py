@@ -1,0 +1,253 @@
+"""Answers of an ensemble through the tools, on a block that slides to rest: what it does is known in closed form."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.atw_mcp.clips import write_tracks
+from tests.atw_mcp.session import Session
+from tests.polyworld.estimation.world_fit.floor_scenes import frames, thrown, tracks_of
+from tests.polyworld.sliding_block import block_places, stopping_distance
+
+FRICTION, SPEED, SIGMA = 0.2, 1.0, 0.003
+
+
+def beyond(x: float) -> dict[str, Any]:
+    return {"predicate": "inside_region", "object": "block", "lower": [x, -1, -1], "upper": [9, 1, 1]}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("ensembles")
+
+
+@pytest.fixture(scope="module")
+def fit(folder: Path) -> dict[str, Any]:
+    """A committed case: 10 frames of the block, which stops long after them, with noise of SIGMA."""
+    session, path, rng = Session(folder / "atw.db"), folder / "slide.csv", np.random.default_rng(8)
+    places = block_places(FRICTION, SPEED, 10)
+    places[:, :2] += SIGMA * rng.normal(size=(10, 2))
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", "object", "x", "y", "z"])
+        writer.writerows([0.04 * k, "block", *place] for k, place in enumerate(places.tolist()))
+    session("OpenCase", data=str(path), name="slide")
+    session("ImportObservation", case="slide", kind="tracks", path=str(path), position_sigma=SIGMA)
+    session("BuildWorld", case="slide", default_shape={"kind": "box", "half_extents": [0.05, 0.05, 0.05]})
+    fitted = session("FitWorld", case="slide", each=["friction"], shared=[], restarts=2, patience_seconds=300)
+    session("CommitWorld", case="slide", world=fitted["data"]["world"])
+    return fitted
+
+
+@pytest.fixture
+def session(folder: Path, fit: dict[str, Any]) -> Session:
+    """Another server on the same store: the sample is not in the memory of the one that fitted."""
+    assert fit["data"]["ensemble"]["members"] == 64
+    return Session(folder / "atw.db")
+
+
+@pytest.fixture
+def rollout(session: Session) -> str:
+    return str(session("Rollout", case="slide", horizon_seconds=2.0)["source"]["rollout"])
+
+
+def test_what_was_fitted_says_what_the_sample_draws_from_bounds(fit: dict[str, Any]) -> None:
+    assert fit["data"]["ensemble"]["drawn_from_bounds"] == ["block.restitution", "block.mass"]
+    assert fit["data"]["ensemble"]["minima"] == 1
+
+
+def test_a_line_far_ahead_and_one_far_behind_are_certain_and_one_at_the_stop_is_not(
+    session: Session, rollout: str
+) -> None:
+    stop = stopping_distance(FRICTION, SPEED)
+    shares = []
+    for x in (0.6 * stop, stop, 1.6 * stop):
+        answer = session("QueryWorld", rollout=rollout, predicate=beyond(x), ensemble=40)
+        shares.append(answer["data"]["ensemble"]["probability"])
+    assert shares[0] > 0.99
+    assert 0.02 < shares[1] < 0.98
+    assert shares[2] < 0.01
+
+
+def test_a_best_fit_that_most_members_contradict_is_named(session: Session, rollout: str) -> None:
+    """Between where the best fit stops and where the median of the members does, they disagree."""
+    rolled = session("Rollout", case="slide", horizon_seconds=2.0, ensemble=40)["data"]
+    best = rolled["objects"][0]["end"][0]
+    median = rolled["ensemble"]["ends"][0]["position_90%"]["median"][0]
+    asked = session("QueryWorld", rollout=rollout, predicate=beyond(0.5 * (best + median)), ensemble=40)
+    about, said = asked["data"]["ensemble"], "true" if best > median else "false"
+    assert asked["data"]["verdict"] == said
+    assert (about["true"] > 20) == (said == "false")
+    assert asked["data"]["best_fit_is_in_the_minority"] is True
+    assert f"The best fit alone says {said}" in asked["summary"]
+    agreed = session("QueryWorld", rollout=rollout, predicate=beyond(0.6 * best), ensemble=40)
+    assert "best fit" not in agreed["summary"]
+    assert "best_fit_is_in_the_minority" not in agreed["data"]
+
+
+def test_the_answer_names_what_decides_it_and_how_narrow_it_is(session: Session) -> None:
+    """All members start with 1 m/s in this branch: which of them pass x is a matter of friction, 1 / (2 g x)."""
+    edits = [{"action": "set_velocity", "object": "block", "velocity": [1.0, 0.0, 0.0]}]
+    branch = session("Rollout", case="slide", horizon_seconds=2.0, edits=edits, ensemble=40)
+    end = branch["data"]["ensemble"]["ends"][0]
+    median = end["position_90%"]["median"][0]
+    answer = session("QueryWorld", rollout=branch["source"]["rollout"], predicate=beyond(median), ensemble=40)
+    about = answer["data"]["ensemble"]
+    assert about["true"] + about["false"] == 40
+    assert about["probability"] == pytest.approx(0.5, abs=0.1)
+    assert about["decided_by"]["parameter"] == "block.friction"
+    assert about["decided_by"]["true_where"] == "below"
+    assert about["decided_by"]["threshold"] == pytest.approx(1.0 / (2.0 * 9.81 * median), rel=0.05)
+    assert about["decided_by"]["agree"] >= 35
+    assert about["margin"]["50%"] == pytest.approx(0.0, abs=0.003)
+    assert about["margin"]["5%"] == pytest.approx(end["position_90%"]["from"][0] - median, abs=0.003)
+    assert "true in 2" in answer["summary"]
+    assert "members agree)" in answer["summary"]
+
+
+def test_the_interval_of_the_stop_holds_the_law(session: Session) -> None:
+    about = session("Rollout", case="slide", horizon_seconds=2.0, ensemble=64)["data"]["ensemble"]
+    (rest,) = (row for row in about["timeline"] if row["what"] == "comes to rest")
+    assert rest["true"] == 64
+    spread, place = rest["time_90%"], rest["place_of_block_90%"]
+    assert spread["from"] - 0.04 <= SPEED / (FRICTION * 9.81) <= spread["to"] + 0.04  # sampled every 0.04 s
+    assert place["from"][0] <= stopping_distance(FRICTION, SPEED) <= place["to"][0]
+
+
+def test_a_branch_inherits_the_sample_and_its_edits_act_on_every_member(session: Session) -> None:
+    """At half the speed each member stops at a quarter of its way."""
+    ends = []
+    for edits in ([], [{"action": "scale_velocity", "object": "block", "factor": 0.5}]):
+        answer = session("Rollout", case="slide", horizon_seconds=2.0, edits=edits, ensemble=40)
+        spread = answer["data"]["ensemble"]["ends"][0]["position_90%"]
+        ends.append([spread[key][0] for key in ("from", "median", "to")])
+    assert ends[1] == pytest.approx([x / 4.0 for x in ends[0]], abs=0.012)  # it starts some millimetres from 0
+    again = [{"action": "scale_parameter", "path": "objects.block.friction", "factor": 0.25}]
+    further = session(
+        "Rollout", case="slide", horizon_seconds=4.0, world=answer["source"]["world"], edits=again, ensemble=40
+    )
+    back = further["data"]["ensemble"]["ends"][0]["position_90%"]["median"][0]
+    assert back == pytest.approx(ends[0][1], abs=0.012)
+
+
+def test_several_predicates_are_answered_in_one_call(session: Session, rollout: str) -> None:
+    stop = stopping_distance(FRICTION, SPEED)
+    asked = [
+        beyond(stop),
+        {"predicate": "moved_by_more_than", "object": "block", "distance": 0.5 * stop},
+        {"predicate": "comes_to_rest_before", "a": "block", "time": 1.9},
+        {"predicate": "within_distance", "a": "block", "place": [0.0, 0.0, 0.05], "distance": 0.1},
+    ]
+    answer = session("QueryWorld", rollout=rollout, predicates=asked, ensemble=40)
+    rows = [row["ensemble"] for row in answer["data"]["answers"]]
+    assert [row["true"] for row in rows[1:]] == [40, 40, 40]
+    assert answer["data"]["together"]["all"]["true"] == rows[0]["true"]
+    alone = session("QueryWorld", rollout=rollout, predicates=asked)
+    assert [row["verdict"] for row in alone["data"]["answers"][1:]] == ["true"] * 3
+    assert "ensemble" not in alone["data"]["answers"][0]
+
+
+def test_a_time_comes_with_a_median_and_an_interval(session: Session, rollout: str) -> None:
+    answer = session("QueryWorld", rollout=rollout, predicate=beyond(0.15), aggregation="first", ensemble=40)
+    about = answer["data"]["ensemble"]
+    root = np.sqrt(SPEED**2 - 2.0 * FRICTION * 9.81 * 0.15)
+    expected = (SPEED - root) / (FRICTION * 9.81)
+    spread = about["value"]["interval_90%"]
+    assert spread["from"] - 0.005 < expected < spread["to"] + 0.005
+    assert about["never"] == 0
+    assert "median" in answer["summary"]
+
+
+def test_worlds_are_compared_member_by_member(session: Session, rollout: str) -> None:
+    edits = [{"action": "scale_velocity", "object": "block", "factor": 0.5}]
+    slow = session("Rollout", case="slide", horizon_seconds=2.0, edits=edits)["source"]["rollout"]
+    answer = session("CompareWorlds", base=rollout, edited=slow, ensemble=40)
+    (row,) = answer["data"]["ensemble"]["objects"]
+    assert row["displaced"]["true"] == 40
+    far = row["final_distance"]
+    assert far["from"] < 0.75 * stopping_distance(FRICTION, SPEED) < far["to"]
+    assert "block displaced in 40 of 40" in answer["summary"]
+
+
+def test_energy_and_momentum_come_with_intervals(session: Session, rollout: str) -> None:
+    """Without a rotation the block has m v^2 / 2, and friction decelerates it by mu g."""
+    columns = ["time", "vx", "px", "ax", "kinetic_energy"]
+    answer = session("ReadTrajectory", rollout=rollout, object="block", fields=columns, ensemble=40)
+    about = answer["data"]["ensemble"]
+    assert about["columns"] == ["time", "frame", "vx", "px", "ax", "kinetic_energy"]
+    mass = session("ReadProperty", case="slide", objects=["block"], property="mass")["data"]["values"][0]["value"]
+    _, _, speed, _, slowing, energy = about["rows"][1]
+    assert speed[1] < speed[0] < speed[2]
+    assert slowing[1] - 0.05 < -FRICTION * 9.81 < slowing[2] + 0.05
+    assert answer["data"]["rows"][1][4] == pytest.approx(0.5 * mass * answer["data"]["rows"][1][1] ** 2, rel=0.01)
+    assert energy[1] < energy[2]
+    assert about["rows"][-1][2] == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
+    assert about["motion"]["displacement"]["from"] < stopping_distance(FRICTION, SPEED)
+    assert "Of the ensemble, block ends" in answer["summary"]
+
+
+def test_the_same_question_is_not_computed_twice(session: Session, rollout: str) -> None:
+    answers = [session("QueryWorld", rollout=rollout, predicate=beyond(0.25), ensemble=10)["data"] for _ in range(2)]
+    assert answers[0] == answers[1]
+    ensembles = session.store_rows("SELECT count(*) FROM rollouts WHERE kind = 'ensemble'")
+    session("QueryWorld", rollout=rollout, predicate=beyond(0.26), ensemble=10)
+    assert session.store_rows("SELECT count(*) FROM rollouts WHERE kind = 'ensemble'") == ensembles
+
+
+def test_a_world_that_was_never_fitted_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    session = Session(tmp_path / "atw.db")
+    path = write_tracks(tmp_path / "slide.csv")
+    session("OpenCase", data=str(path), name="plain")
+    session("ImportObservation", case="plain", kind="tracks", path=str(path))
+    built = session("BuildWorld", case="plain", default_shape={"kind": "sphere", "radius": 0.05})
+    session("CommitWorld", case="plain", world=built["source"]["world"])
+    refusal = session.refused("Rollout", case="plain", ensemble=40)
+    assert "no posterior sample" in refusal
+    assert "FitWorld before CommitWorld" in refusal
+    made = session("Rollout", case="plain")["source"]["rollout"]
+    statement = {"predicate": "moving", "object": "puck"}
+    assert "no posterior sample" in session.refused("QueryWorld", rollout=made, predicate=statement, ensemble=40)
+    assert "no posterior sample" in session.refused("CompareWorlds", base=made, edited=made, ensemble=40)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({"ensemble": 3, "predicate": beyond(0.1)}, "greater than or equal to 5"),
+        ({}, "give predicate, or predicates"),
+        ({"predicate": beyond(0.1), "predicates": [beyond(0.2)]}, "give predicate, or predicates"),
+        ({"predicates": [beyond(0.1), {"predicate": "within_distance", "a": "block", "distance": 1}]}, "predicate 2: "),
+        ({"predicate": {"predicate": "comes_to_rest_before", "a": "block"}}, "give time or b"),
+    ],
+)
+def test_refusals_say_what_to_give(session: Session, rollout: str, arguments: dict[str, Any], complaint: str) -> None:
+    assert complaint in session.refused("QueryWorld", rollout=rollout, **arguments), json.dumps(arguments)
+
+
+def test_the_members_of_a_world_that_got_a_law_of_resistance_have_it(tmp_path: Path) -> None:
+    """A ball thrown in a drag of 0.3 v^2: where it is after twice the clip, within what the members say."""
+    times = frames(60)
+    places = thrown(times, (6.0, 1.0, 5.0), 0.0, 0.3)
+    session, path = Session(tmp_path / "atw.db"), tmp_path / "tracks.json"
+    path.write_text(json.dumps(tracks_of({"ball": places[:30]}).to_dict()))
+    session("OpenCase", data=str(path), name="throw")
+    session("ImportObservation", case="throw", kind="tracks", path=str(path))
+    session("BuildWorld", case="throw", objects=[{"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}}])
+    fitted = session("FitWorld", case="throw", method="prefixes", patience_seconds=300)
+    assert [law["name"] for law in fitted["data"]["resistance"] if law["kept"]] == ["quadratic_damping"]
+    session("CommitWorld", case="throw", world=fitted["data"]["world"])
+    end = float(times[-1])
+    rolled = session("Rollout", case="throw", horizon_seconds=end, ensemble=20)["data"]["rollout"]
+    x = float(places[-1, 0])
+    for border, truth in ((x + 0.6, 1.0), (x - 0.6, 0.0)):
+        inside = {"predicate": "inside_region", "object": "ball", "lower": [-99, -99, -99], "upper": [border, 99, 99]}
+        asked = {"predicate": inside, "interval": [end - 0.01, end], "ensemble": 20}
+        assert session("QueryWorld", rollout=rolled, **asked)["data"]["ensemble"]["probability"] == pytest.approx(
+            truth, abs=0.1
+        )

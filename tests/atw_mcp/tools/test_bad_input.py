@@ -1,0 +1,251 @@
+"""Bad input gets an error that names the valid choice, and loses nothing."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atw_mcp.calls.app import App
+from atw_mcp.server import build_server
+from evidence_store import EvidenceStore, NotAStore
+from tests.atw_mcp.clips import FRAMES, write_clip, write_tracks
+from tests.atw_mcp.session import Session
+from tests.atw_mcp.two_discs import case_with, two_discs
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    return Session(tmp_path / "atw.db")
+
+
+@pytest.fixture
+def sliding(session: Session, tmp_path: Path) -> tuple[Session, str, str]:
+    """A session with a case of imported tracks and a draft world: (session, case, world)."""
+    case = session("OpenCase", data=str(write_tracks(tmp_path / "slide.csv")), name="slide")["case"]
+    session("ImportObservation", case=case, kind="tracks", path=str(tmp_path / "slide.csv"))
+    built = session("BuildWorld", case=case, default_shape={"kind": "box", "half_extents": [0.05, 0.05, 0.05]})
+    return session, case, built["source"]["world"]
+
+
+def test_no_such_file_names_the_files_there_are(session: Session, tmp_path: Path) -> None:
+    write_clip(tmp_path / "marbles.mp4")
+    assert "marbles.mp4" in session.refused("OpenCase", video=str(tmp_path / "marble.mp4"))
+
+
+def test_a_folder_is_not_a_video(session: Session, tmp_path: Path) -> None:
+    assert "folder" in session.refused("OpenCase", video=str(tmp_path))
+
+
+def test_a_text_file_is_not_a_video(session: Session, tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_text("this is no video\n" * 50)
+    assert "not a video" in session.refused("OpenCase", video=str(tmp_path / "a.mp4"))
+
+
+def test_an_empty_file_is_not_a_video(session: Session, tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").touch()
+    assert "0 bytes" in session.refused("OpenCase", video=str(tmp_path / "a.mp4"))
+
+
+def test_a_video_without_frames_is_refused(session: Session, tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "none.mp4", frames=0)
+    if path.stat().st_size == 0:
+        pytest.skip("this OpenCV writes no file for a video without frames")
+    assert re.search(r"no frame|not a video", session.refused("OpenCase", video=str(path)))
+
+
+def test_a_truncated_video_is_refused_or_opened_with_what_decodes(session: Session, tmp_path: Path) -> None:
+    whole = write_clip(tmp_path / "whole.mp4").read_bytes()
+    (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
+    assert "truncated" in session.refused("OpenCase", video=str(tmp_path / "cut.mp4"))
+    assert session("OpenCase", video=str(tmp_path / "whole.mp4"))["data"]["facts"]["frame_count"] == FRAMES
+
+
+def test_unknown_case_names_the_cases(session: Session, tmp_path: Path) -> None:
+    case = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))["case"]
+    for tool in ("ObserveObjects", "BuildWorld", "FitWorld", "InspectWorld", "Rollout"):
+        assert case in session.refused(tool, case="nope"), tool
+
+
+def test_unknown_argument_names_the_arguments(session: Session) -> None:
+    text = session.refused("OpenCase", vide="x")
+    assert "did you mean 'video'" in text
+    assert "questions" in text
+
+
+def test_missing_and_wrongly_typed_arguments_are_named(session: Session) -> None:
+    assert "case: is required" in session.refused("BuildWorld")
+    assert "max_objects" in session.refused("ObserveObjects", case="x", max_objects="many")
+    assert "max_objects" in session.refused("ObserveObjects", case="x", max_objects=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ({}, "exactly one of"),
+        ({"points": [{"world": [i, 0, 0], "pixel": [10 * i, 20]} for i in range(4)]}, "line"),
+        ({"points": [{"world": [0, 0, 0], "pixel": [10, 20]}] * 4}, "more than once"),
+        ({"points": [{"world": [0, 0, 0], "pixel": [10, 20]}] * 3}, "points"),
+        ({"homography": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "singular"),
+        ({"homography": [[1, 0], [0, 1]]}, "homography"),
+        ({"homography": {"plane": "z=0.2", "H": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}, "here the value of 'H'"),
+        ({"homography": {"rows": [[1, 0], 2]}}, "got an object with ['rows']"),
+        ({"known_length": {"first_pixel": [5, 5], "second_pixel": [5, 5], "length": 1.0}}, "at least 2 px"),
+        ({"known_length": {"first_pixel": [5, 5], "second_pixel": [50, 5], "length": -1.0}}, "length"),
+        (
+            {"camera": {"intrinsics": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "rotation": [[1, 0, 0]] * 3,
+                        "translation": [0, 0, 1]}},
+            "orthonormal",
+        ),
+    ],
+)  # fmt: skip
+def test_degenerate_calibrations_are_refused(
+    session: Session, tmp_path: Path, arguments: dict[str, Any], expected: str
+) -> None:
+    case = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))["case"]
+    assert expected in session.refused("CalibrateCamera", case=case, **arguments)
+
+
+def test_predicates_and_edits_in_a_wrong_form_are_shown_an_example(session: Session) -> None:
+    app = App(session.store)
+    case_with(app, two_discs(), committed=True)
+    rollout = session("Rollout", case="discs", horizon_seconds=0.1)["source"]["rollout"]
+    assert '{"predicate": "collides", "a"' in session.refused("QueryWorld", rollout=rollout, predicate="collides")
+    assert '{"action": "remove", "object"' in session.refused("Rollout", case="discs", edits=["remove"])
+    assert "no action 'delete'; there are remove" in session.refused(
+        "Rollout", case="discs", edits=[{"action": "delete", "object": "target"}]
+    )
+
+
+def test_building_before_observing_names_the_next_tool(session: Session, tmp_path: Path) -> None:
+    case = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))["case"]
+    assert "ObserveObjects" in session.refused("BuildWorld", case=case)
+    assert "BuildWorld" in session.refused("FitWorld", case=case)
+    assert "BuildWorld" in session.refused("Rollout", case=case)
+
+
+def test_unknown_objects_name_the_tracks(sliding: tuple[Session, str, str]) -> None:
+    session, case, world = sliding
+    text = session.refused("BuildWorld", case=case, objects=[{"name": "marble", "mass": 1.0}])
+    assert "puck" in text
+    assert "puck" in session.refused("BuildWorld", case=case, only=["marble"])
+    assert "puck" in session.refused("InspectWorld", case=case, world=world, objects=["marble"])
+    assert "puck" in session.refused(
+        "UpdateBindings", case=case, reason="seen", corrections=[{"name": "it", "track": "marble"}]
+    )
+
+
+def test_a_shape_neither_seen_nor_given_is_asked_for(sliding: tuple[Session, str, str]) -> None:
+    session, case, _ = sliding
+    text = session.refused("BuildWorld", case=case)
+    assert "default_shape" in text
+    assert "radius" in session.refused("BuildWorld", case=case, default_shape={"kind": "sphere"})
+
+
+def test_parameters_out_of_bounds_are_refused_with_the_bounds(sliding: tuple[Session, str, str]) -> None:
+    session, case, world = sliding
+    box = {"kind": "box", "half_extents": [0.05, 0.05, 0.05]}
+    objects = [{"name": "puck", "restitution": 1.5}]
+    assert "less than or equal to 1" in session.refused("BuildWorld", case=case, default_shape=box, objects=objects)
+    wide = [{"paths": ["objects.puck.restitution"], "lower": 0.0, "upper": 3.0}]
+    assert "0..1" in session.refused("FitWorld", case=case, world=world, parameters=wide)
+    odd = [{"paths": ["objects.puck.colour"], "lower": 0.0, "upper": 3.0}]
+    assert "objects.puck.friction" in session.refused("FitWorld", case=case, world=world, parameters=odd)
+
+
+def test_frames_outside_the_tracks_are_refused_with_the_range(sliding: tuple[Session, str, str]) -> None:
+    session, case, world = sliding
+    assert "0..29" in session.refused("FitWorld", case=case, world=world, first_frame=5, last_frame=99)
+    assert "1..29" in session.refused("FitWorld", case=case, world=world, holdout_from=400)
+    assert "0..29" in session.refused("BuildWorld", case=case, first_frame=70)
+
+
+def test_a_world_that_is_no_world_is_refused(sliding: tuple[Session, str, str]) -> None:
+    session, case, _ = sliding
+    text = session.refused("BuildWorld", case=case, world={"objects": [{"name": "a"}], "colour": "red"})
+    assert "colour" in text
+    assert "objects.0.shape" in text
+    assert "DescribeTool" in text
+
+
+def test_unknown_worlds_and_a_second_commit_are_refused(sliding: tuple[Session, str, str]) -> None:
+    session, case, world = sliding
+    assert world in session.refused("CommitWorld", case=case, world="world-0123456789abcdef")
+    assert "CommitWorld" in session.refused("Rollout", case=case, horizon_seconds=1.0)
+    session("CommitWorld", case=case, world=world)
+    assert world in session.refused("CommitWorld", case=case, world=world)
+    for tool in ("BuildWorld", "FitWorld", "ObserveObjects", "CalibrateCamera"):
+        assert "Rollout" in session.refused(tool, case=case), tool
+
+
+def test_a_horizon_too_long_is_refused(sliding: tuple[Session, str, str]) -> None:
+    session, case, world = sliding
+    session("CommitWorld", case=case, world=world)
+    assert "horizon" in session.refused("Rollout", case=case, horizon_seconds=1e5)
+    assert "horizon" in session.refused("Rollout", case=case, horizon_seconds=-1.0)
+
+
+def test_finishing_needs_evidence_of_this_case(sliding: tuple[Session, str, str], tmp_path: Path) -> None:
+    session, case, _ = sliding
+    other = session("OpenCase", video=str(write_clip(tmp_path / "other.mp4")))
+    asked = {"case": case, "question": "does it stop?"}
+    assert "at least one" in session.refused("Finish", **asked, answer="yes", evidence=[])
+    assert "ev-999" in session.refused("Finish", **asked, answer="yes", evidence=["ev-999"])
+    assert "evidence" in session.refused("Finish", **asked, answer="yes", evidence=["twelve"])
+    assert other["case"] in session.refused("Finish", **asked, answer="yes", evidence=[other["evidence"]])
+    assert "missing" in session.refused("Finish", **asked, evidence=["ev-1"])
+    assert "confidence" in session.refused("Finish", **asked, answer="yes", evidence=["ev-1"], confidence=2.0)
+    unresolved = session("Finish", **asked, evidence=[], missing="it leaves the image first")
+    assert unresolved["data"]["resolved"] is False
+
+
+def test_unknown_evidence_and_parts_are_named(session: Session, tmp_path: Path) -> None:
+    opened = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))
+    assert "ReadEvidence(case=" in session.refused("ReadEvidence", evidence="ev-99")
+    assert "facts" in session.refused("ReadEvidence", evidence=opened["evidence"], path="nothing")
+    assert "either" in session.refused("ReadEvidence")
+    assert "OpenCase" in session.refused("DescribeTool", tool="OpneCase")
+
+
+def test_a_video_that_changed_or_vanished_is_noticed(session: Session, tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "marbles.mp4")
+    case = session("OpenCase", video=str(path))["case"]
+    moved = path.rename(tmp_path / "moved.mp4")
+    assert "OpenCase" in session.refused("ObserveObjects", case=case)
+    assert session("OpenCase", video=str(moved))["case"] == case
+    write_clip(moved, frames=5)
+    assert "changed" in session.refused("ObserveObjects", case=case)
+
+
+def test_a_store_locked_for_a_while_is_reported_and_nothing_is_lost(tmp_path: Path) -> None:
+    session = Session(tmp_path / "atw.db")
+    opened = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))
+    impatient = Session(tmp_path / "atw.db")
+    locker = sqlite3.connect(tmp_path / "atw.db")
+    locker.execute("BEGIN IMMEDIATE")
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("evidence_store.connection.BUSY_TIMEOUT", 0.2)
+            impatient = Session(tmp_path / "atw.db")
+            assert "locked by another process" in impatient.refused("OpenCase", case=opened["case"])
+    finally:
+        locker.rollback()
+        locker.close()
+    assert impatient("ReadEvidence", evidence=opened["evidence"])["evidence"] == opened["evidence"]
+
+
+def test_a_file_that_is_no_store_is_refused_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("not a database, but quite long\n" * 100)
+    with pytest.raises(NotAStore, match="--store"):
+        build_server(tmp_path / "notes.txt")
+
+
+def test_two_servers_share_one_store(tmp_path: Path) -> None:
+    first, second = Session(tmp_path / "atw.db"), Session(tmp_path / "atw.db")
+    opened = first("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))
+    assert second("OpenCase", case=opened["case"])["case"] == opened["case"]
+    assert first("OpenCase")["data"] == second("OpenCase")["data"]
+    assert len(EvidenceStore(tmp_path / "atw.db").evidence.of_case(opened["case"])) == 2
