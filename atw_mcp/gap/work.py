@@ -14,14 +14,13 @@ from atw_mcp.gap.unknowns import unknown_of
 from atw_mcp.gap.words import verdict_text, worth_text
 from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
-from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.design import design
 from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, Part
 from polyworld.estimation.intervals import intervals95
 from polyworld.estimation.run_segments import in_segments, of_whole_runs
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap import GapReport, GapSettings, find_gap
+from polyworld.gap import GapReport, GapSettings, ebic, find_gap
 from polyworld.gap.cautions import cautions
 from polyworld.gap.comparison import Compared, compared
 from polyworld.gap.examine import fitted_base, with_refined_noise
@@ -101,7 +100,7 @@ def propose(
             "title": trial.hypothesis.title,
             "effects": effects_of(trial, report.intervals if trial is best else np.zeros((0, 2))),
             "passes": trial.passes,
-            "ebic_behind": trial.ebic - chosen[0].ebic,
+            "ebic_behind": ebic.behind(trial, chosen[0]),
             "evidence": _evidence(report.base, trial),
             "world": of_whole_runs(_fitted_world(trial, world), recording, cut).model_dump(mode="json"),
         }
@@ -185,9 +184,7 @@ def fitted_effect(
 
 def _evidence(ground: FittedHypothesis, trial: FittedHypothesis) -> dict[str, float]:
     """Compute what effects gain on the data fitted, under the same noise: chi2, and BIC, which counts unknowns."""
-    gain = extended_bic(ground.chi2, 0, trial.context.observations, 0, 1) - extended_bic(
-        trial.chi2, trial.hypothesis.extra, trial.context.observations, 0, 1
-    )
+    gain = ebic.bic(ground.chi2, 0, trial.context) - ebic.bic(trial.chi2, trial.hypothesis.extra, trial.context)
     return {
         "chi2_before": ground.chi2,
         "chi2_after": trial.chi2,

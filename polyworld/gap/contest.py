@@ -20,6 +20,7 @@ from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.refitting import refit_ill_runs
 from polyworld.estimation.score_test import ScoreTestStart, score_test_starts
 from polyworld.estimation.variable_projection import profiled
+from polyworld.gap import ebic
 from polyworld.gap.refined_starts import closer
 from polyworld.gap.segment_context import SegmentContext
 from polyworld.gap.settings import SearchSettings
@@ -88,7 +89,7 @@ class Contest:
     def ranked(self, effects: int | None = None) -> list[FittedHypothesis]:
         """Return the fits (of hypotheses with so many effects), lowest extended BIC first."""
         chosen = [t for t in self.fitted.values() if effects is None or len(t.hypothesis.parts) == effects]
-        return sorted(chosen, key=lambda t: (t.ebic, t.hypothesis.title))
+        return ebic.ranked_by_title(chosen)
 
     def best(self, effects: int) -> FittedHypothesis | None:
         """Return the fit with so many effects that has the lowest extended BIC."""
@@ -126,8 +127,7 @@ class Contest:
                     seen = sorted((self._evaluated(parent, x) for x in tried), key=lambda x: x.chi2)
                     own.setdefault(identity(hypothesis), []).extend(seen[: self.settings.few])
             found += [(parent, tuple(sorted(x, key=lambda tested: tested.chi2))) for x in own.values() if x]
-        price = float(np.log(self.observations))
-        gains = [p.chi2 - starts[0].chi2 - starts[0].hypothesis.extra * price for p, starts in found]
+        gains = [ebic.predicted_gain(p, starts[0], self.context) for p, starts in found]
         best = max(max(gains, default=0.0), 1e-9)
         ranked = sorted(
             (Prediction(p, starts, gain / best) for (p, starts), gain in zip(found, gains, strict=True)),
@@ -267,7 +267,7 @@ class Contest:
             if len(done) == self.settings.few or any(self.explained(t) for t in done):
                 break
             done.append(self.take(self._converged(trial)))
-        return sorted([*done, *ranked[len(done) :]], key=lambda t: t.ebic)
+        return ebic.ranked([*done, *ranked[len(done) :]])
 
     def _converged(self, trial: FittedHypothesis) -> FittedHypothesis:
         for _ in range(self.settings.rounds):
@@ -287,14 +287,14 @@ class Contest:
 
     def _worth(self, trials: Sequence[FittedHypothesis], level: float) -> list[FittedHypothesis]:
         """Select the first few fits, all that gain half of what the best does, and all within reach; best first."""
-        ranked = sorted(trials, key=lambda t: t.ebic)
+        ranked = ebic.ranked(trials)
         few = 1 if any(self._nearly_all(t, level) for t in ranked) else self.settings.few
         return [
             t
             for i, t in enumerate(ranked)
             if i < few
             or level - t.ebic >= self.settings.half * (level - ranked[0].ebic)
-            or t.ebic <= ranked[0].ebic + self.settings.credible
+            or ebic.competes(t, ranked[0], self.settings.credible)
         ]
 
 

@@ -16,6 +16,7 @@ from scipy.special import chdtri
 
 from polyworld.estimation.criteria import HeldOutGain, held_out_gain
 from polyworld.estimation.fit_context import FittedHypothesis
+from polyworld.gap import ebic
 from polyworld.gap.model_error import ModelError
 from polyworld.gap.settings import DecisionSettings
 from polyworld.gap.stability import (
@@ -154,7 +155,8 @@ def compare(
     by_subset = np.array([found.scores(w) for w in found.subsets(settings.subsets, seed)])
     chosen = chosen_in_subsets(by_subset, index, settings)
     support = support_of(pool, index, chosen, by_subset, same)
-    within = [t for t, score in zip(pool, scores, strict=True) if score - scores[index] <= settings.decisive]
+    competing = ebic.within(scores, scores[index], settings.decisive)
+    within = [t for t, near in zip(pool, competing, strict=True) if near]
     competitors = tuple(dict.fromkeys(names_of(t) for t in within if names_of(t) and not contains(t, leader, same)))
     held_out = found.held_out()
     gain = held_out_gain(held_out[index], held_out[0])
@@ -169,7 +171,7 @@ def compare(
     if not leader.hypothesis.names:
         reasons.append("with model error admitted, no effect is decisive")
         return Stability(leader, error, support, competitors, gain, ahead, tuple(reasons))
-    if ahead <= settings.decisive:
+    if competing[0]:
         reasons.append(
             f"with model error admitted, the base is only {ahead:.1f} behind in the extended BIC "
             f"(decisive: {settings.decisive:g})"
@@ -218,7 +220,7 @@ def leave_noise(trials: Sequence[FittedHypothesis], credible: float, settings: D
     criterion says, or where they are not far behind and predict data left out clearly better. A richer law that
     predicts the same as a simpler one, to what its further unknowns fit of the noise, contains it and is left out.
     """
-    ranked = sorted((t for t in trials if np.isfinite(t.ebic)), key=lambda t: (t.ebic, t.hypothesis.title))
+    ranked = ebic.ranked_by_title(t for t in trials if np.isfinite(t.ebic))
     best = next((t for t in ranked if _could_pass(t, ranked) and t.passes), None)
     if best is None:
         first = ranked[0] if ranked else None
@@ -227,9 +229,9 @@ def leave_noise(trials: Sequence[FittedHypothesis], credible: float, settings: D
         t
         for t in ranked
         if t is best
-        or t.ebic - best.ebic <= credible
+        or ebic.competes(t, best, credible)
         or _preferred(t, best, settings.chance)
-        or (t.ebic - best.ebic <= settings.asked and held_out_gain(t.held_out, best.held_out).exceeds(settings.doubly))
+        or (ebic.competes(t, best, settings.asked) and _predicts_better(t, best, settings.doubly))
     ]
     beside = [t for t in near if t.passes]
     beside = [t for t in beside if not any(_richer(t, other, settings.chance) for other in beside if other is not t)]
@@ -248,7 +250,7 @@ def beside_fewer(verdict: Verdict, fewer: Sequence[FittedHypothesis], credible: 
     That they fail the gate, and it does not, is no evidence for a further effect by that very name.
     """
     best = verdict.best
-    near = [] if best is None else [t for t in fewer if t.ebic - best.ebic <= credible]
+    near = [] if best is None else [t for t in fewer if ebic.competes(t, best, credible)]
     if not near:
         return verdict
     return replace(verdict, kind="ambiguous", credible=(*verdict.credible, *one_of_each_name(near)))
@@ -268,6 +270,10 @@ def _could_pass(trial: FittedHypothesis, ranked: Sequence[FittedHypothesis]) -> 
     return trial.chi2 < least + 5.0 * float(np.sqrt(2.0 * max(least, trial.context.observations)))
 
 
+def _predicts_better(trial: FittedHypothesis, best: FittedHypothesis, errors: float) -> bool:
+    return held_out_gain(trial.held_out, best.held_out).exceeds(errors)
+
+
 def _preferred(trial: FittedHypothesis, best: FittedHypothesis, chance: float) -> bool:
     more = trial.hypothesis.extra - best.hypothesis.extra
     gain = best.chi2 + best.implausibility - trial.chi2 - trial.implausibility
@@ -284,4 +290,4 @@ def _runner_up(best: FittedHypothesis, ranked: Sequence[FittedHypothesis]) -> Ru
     other = next((t for t in ranked if names_of(t) != names_of(best)), None)
     if other is None:
         return None
-    return RunnerUp(other, other.ebic - best.ebic, held_out_gain(best.held_out, other.held_out))
+    return RunnerUp(other, ebic.behind(other, best), held_out_gain(best.held_out, other.held_out))

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate
-from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.intervals import intervals95
 from polyworld.estimation.run_segments import of_whole_runs
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap import ebic
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.checks import contradictions, lowered
@@ -39,7 +39,7 @@ from polyworld.gap.set_aside import Work, search_without_outliers
 from polyworld.gap.settings import DecisionSettings, OutlierSettings, SearchSettings, SymbolicSettings
 from polyworld.gap.single_coordinate import is_single_coordinate
 from polyworld.gap.stability import widened
-from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_ebic
+from polyworld.gap.symbolic import ResidualForce, describe_unexplained, law_bic
 from polyworld.screening import Screening, screen
 from polyworld.world import World
 
@@ -211,8 +211,7 @@ def _single_law_preferred(force: ResidualForce, ground: FittedHypothesis, best: 
     """
     if not force.explains or force.world is None:
         return False
-    effects = extended_bic(best.chi2, best.hypothesis.extra, best.context.observations, 0, 1)
-    return law_ebic(force, ground) < effects - by
+    return law_bic(force, ground) < ebic.bic(best.chi2, best.hypothesis.extra, best.context) - by
 
 
 def _as_it_is(world: World) -> World:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis, Start
 from polyworld.estimation.hypothesis import Hypothesis, Part, extended, without_part
 from polyworld.estimation.score_test import score_test_starts
+from polyworld.gap import ebic
 from polyworld.gap.contest import identity
 
 if TYPE_CHECKING:
@@ -40,9 +41,8 @@ def _competitors(search: Search, best: FittedHypothesis, effects: int) -> list[M
     found: dict[tuple[str, ...], Move] = {}
     if search.used is not None:
         there = search.used.ranked(effects)
-        limit = (there[0].ebic if there else np.inf) + search.settings.close
         for t in there:
-            if t.ebic <= limit:
+            if ebic.competes(t, there[0], search.settings.close):
                 found[identity(t.hypothesis)] = Move(t.hypothesis, Start(t.values, best.fit.states))
     for contest in (search.whole, search.used):
         own = None if contest is None else contest.predicted.get(identity(best.hypothesis))

@@ -22,6 +22,7 @@ from polyworld.estimation.forward import Forward
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise
 from polyworld.estimation.segments import Segments, short_segments
+from polyworld.gap import ebic
 from polyworld.gap.settings import OutlierSettings
 from polyworld.world import World
 
@@ -222,7 +223,7 @@ def supporting_run(
     if len(gains) * settings.most < 1.0 or not np.all(np.isfinite(gains)):
         return None
     run = int(np.argmax(gains))
-    price = (best.ebic - best.chi2) - (base.ebic - base.chi2)
+    price = ebic.added_price(base, best)
     if gains.sum() - gains[run] > price + decisive:
         return None
     own = best.context.design.runs[run]

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.special import chndtrinc
 
 from polyworld.estimation.candidate import Candidate
-from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 from polyworld.estimation.forward import Settings
 from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap import ebic
 from polyworld.gap.settings import PowerSettings
 
 Array = NDArray[np.float64]
@@ -106,8 +106,8 @@ def noncentrality_needed(
 ) -> float:
     """Noncentrality with which the gain of an effect with so many unknowns suffices with the power asked for."""
     settings = settings or PowerSettings()
-    price = extended_bic(0.0, unknowns, observations, 1, candidates) + settings.alarm
-    return float(chndtrinc(price, unknowns, 1.0 - settings.power))
+    gain = ebic.required_gain(unknowns, observations, candidates, settings.alarm)
+    return float(chndtrinc(gain, unknowns, 1.0 - settings.power))
 
 
 def _of_hypothesis(

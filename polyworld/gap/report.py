@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.fit_context import FitContext, FittedHypothesis
+from polyworld.gap import ebic
 from polyworld.gap.checks import Check
 from polyworld.gap.decide import RunnerUp, Stability, Verdict
 from polyworld.gap.held_out import HeldOutGap
@@ -149,7 +150,7 @@ def _plain(trial: FittedHypothesis, best: FittedHypothesis) -> dict[str, Any]:
             u.name: float(trial.values[len(trial.hypothesis.base) + i]) for i, u in enumerate(part.variant.unknowns)
         },
         "chi2": trial.chi2,
-        "ebic_behind": trial.ebic - best.ebic,
+        "ebic_behind": ebic.behind(trial, best),
         "passes": trial.passes,
     }
 

@@ -25,6 +25,7 @@ from polyworld.estimation.refitting import (
 )
 from polyworld.estimation.score_test import score_test_starts
 from polyworld.estimation.variable_projection import profiled, sensitive
+from polyworld.gap import ebic
 from polyworld.gap.contest import Contest, ReportStep, identity
 from polyworld.gap.moves import Move, distinct, moves, reduced
 from polyworld.gap.segment_context import segment_context
@@ -171,10 +172,10 @@ class Search:
         best = self.best(effects)
         while best is not None and len(best.hypothesis.parts) > 1 and best.passes:
             fewer = [self._dropped(less, values, best) for less, values in reduced(self.context, best)]
-            good = [t for t in fewer if t.passes and t.ebic <= best.ebic + self.settings.credible]
+            good = [t for t in fewer if t.passes and ebic.competes(t, best, self.settings.credible)]
             if not good:
                 break
-            best = min(good, key=lambda t: t.ebic)
+            best = ebic.ranked(good)[0]
             self.report("drop", best.figures())
         return effects if best is None else len(best.hypothesis.parts)
 
@@ -183,13 +184,12 @@ class Search:
         best = self.best(effects)
         if best is None:
             return
-        target = best.ebic + self.settings.credible
         for move in moves(self, best, effects):
             known = self.whole.fitted.get(identity(move.hypothesis))
             perturbed = identity(move.hypothesis) == identity(best.hypothesis)
-            if known is not None and known.ebic <= target and not perturbed:
+            if known is not None and ebic.competes(known, best, self.settings.credible) and not perturbed:
                 continue
-            trial = self._moved(move, best, target)
+            trial = self._moved(move, best)
             self.report("move", trial.figures())
             self.whole.take(trial)
 
@@ -198,7 +198,7 @@ class Search:
         best = self.best(effects)
         if best is None:
             return
-        near = [t for t in self.ranked(effects) if t.ebic <= best.ebic + self.settings.credible]
+        near = [t for t in self.ranked(effects) if ebic.competes(t, best, self.settings.credible)]
         for trial in near[: self.settings.few + 2]:
             if sensitive(self.context.design):
                 self.whole.take(profiled(refit_ill_runs(trial)))
@@ -227,7 +227,7 @@ class Search:
         best = self.best(effects)
         if best is None or best.chi2 > self.settings.nearly * self.context.observations:
             return
-        near = [t for i, t in enumerate(self.ranked(effects)) if i == 0 or t.ebic < best.ebic + self.settings.close]
+        near = [t for i, t in enumerate(self.ranked(effects)) if i == 0 or ebic.competes(t, best, self.settings.close)]
         for trial in near[: self.settings.few + 2]:
             fine = refined(trial, self.substep, self.substep / times)
             if fine is not trial:
@@ -236,18 +236,16 @@ class Search:
 
     def with_predicted_gain(self, gain: float) -> list[FittedHypothesis]:
         """Fit single effects for which the score test predicts that the extended BIC falls by more than `gain`."""
-        choice = 2.0 * float(np.log(max(self.context.candidates, 1)))
-        price = float(np.log(self.context.observations))
         found = [
             tested
             for tested in score_test_starts(self.context, self.ground, self._more(self.ground), 1)
-            if tested.chi2 + tested.hypothesis.extra * price + choice < self.ground.ebic - gain
+            if ebic.predicted(tested, self.context) < self.ground.ebic - gain
         ]
         fits = []
         for tested in found[: self.settings.contenders]:
             start = Start(tested.values, self.ground.fit.states)
             fits.append(profiled(self.context.fit(tested.hypothesis, start.values, start.states)))
-        return sorted(fits, key=lambda t: t.ebic)
+        return ebic.ranked(fits)
 
     def parents(self, effects: int) -> list[FittedHypothesis]:
         """Return the hypotheses that a further effect is added to: the leaders, and the one that leads on segments.
@@ -332,7 +330,7 @@ class Search:
         hopeless = not contest.explained(found[0]) and found[0].chi2 > 2.0 * contest.observations
         chosen: list[FittedHypothesis] = []
         for trial in found[: self.settings.few if hopeless else self.settings.contenders]:
-            behind = trial.ebic > found[0].ebic + self.settings.close
+            behind = not ebic.competes(trial, found[0], self.settings.close)
             if behind and any(t.chi2 < self.settings.near * self.context.observations for t in chosen):
                 break
             chosen.append(self._whole(contest, trial))
@@ -368,14 +366,15 @@ class Search:
             fewer = self.whole.take(refit_ill_runs(again))
         return fewer
 
-    def _moved(self, move: Move, best: FittedHypothesis, target: float) -> FittedHypothesis:
+    def _moved(self, move: Move, best: FittedHypothesis) -> FittedHypothesis:
         """Fit a move; where bodies collide, run by run unless most runs refuse it."""
         context = self.context
         coupled = profile.collide(context.design) and not sensitive(context.design)
         horizons = profile.FINE_HORIZONS if coupled else (1.0,)
         trial = context.fit(move.hypothesis, move.start.values, move.start.states, horizons=horizons)
         if not sensitive(context.design):
-            if trial.ebic > target:  # initial states may have been bent to the other law
+            # Initial states may have been bent to the other law.
+            if not ebic.competes(trial, best, self.settings.credible):
                 data, wide = profile.start_states(context.design), profile.horizons_for(context.design)
                 other = context.fit(move.hypothesis, trial.values, data, horizons=wide, iterations=self.settings.rough)
                 trial = min([trial, context.refit(other, target=best.chi2 + self.settings.close)], key=lambda t: t.chi2)

@@ -20,6 +20,7 @@ from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.noise import refined_noise
 from polyworld.estimation.run_segments import split_runs
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap import ebic
 from polyworld.gap.clock import Clock, TimeLimitReached
 from polyworld.gap.contest import identity
 from polyworld.gap.decide import Verdict, beside_fewer, leave_noise
@@ -150,7 +151,7 @@ def search_effects(
         again = _from_states_of(verdict.best, ground)
         if again.chi2 < ground.chi2:
             ground = again
-        if ground.passes and ground.ebic - verdict.best.ebic <= alarm:
+        if ground.passes and ebic.competes(ground, verdict.best, alarm):
             return Searched(Verdict("nothing_missing", None), context, ground, near_misses, limited=limited)
     plain = tuple(t for t in search.ranked(1) if _is_plain(t)) if limited else _plain_laws(search, ground, context)
     doubtful = verdict.kind == "identified" and verdict.best is not None and far_fetched(verdict.best) > 0
@@ -252,8 +253,8 @@ def _plain_laws(search: Search, ground: FittedHypothesis, context: FitContext) -
             ways.append(context.refit(known, iterations=settings.care if near else BASE.barely))
         ways = [w for w in ways if np.isfinite(w.chi2)]
         if ways:
-            found.append(min(ways, key=lambda t: t.ebic))
-    return tuple(sorted(found, key=lambda t: t.ebic))
+            found.append(ebic.ranked(ways)[0])
+    return tuple(ebic.ranked(found))
 
 
 def _plain_pairs(
@@ -328,14 +329,14 @@ def _explained(
 ) -> tuple[FittedHypothesis, bool, tuple[dict[str, Any], ...]]:
     """Return the base, whether no effect betters it by more than `alarm`, and those that better it at all."""
     likely = search.with_predicted_gain(0.5 * alarm)
-    near = [t for t in likely if t.ebic < ground.ebic]
+    near = [t for t in likely if ebic.behind(ground, t) > 0.0]
     for trial in near[: search.settings.few]:
         again = _from_states_of(trial, ground)
         if again.chi2 < ground.chi2 and again.passes:
             ground = again
-    near = [t for t in near if t.ebic < ground.ebic]
-    misses = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ground.ebic - t.ebic} for t in near)
-    return ground, not near or ground.ebic - near[0].ebic <= alarm, misses
+    near = [t for t in near if ebic.behind(ground, t) > 0.0]
+    misses = tuple({"effects": list(t.hypothesis.names), "ebic_gain": ebic.behind(ground, t)} for t in near)
+    return ground, not near or ebic.competes(ground, near[0], alarm), misses
 
 
 def _from_states_of(trial: FittedHypothesis, ground: FittedHypothesis) -> FittedHypothesis:

@@ -11,6 +11,7 @@ from polyworld.estimation import profile
 from polyworld.estimation.design import Design
 from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import extended
+from polyworld.gap import ebic
 from polyworld.gap.search import Search
 
 SINGLE = 1  # unknowns of an effect that is tried as one of two
@@ -37,7 +38,7 @@ def competitors(search: Search, ground: FittedHypothesis, best: FittedHypothesis
             if way.extra == onto.hypothesis.extra + SINGLE
         ]
 
-    firsts = sorted(plain(ground), key=lambda t: (t.ebic, t.hypothesis.title))[: search.settings.firsts]
+    firsts = ebic.ranked_by_title(plain(ground))[: search.settings.firsts]
     for pair in (p for first in firsts for p in plain(first)):
         search.whole.take(best.context.refit(pair))
     return [t for t in search.ranked(2) if t.hypothesis.extra <= best.hypothesis.extra]

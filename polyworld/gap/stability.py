@@ -15,6 +15,7 @@ from scipy.special import chdtri
 from scipy.stats import t as student
 
 from polyworld.estimation.fit_context import FittedHypothesis
+from polyworld.gap import ebic
 from polyworld.gap.model_error import ModelError, RunEvidence, model_error_of, run_evidence
 from polyworld.gap.settings import DecisionSettings
 
@@ -149,8 +150,8 @@ def chosen_in_subsets(scores: Array, leader: int, settings: DecisionSettings) ->
     scores (B, H): extended BIC of every hypothesis in every subset.
     """
     best = np.argmin(scores, axis=1)
-    ahead = scores[:, leader] - scores[np.arange(len(scores)), best]
-    return np.where(ahead > settings.decisive, best, leader)
+    held = ebic.within(scores[:, leader], scores[np.arange(len(scores)), best], settings.decisive)
+    return np.where(held, leader, best)
 
 
 def has_effect(pool: Sequence[FittedHypothesis], name: str, same: Same) -> NDArray[np.bool_]:

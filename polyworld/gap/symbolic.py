@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.criteria import extended_bic
 from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis, without_part
 from polyworld.estimation.intervals import intervals95
 from polyworld.estimation.noise import Noise
 from polyworld.estimation.profile import Fit
 from polyworld.estimation.score_test import ScoreTestStart, score_test_starts
+from polyworld.gap import ebic
 from polyworld.gap.examine import with_refined_noise
 from polyworld.gap.segment_context import SegmentContext
 from polyworld.gap.settings import SymbolicSettings
@@ -150,15 +150,15 @@ def describe_unexplained(
         return alone
     near = near.refitted(kept) if near is not None and near.segments.holds(kept.hypothesis) else None
     beside = _law_on(kept, near, replace(settings, steps=settings.steps / 4))  # it begins nearer to the data
-    return beside if beside.explains or law_ebic(beside, kept) < law_ebic(alone, ground) else alone
+    return beside if beside.explains or law_bic(beside, kept) < law_bic(alone, ground) else alone
 
 
-def law_ebic(force: ResidualForce, trial: FittedHypothesis) -> float:
-    """Extended BIC of a law on top of a trial, under the trial's noise; that of the trial where there is no law."""
+def law_bic(force: ResidualForce, trial: FittedHypothesis) -> float:
+    """BIC of a law on top of a trial, under the trial's noise; that of the trial where there is no law."""
     context, own = trial.context, force.trial if force.law.terms else trial
     whole = len(own.fit.states) == len(trial.fit.states)  # or the law was found on segments, and on no whole runs
     fitted = context.fit(own.hypothesis, own.values, own.fit.states if whole else trial.fit.states)
-    return extended_bic(fitted.chi2, own.hypothesis.extra, context.observations, 0, 1)
+    return ebic.bic(fitted.chi2, own.hypothesis.extra, context)
 
 
 def _without_forces(ground: FittedHypothesis, best: FittedHypothesis) -> FittedHypothesis | None:
@@ -257,8 +257,7 @@ class _Search:
             if law.fits
         )
         found = [(law, start) for law, starts in begins for start in starts]
-        price = float(np.log(self.context.observations))
-        return sorted(found, key=lambda f: f[1].chi2 + price * len(f[1].values))
+        return sorted(found, key=lambda f: ebic.bic(f[1].chi2, len(f[1].values), self.context))
 
     def with_one_more(self, known: _Fitted) -> _Fitted | None:
         """Fit the terms of largest predicted gain beside those of a law; the best of them."""
