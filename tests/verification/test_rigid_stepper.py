@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.arrays import rigid_arrays
+from polyworld.solver.core.arrays import rigid_arrays
 from polyworld.solver.rollout import simulator
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.solver.spatial.stepper import RigidStepper

@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from polyworld.solver.references import by_reference
+from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.solver.spatial.separation import separating_direction, separation

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import DeformableMesh
+from polyworld.solver.core.references import by_reference
 from polyworld.solver.coupled import contact_layout as layout
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.contact_events import ContactLog
@@ -27,7 +28,6 @@ from polyworld.solver.coupled.contact_search import (
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface import SurfacePairs
-from polyworld.solver.references import by_reference
 from polyworld.solver.spatial.layout import Body, Geometry
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event

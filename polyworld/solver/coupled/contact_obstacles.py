@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import DeformableMesh
+from polyworld.solver.core.references import by_reference
 from polyworld.solver.coupled.attachment_targets import held_nodes
 from polyworld.solver.coupled.contact_layout import Obstacles, Part, Surface
 from polyworld.solver.coupled.contact_search import mark_overlaps
 from polyworld.solver.coupled.nodes import Nodes
-from polyworld.solver.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.world import World
 from polyworld.world.materials import PLANAR, material_of

@@ -9,9 +9,9 @@ import warp as wp
 
 from polyworld.core import buffers
 from polyworld.effects import Motion
-from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.core.arrays import RigidArrays
+from polyworld.solver.core.effect_forces import effect_forces
 from polyworld.solver.coupled.nodes import Clock, Nodes
-from polyworld.solver.effect_forces import effect_forces
 from polyworld.solver.spatial.layout import OPTIONS
 from polyworld.world import World
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import DeformableMesh
-from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.core.arrays import RigidArrays
+from polyworld.solver.core.time_table import TimeTable
 from polyworld.solver.coupled import motion
 from polyworld.solver.coupled.assembly import allocate_nodes, clock_of, fluid_of, stages_of, write_in_place
 from polyworld.solver.coupled.attachment import Attachments
@@ -20,7 +21,6 @@ from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Fields, parameter_row
 from polyworld.solver.coupled.stage import Paced
-from polyworld.solver.time_table import TimeTable
 from polyworld.trajectory import Event
 from polyworld.world import World
 from polyworld.world.materials import material_of

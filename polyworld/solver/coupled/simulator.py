@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.model import model_of
-from polyworld.solver.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.core.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.core.time_table import time_table
 from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides
 from polyworld.solver.coupled.nodes import Fields
 from polyworld.solver.coupled.record import Record
 from polyworld.solver.coupled.shard import Shard
-from polyworld.solver.time_table import time_table
 from polyworld.trajectory import BatchTrajectory, PointMotion
 from polyworld.world import World
 

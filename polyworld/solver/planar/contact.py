@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.contact_coefficients import of_contact
+from polyworld.solver.core.contact_coefficients import of_contact
 from polyworld.solver.planar.contact_effects import apply_tangential_loss, with_contact_effects
 from polyworld.solver.planar.joints import project_hinge_rate, solve_hinge, warm_start_hinges
 from polyworld.solver.planar.motion import pose_at, slide, stiffness_of

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.effect_contacts import contact_friction, contact_restitution, contact_tangential
+from polyworld.solver.core.effect_contacts import contact_friction, contact_restitution, contact_tangential
 from polyworld.solver.planar.records import Bodies, Contacts, Row, Scene
 
 wp.set_module_options({"enable_backward": False})

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.expressions.effect import effect_programs
-from polyworld.solver.effect_contacts import contact_laws
-from polyworld.solver.effect_forces import forces_among
+from polyworld.solver.core.effect_contacts import contact_laws
+from polyworld.solver.core.effect_forces import forces_among
+from polyworld.solver.core.time_table import Schedules
 from polyworld.solver.planar.records import Joints, Scene
-from polyworld.solver.time_table import Schedules
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Plane, Wall

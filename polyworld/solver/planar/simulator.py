@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.effects import MAX_PARAMETERS
-from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.references import by_reference
+from polyworld.solver.core.thread_pool import run_in_pool, shares
+from polyworld.solver.core.time_table import schedules
 from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.solver.planar.records import Bodies, Contacts, Log, References, Row, Samples, Scene
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.solver.planar.step import rollout
-from polyworld.solver.references import by_reference
-from polyworld.solver.thread_pool import run_in_pool, shares
-from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World, geometry
 

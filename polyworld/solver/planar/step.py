@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.effects import Motion
-from polyworld.solver.effect_forces import effect_forces
+from polyworld.solver.core.effect_forces import effect_forces
 from polyworld.solver.planar.contact import (
     find_near,
     find_rows,

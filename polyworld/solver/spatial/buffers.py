@@ -9,10 +9,10 @@ import numpy as np
 import warp as wp
 
 from polyworld.core import buffers
-from polyworld.solver.arrays import RigidArrays
-from polyworld.solver.effect_contacts import contact_laws
-from polyworld.solver.effect_forces import forces_among
-from polyworld.solver.references import by_reference
+from polyworld.solver.core.arrays import RigidArrays
+from polyworld.solver.core.effect_contacts import contact_laws
+from polyworld.solver.core.effect_forces import forces_among
+from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints

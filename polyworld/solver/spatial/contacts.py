@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.contact_coefficients import of_contact
+from polyworld.solver.core.contact_coefficients import of_contact
 from polyworld.solver.spatial.layout import (
     BOX,
     MAX_MANIFOLD_POINTS,

@@ -4,7 +4,7 @@ from typing import Any
 
 import warp as wp
 
-from polyworld.solver.effect_contacts import contact_friction, contact_restitution, contact_tangential
+from polyworld.solver.core.effect_contacts import contact_friction, contact_restitution, contact_tangential
 from polyworld.solver.spatial.constraints import NO_TARGET, ROWS, clear_impulses
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import Body, Parameters, State

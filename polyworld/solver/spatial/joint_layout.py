@@ -10,8 +10,6 @@ BALL = 2
 FIXED = 3
 SPRING = 4
 
-NEVER = 1.0e30  # a time or a stop that is never reached
-
 
 @wp.struct
 class JointKind:
@@ -151,7 +149,7 @@ class Joints:
     # (1 or W, joints): where it holds a and b, springs in the bodies' axes, others in the world's at the start [m]
     anchor: wp.array2d[wp.vec3d]
     other_anchor: wp.array2d[wp.vec3d]
-    friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.solver.arrays.RigidArrays`
+    friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.solver.core.arrays.RigidArrays`
     damping: wp.array2d[wp.float64]
     stiffness: wp.array2d[wp.float64]
     target_speed: wp.array2d[wp.float64]

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from polyworld.core import buffers
-from polyworld.solver.arrays import RigidArrays
+from polyworld.solver.core.arrays import NEVER, RigidArrays
 from polyworld.solver.spatial import joint_layout
 from polyworld.solver.spatial.tree_scene import build_tree
 from polyworld.world import World, geometry
@@ -188,7 +188,7 @@ def _describe(row: Any, joint: Joint, world: World) -> None:
             row["driven"] = 1 if motor.target_speed is None else 2
             row["direction"] = -1.0 if motor.reverse else 1.0
             row["switched_on"] = motor.start
-            row["switched_off"] = joint_layout.NEVER if motor.end is None else motor.end
+            row["switched_off"] = NEVER if motor.end is None else motor.end
 
 
 def _frame(axis: Array) -> Array:

@@ -11,8 +11,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.arrays import Overriding, RigidArrays, check_samples, check_worlds
-from polyworld.solver.references import by_reference
+from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.references import by_reference
+from polyworld.solver.core.thread_pool import run_in_pool, shares
+from polyworld.solver.core.time_table import schedules
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     ParameterBuffers,
@@ -28,8 +30,6 @@ from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
-from polyworld.solver.thread_pool import run_in_pool, shares
-from polyworld.solver.time_table import schedules
 from polyworld.trajectory import BatchTrajectory, Event
 from polyworld.world import World
 

@@ -10,8 +10,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.arrays import RigidArrays, rigid_arrays
-from polyworld.solver.references import by_reference
+from polyworld.solver.core.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     SHARED,

@@ -9,7 +9,7 @@ import warp as wp
 
 from polyworld.effects import Motion
 from polyworld.effects.law import wrench
-from polyworld.solver.effect_forces import effect_forces
+from polyworld.solver.core.effect_forces import effect_forces
 from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.motion import rotated

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from polyworld.solver.arrays import rigid_arrays
+from polyworld.solver.core.arrays import rigid_arrays
 from polyworld.world import Effect, MotionPlane, World, geometry
 from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
 from polyworld.world.representations.rigid import RigidObject

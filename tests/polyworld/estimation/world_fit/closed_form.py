@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.solver.arrays import rigid_arrays
+from polyworld.solver.core.arrays import rigid_arrays
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import TimeBase, World, geometry
 from polyworld.world.representations.rigid import RigidObject

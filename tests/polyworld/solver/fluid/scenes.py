@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from polyworld.solver.arrays import rigid_arrays
+from polyworld.solver.core.arrays import rigid_arrays
 from polyworld.solver.coupled.nodes import Clock
 from polyworld.solver.fluid.solver import FluidSolver
 from polyworld.solver.spatial.layout import Body

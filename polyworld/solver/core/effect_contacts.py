@@ -116,7 +116,7 @@ def contact_friction(
     """Return the Coulomb coefficient of a contact of a and b at x (world axes), mu without effects: mean over the path
     travelled in a step, with its middle at x.
 
-    kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `polyworld.solver.arrays.RigidArrays`; a is an object, b
+    kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `core.arrays.RigidArrays`; a is an object, b
     an object, a static (from n on) or the supporting plane (-1). A region belongs to what does not move: between two
     objects the coefficient stays mu, wherever they meet.
     """

@@ -74,7 +74,7 @@ def effect_forces(
 ) -> wp.spatial_vectord:
     """Sum over the effects acting on a body: force [N], torque [N m] about the centre of mass, world axes.
 
-    kinds (e,), acts (e, n), parameters (1 or W, e, 8), programs (rows, 4) as in `polyworld.solver.arrays.RigidArrays`.
+    kinds (e,), acts (e, n), parameters (1 or W, e, 8), programs (rows, 4) as in `core.arrays.RigidArrays`.
     """
     total = wp.spatial_vectord()
     row = world % parameters.shape[0]

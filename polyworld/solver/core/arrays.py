@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.expressions.effect import effect_programs, law_of
-from polyworld.solver.contact_coefficients import OWN, coded
-from polyworld.solver.spatial.joint_layout import NEVER
+from polyworld.solver.core.contact_coefficients import OWN, coded
 from polyworld.world import World, geometry
 from polyworld.world.parameters import (
     check_differs_per_world,
@@ -27,6 +26,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 KEPT = 64  # lists of paths whose destinations are cached
+NEVER = 1.0e30  # a time or a stop that is never reached
 
 
 @dataclass

@@ -1,0 +1,1 @@
+"""What every solver shares: a world as arrays, the times of its steps, and the laws of effects and contacts."""
