@@ -133,9 +133,9 @@ def test_same_mesh_on_every_call() -> None:
     from polyworld.model import soft
 
     world, item = world_of(surface(SURFACES["torus"]))
-    first = mesh_of(world, item)
+    first = soft.soft_mesh(world, item)
     soft._solid.cache_clear()
-    again = mesh_of(world, item)
+    again = soft.soft_mesh(world, item)
     for name in ("nodes", "measure", "triangles", "tetrahedra"):
         assert getattr(first, name).tobytes() == getattr(again, name).tobytes()
 
