@@ -14,6 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Vec8
+from polyworld.solver.core.effect_table import Effects, effect_values
 
 _CONTACT_KINDS = [
     KIND_INDEX[kind] for kind, law in CATALOGUE.items() if law.friction or law.restitution or law.tangential
@@ -83,80 +84,46 @@ _tangential = reduce(_with_tangential, [law for law in _laws if law.tangential],
 
 
 @wp.func
-def _acts_on(acts: wp.array2d[wp.int32], e: int, a: int, b: int) -> bool:
+def _acts_on(effects: Effects, e: int, a: int, b: int) -> bool:
     """Check whether effect e acts on object a or b; statics and the supporting plane are no objects."""
-    if acts[e, a] == 1:
+    if effects.acts[e, a] == 1:
         return True
-    if b < 0 or b >= acts.shape[1]:
+    if b < 0 or b >= effects.acts.shape[1]:
         return False
-    return acts[e, b] == 1
-
-
-@wp.func
-def _values(parameters: wp.array3d[wp.float64], world: int, e: int) -> Vec8:
-    row = world % parameters.shape[0]
-    p = Vec8()
-    for k in range(8):
-        p[k] = parameters[row, e, k]
-    return p
+    return effects.acts[e, b] == 1
 
 
 @wp.func(inline=False)
 def contact_friction(
-    kinds: wp.array[wp.int32],
-    acts: wp.array2d[wp.int32],
-    parameters: wp.array3d[wp.float64],
-    world: int,
-    a: int,
-    b: int,
-    mu: wp.float64,
-    x: wp.vec3d,
-    path: wp.vec3d,
+    effects: Effects, world: int, a: int, b: int, mu: wp.float64, x: wp.vec3d, path: wp.vec3d
 ) -> wp.float64:
     """Return the Coulomb coefficient of a contact of a and b at x (world axes), mu without effects: mean over the path
     travelled in a step, with its middle at x.
 
-    kinds (e,), acts (e, n), parameters (1 or W, e, 8) as in `core.arrays.RigidArrays`; a is an object, b
-    an object, a static (from n on) or the supporting plane (-1). A region belongs to what does not move: between two
-    objects the coefficient stays mu, wherever they meet.
+    a is an object, b an object, a static (from n on) or the supporting plane (-1). A region belongs to what does not
+    move: between two objects the coefficient stays mu, wherever they meet.
     """
-    if b >= 0 and b < acts.shape[1]:
+    if b >= 0 and b < effects.acts.shape[1]:
         return mu
     coefficient = mu
-    for e in range(kinds.shape[0]):
-        if _acts_on(acts, e, a, b):
-            coefficient = _friction(kinds[e], _values(parameters, world, e), coefficient, x, path)
+    for e in range(effects.kind.shape[0]):
+        if _acts_on(effects, e, a, b):
+            coefficient = _friction(effects.kind[e], effect_values(effects, world, e), coefficient, x, path)
     return coefficient
 
 
 @wp.func(inline=False)
-def contact_restitution(
-    kinds: wp.array[wp.int32],
-    acts: wp.array2d[wp.int32],
-    parameters: wp.array3d[wp.float64],
-    world: int,
-    a: int,
-    b: int,
-    e0: wp.float64,
-    speed: wp.float64,
-) -> wp.float64:
+def contact_restitution(effects: Effects, world: int, a: int, b: int, e0: wp.float64, speed: wp.float64) -> wp.float64:
     """Return the restitution of an impact of a and b at an approach speed [m/s], e0 without effects; else as above."""
     restitution = e0
-    for e in range(kinds.shape[0]):
-        if _acts_on(acts, e, a, b):
-            restitution = _restitution(kinds[e], _values(parameters, world, e), restitution, speed)
+    for e in range(effects.kind.shape[0]):
+        if _acts_on(effects, e, a, b):
+            restitution = _restitution(effects.kind[e], effect_values(effects, world, e), restitution, speed)
     return restitution
 
 
 @wp.func(inline=False)
-def contact_tangential(
-    kinds: wp.array[wp.int32],
-    acts: wp.array2d[wp.int32],
-    parameters: wp.array3d[wp.float64],
-    world: int,
-    a: int,
-    b: int,
-) -> wp.vec3d:
+def contact_tangential(effects: Effects, world: int, a: int, b: int) -> wp.vec3d:
     """Return the tangential law of an impact of a and b, see `EffectLaw.tangential`; else as above.
 
     Losses multiply; of several tangential restitutions the one with the largest stick fraction counts. Without one the
@@ -165,9 +132,9 @@ def contact_tangential(
     one = wp.float64(1.0)
     kept = one
     found = wp.vec3d(wp.float64(0.0), -one, wp.float64(0.0))
-    for e in range(kinds.shape[0]):
-        if _acts_on(acts, e, a, b):
-            law = _tangential(kinds[e], _values(parameters, world, e))
+    for e in range(effects.kind.shape[0]):
+        if _acts_on(effects, e, a, b):
+            law = _tangential(effects.kind[e], effect_values(effects, world, e))
             kept = kept * (one - law[0])
             if law[1] > -one and law[2] > found[2]:
                 found = law

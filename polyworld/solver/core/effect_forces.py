@@ -13,6 +13,7 @@ from polyworld.effects import CATALOGUE, KIND_INDEX, EffectLaw, Motion, Vec8
 from polyworld.effects.law import wrench
 from polyworld.expressions.effect import EXPRESSION_KIND
 from polyworld.expressions.interpreter import expression_acceleration
+from polyworld.solver.core.effect_table import Effects, effect_values
 
 _EXPRESSIONS = int(EXPRESSION_KIND)  # kinds from here on are programs
 
@@ -63,28 +64,26 @@ effect_force = _tree([law for law in CATALOGUE.values() if law.force is not None
 
 
 @wp.func
-def effect_forces(
-    kinds: wp.array[wp.int32],
-    acts: wp.array2d[wp.int32],
-    parameters: wp.array3d[wp.float64],
-    programs: wp.array2d[wp.float64],
-    world: int,
-    body: int,
-    b: Motion,
-) -> wp.spatial_vectord:
-    """Sum over the effects acting on a body: force [N], torque [N m] about the centre of mass, world axes.
-
-    kinds (e,), acts (e, n), parameters (1 or W, e, 8), programs (rows, 4) as in `core.arrays.RigidArrays`.
-    """
+def effect_forces(effects: Effects, world: int, body: int, b: Motion) -> wp.spatial_vectord:
+    """Sum over the effects acting on a body: force [N], torque [N m] about the centre of mass, world axes."""
     total = wp.spatial_vectord()
-    row = world % parameters.shape[0]
-    for e in range(kinds.shape[0]):
-        if acts[e, body] == 1:
-            p = Vec8()
-            for k in range(8):
-                p[k] = parameters[row, e, k]
-            if kinds[e] >= _EXPRESSIONS:
-                total += wrench(b.mass * expression_acceleration(programs, kinds[e] - _EXPRESSIONS, p, b), wp.vec3d())
+    for e in range(effects.kind.shape[0]):
+        if effects.acts[e, body] == 1:
+            kind = effects.kind[e]
+            p = effect_values(effects, world, e)
+            if kind >= _EXPRESSIONS:
+                acceleration = expression_acceleration(effects.programs, kind - _EXPRESSIONS, p, b)
+                total += wrench(b.mass * acceleration, wp.vec3d())
             else:
-                total += effect_force(kinds[e], p, b)
+                total += effect_force(kind, p, b)
     return total
+
+
+@wp.func
+def half_step(x: Any, v: Any, a: Any, half: wp.float64) -> Any:
+    """Return position and velocity after half a step of constant acceleration: where effects are taken.
+
+    The midpoint rule, second order in the step.
+    """
+    middle = v + a * half
+    return x + (v + middle) * (wp.float64(0.5) * half), middle

@@ -11,6 +11,7 @@ from polyworld.core import buffers
 from polyworld.effects import Motion
 from polyworld.solver.core.arrays import RigidArrays
 from polyworld.solver.core.effect_forces import effect_forces
+from polyworld.solver.core.effect_table import Effects
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.spatial.layout import OPTIONS
 from polyworld.world import World
@@ -27,10 +28,7 @@ def add_effects(
     gravity: wp.array[wp.vec3d],
     owner: wp.array[wp.int32],
     mass: wp.array2d[wp.float64],
-    kinds: wp.array[wp.int32],
-    acts: wp.array2d[wp.int32],
-    parameters: wp.array3d[wp.float64],
-    programs: wp.array2d[wp.float64],
+    effects: Effects,
     x: wp.array2d[wp.vec3d],
     v: wp.array2d[wp.vec3d],
     f: wp.array2d[wp.vec3d],
@@ -45,7 +43,7 @@ def add_effects(
     middle = (wp.float64(inner[0]) + wp.float64(0.5)) * dt[w]  # of the inner step
     b.t = origin[w % origin.shape[0]] + time[w] + middle
     b.gravity = gravity[w % gravity.shape[0]]
-    wrench = effect_forces(kinds, acts, parameters, programs, w, owner[i], b)
+    wrench = effect_forces(effects, w, owner[i], b)
     f[w, i] = f[w, i] + wp.spatial_top(wrench)
 
 
@@ -57,10 +55,8 @@ class MassEffects:
         acts = [[e.objects is None or d.name in e.objects for d in world.deformables] for e in enabled]
         self.any = bool(np.any(acts)) if acts else False
         table = np.array(acts, dtype=np.int32).reshape(len(enabled), len(world.deformables))
-        self._acts: Any = buffers.array(table, wp.int32)
-        self._kinds: Any = None
-        self._parameters: Any = None
-        self._programs: Any = None
+        self._effects = Effects()
+        self._effects.acts = buffers.ints(table)
         self._origin: Any = None
 
     def write(self, arrays: RigidArrays) -> bool:
@@ -69,15 +65,15 @@ class MassEffects:
             return False
         values = arrays.effect_parameters
         origin = arrays.time_origin[:, 0]
-        same = self._parameters is not None and self._origin.shape == origin.shape
-        if same and self._parameters.shape == values.shape:
-            self._parameters.numpy()[:] = values
+        same = self._origin is not None and self._origin.shape == origin.shape
+        if same and self._effects.parameters.shape == values.shape:
+            self._effects.parameters.numpy()[:] = values
             self._origin.numpy()[:] = origin
             return False
-        self._origin = buffers.array(origin, wp.float64)
-        self._kinds = buffers.array(arrays.effect_kind, wp.int32)
-        self._programs = buffers.array(arrays.effect_programs, wp.float64)
-        self._parameters = buffers.array(values, wp.float64)
+        self._origin = buffers.doubles(origin)
+        self._effects.kind = buffers.ints(arrays.effect_kind)
+        self._effects.programs = buffers.doubles(arrays.effect_programs)
+        self._effects.parameters = buffers.doubles(values)
         return True
 
     def launch(self, nodes: Nodes, clock: Clock) -> None:
@@ -94,10 +90,7 @@ class MassEffects:
                     clock.gravity,
                     nodes.owner,
                     nodes.mass,
-                    self._kinds,
-                    self._acts,
-                    self._parameters,
-                    self._programs,
+                    self._effects,
                     nodes.x,
                     nodes.v,
                     nodes.f,

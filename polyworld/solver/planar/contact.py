@@ -406,7 +406,7 @@ def resolve_impacts(
                     if -v[0] > HALF * step * pushed + SLOW and round_number < IMPACT_ROUNDS:
                         row.bounce = -row.restitution * v[0]
                         if scene.contact_laws > 0:
-                            row = with_contact_effects(references.scene, references.bodies, w, row, v)
+                            row = with_contact_effects(references.scene, w, row, v)
                             mix = wp.max(mix, row.stick_fraction)
                         if row.bounce == ZERO:
                             row.plastic = 1

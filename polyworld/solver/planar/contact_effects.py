@@ -14,31 +14,14 @@ ONE = wp.float64(1.0)
 
 @wp.func
 def friction_at(
-    scene: wp.array[Scene],
-    bodies: wp.array[Bodies],
-    w: wp.int32,
-    a: wp.int32,
-    b: wp.int32,
-    mu: wp.float64,
-    x: wp.vec3d,
-    path: wp.vec3d,
+    scene: wp.array[Scene], w: wp.int32, a: wp.int32, b: wp.int32, mu: wp.float64, x: wp.vec3d, path: wp.vec3d
 ) -> wp.float64:
     """Return the Coulomb coefficient, mu without effects, of body a on b (the supporting plane: -1).
 
     It is the mean over the path travelled in a step, with its middle at x; plane coordinates.
     """
     to_world = wp.transpose(scene[0].axes)
-    return contact_friction(
-        scene[0].effect_kind,
-        scene[0].effect_acts,
-        bodies[0].effect_parameters,
-        w,
-        a,
-        b,
-        mu,
-        to_world * x,
-        to_world * path,
-    )
+    return contact_friction(scene[0].effects, w, a, b, mu, to_world * x, to_world * path)
 
 
 # Functions of their own, not inlined: worlds without such effects then run as fast as if there were none. They take
@@ -57,7 +40,7 @@ def set_plane_friction(
             x = bodies[0].pose[w, i] + ahead * HALF
             position = wp.vec3d(x[0], x[1], scene[0].level)
             path = wp.vec3d(ahead[0], ahead[1], ZERO)
-            mu = friction_at(scene, bodies, w, i, -1, bodies[0].support[w, i], position, path)
+            mu = friction_at(scene, w, i, -1, bodies[0].support[w, i], position, path)
             bodies[0].hold[w, i] = load * mu
 
 
@@ -78,17 +61,14 @@ def set_row_friction(
         pose = bodies[0].pose[w, a]
         position = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies[0].height[w, a])
         mu = contacts[0].rows[w, half, k].friction
-        contacts[0].rows[w, half, k].friction = friction_at(scene, bodies, w, a, b, mu, position, wp.vec3d())
+        contacts[0].rows[w, half, k].friction = friction_at(scene, w, a, b, mu, position, wp.vec3d())
 
 
 @wp.func(inline=False)
-def with_contact_effects(scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, row: Row, v: wp.vec2d) -> Row:
+def with_contact_effects(scene: wp.array[Scene], w: wp.int32, row: Row, v: wp.vec2d) -> Row:
     """Return the row of an impact at the separation speed v (normal, tangent) with the effects' contact laws."""
-    kinds = scene[0].effect_kind
-    acts = scene[0].effect_acts
-    values = bodies[0].effect_parameters
-    e = contact_restitution(kinds, acts, values, w, row.a, row.b, row.restitution, -v[0])
-    law = contact_tangential(kinds, acts, values, w, row.a, row.b)
+    e = contact_restitution(scene[0].effects, w, row.a, row.b, row.restitution, -v[0])
+    law = contact_tangential(scene[0].effects, w, row.a, row.b)
     row.bounce = -e * v[0]
     row.tangential_loss = law[0]
     row.target_velocity = -law[1] * v[1]

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.solver.core.effect_table import Effects
+
 wp.set_module_options({"enable_backward": False})
 
 
@@ -31,9 +33,7 @@ class Scene:
     schedule: wp.array[wp.int32]  # (W,) schedule of each world
     reach: wp.array[wp.int32]  # (W,) segments that each world goes through
     joins: wp.array[wp.int32]  # (n,) first segment in which a body moves
-    effect_kind: wp.array[wp.int32]  # (e,)
-    effect_acts: wp.array2d[wp.int32]  # (e, n)
-    effect_programs: wp.array2d[wp.float64]  # (rows, 4) of expressions
+    effects: Effects
     effect_radius: wp.array[wp.float64]  # (n,) radius of the ball of equal volume [m]
 
 
@@ -70,7 +70,6 @@ class Bodies:
     gravity: wp.array[wp.vec3d]  # (W,) in the plane, and along its normal
     time_scale: wp.array[wp.float64]  # (W,)
     time_origin: wp.array[wp.float64]  # (W,) [s]
-    effect_parameters: wp.array3d[wp.float64]  # (W, e, 8)
     corners: wp.array2d[wp.vec2d]  # (W, 2 k) scratch: outlines of the pair under test
 
 

@@ -10,9 +10,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.expressions.effect import effect_programs
-from polyworld.solver.core.effect_contacts import contact_laws
-from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.time_table import Schedules
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.world import StaticObject, World, geometry
@@ -79,7 +76,10 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
 
 
 def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array]:
-    """Build the scene of a planar world; return it, the names of bodies and statics, and the statics' poses (s, 3)."""
+    """Build the scene of a planar world without its effects, and return it.
+
+    Also the names of bodies and statics, and the statics' poses (s, 3).
+    """
     plane = world.environment.motion_plane
     axes = geometry.plane_axes(plane)
     bodies = [body_outline(o, axes) for o in world.objects]
@@ -94,7 +94,6 @@ def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array
     for a, b in _hinged(world):
         if b >= 0:
             collides[a, b] = collides[b, a] = 0
-    effects = [e for e in world.effects if e.enabled]
     volumes = [geometry.mass_properties(o.shape).volume for o in world.objects]
 
     scene = Scene()
@@ -118,13 +117,6 @@ def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array
     scene.segment_steps = buffers.ints(table.steps)
     scene.segment_sample = buffers.ints(table.sample)
     scene.joins = buffers.ints(table.joins)
-    kinds, programs = effect_programs(effects)
-    scene.effect_kind = buffers.ints(kinds)
-    scene.effect_programs = buffers.doubles(programs)
-    acts = [[e.objects is None or o.name in e.objects for o in world.objects] for e in effects]
-    scene.contact_laws = contact_laws(kinds)
-    scene.forces = forces_among(kinds)
-    scene.effect_acts = buffers.ints(np.array(acts, dtype=np.int32).reshape(len(effects), n))
     scene.effect_radius = buffers.doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
     poses = np.array([o.pose for o in outlines[n:]]).reshape(-1, 3)
     return scene, [o.name for o in world.objects] + [s.name for s in world.statics], poses

@@ -11,8 +11,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.effects import MAX_PARAMETERS
 from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.effect_contacts import contact_laws
+from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.thread_pool import run_in_pool, shares
 from polyworld.solver.core.time_table import schedules
@@ -133,6 +134,13 @@ class PlanarSimulator:
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
         self._scene.schedule, self._scene.reach = buffers.zeros((w,), wp.int32), buffers.zeros((w,), wp.int32)
+        own = self._overriding.own
+        self._scene.contact_laws, self._scene.forces = contact_laws(own.effect_kind), forces_among(own.effect_kind)
+        effects = self._scene.effects
+        effects.kind, effects.acts = buffers.ints(own.effect_kind), buffers.ints(own.effect_acts)
+        effects.programs = buffers.doubles(own.effect_programs)
+        effects.parameters = buffers.doubles(np.repeat(own.effect_parameters, w, axis=0))
+        self._effect_parameters = _view(effects.parameters)
         pairs = int(_view(self._scene.collides).sum())
         corners = np.diff(_view(self._scene.first))
         bodies = Bodies()
@@ -145,7 +153,6 @@ class PlanarSimulator:
         bodies.gravity = buffers.zeros((w,), wp.vec3d)
         bodies.time_scale = buffers.zeros((w,), wp.float64)
         bodies.time_origin = buffers.zeros((w,), wp.float64)
-        bodies.effect_parameters = buffers.zeros((w, self._scene.effect_kind.shape[0], MAX_PARAMETERS), wp.float64)
         bodies.corners = buffers.zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
         contacts = Contacts()
         contacts.near = buffers.zeros((w, max(pairs, 1)), wp.vec2i)
@@ -215,7 +222,7 @@ class PlanarSimulator:
         b.gravity[:c] = arrays.gravity @ axes.T
         b.time_scale[:c] = arrays.time_scale[:, 0]
         b.time_origin[:c] = arrays.time_origin[:, 0]
-        b.effect_parameters[:c] = arrays.effect_parameters
+        self._effect_parameters[:c] = arrays.effect_parameters
         b.decay_step[:c] = -1.0
         b.reaction[:c] = 0.0
         b.touching[:c] = 0

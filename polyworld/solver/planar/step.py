@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.effects import Motion
-from polyworld.solver.core.effect_forces import effect_forces
+from polyworld.solver.core.effect_forces import effect_forces, half_step
 from polyworld.solver.planar.contact import (
     find_near,
     find_rows,
@@ -48,9 +48,7 @@ def effects_at(
     motion.gravity = to_world * gravity
     if bodies.touching[w, i] % 2 == 1 or (scene.supports == 1 and gravity[2] < ZERO):
         motion.contact = ONE
-    wrench = effect_forces(
-        scene.effect_kind, scene.effect_acts, bodies.effect_parameters, scene.effect_programs, w, i, motion
-    )
+    wrench = effect_forces(scene.effects, w, i, motion)
     f = scene.axes * wp.spatial_top(wrench) * bodies.inverse_mass[w, i]
     m = scene.axes * wp.spatial_bottom(wrench) * bodies.inverse_inertia[w, i]
     return wp.vec3d(f[0], f[1], m[2])
@@ -71,8 +69,8 @@ def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.f
         slowing = bodies.linear_damping[w, i]
         damped = wp.vec3d(slowing * rate[0], slowing * rate[1], bodies.angular_damping[w, i] * rate[2])
         first = push + effects_at(scene, bodies, w, i, pose, rate, time) - damped + bodies.reaction[w, i]
-        then = rate + first * half
-        push = push + effects_at(scene, bodies, w, i, pose + (rate + then) * (HALF * half), then, time + half)
+        pose_then, rate_then = half_step(pose, rate, first, half)
+        push = push + effects_at(scene, bodies, w, i, pose_then, rate_then, time + half)
     return push
 
 

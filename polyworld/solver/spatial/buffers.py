@@ -50,6 +50,7 @@ PARAMETER_TYPES = {
     "effect_acts": wp.int32,
     "effect_programs": wp.float64,
 }
+EFFECT = "effect_"  # begins the names of what stands in the record's `effects`
 SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the same in all worlds
 
 
@@ -143,7 +144,10 @@ class ParameterBuffers:
 
     def _made(self, name: str, values: Any, dtype: Any) -> Any:
         made: Any = buffers.array(values, dtype)
-        setattr(self._record, name, made)
+        if name.startswith(EFFECT):
+            setattr(self._record.effects, name.removeprefix(EFFECT), made)
+        else:
+            setattr(self._record, name, made)
         self._content[name] = made.numpy()
         return self._content[name]
 

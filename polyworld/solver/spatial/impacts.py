@@ -154,11 +154,9 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
         one = wp.float64(1.0)
         a = state[0].manifolds[w, i].a
         b = state[0].manifolds[w, i].b
-        kinds = parameters[0].effect_kind
-        acts = parameters[0].effect_acts
-        values = parameters[0].effect_parameters
-        e = contact_restitution(kinds, acts, values, world, a, b, state[0].manifolds[w, i].restitution, fastest)
-        law = contact_tangential(kinds, acts, values, world, a, b)
+        effects = parameters[0].effects
+        e = contact_restitution(effects, world, a, b, state[0].manifolds[w, i].restitution, fastest)
+        law = contact_tangential(effects, world, a, b)
         stick_fraction = law[2]
         impulse = zero
         if stick_fraction < one:
@@ -285,9 +283,7 @@ def set_effect_friction(
         if touching > wp.float64(0.0):
             ahead = state[0].bodies[w, state[0].manifolds[w, i].a].v * time
             friction = contact_friction(
-                parameters[0].effect_kind,
-                parameters[0].effect_acts,
-                parameters[0].effect_parameters,
+                parameters[0].effects,
                 world,
                 state[0].manifolds[w, i].a,
                 state[0].manifolds[w, i].b,

@@ -5,6 +5,8 @@ Objects come first in every body array, statics after them; a static is a body o
 
 import warp as wp
 
+from polyworld.solver.core.effect_table import Effects
+
 # Small code is quick to compile, and a first rollout is a user's first impression: no unrolling, and LLVM's
 # own inlining threshold in place of Warp's, which is twenty times higher.
 OPTIONS: dict[str, object] = {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": "-march=native"}
@@ -222,12 +224,9 @@ class Parameters:
     gravity: wp.array[wp.vec3d]
     time_scale: wp.array[wp.float64]
     time_origin: wp.array[wp.float64]
-    effect_parameters: wp.array3d[wp.float64]
+    effects: Effects
     contact_laws: int  # how many effects change what happens at contacts
     forces: int  # how many push bodies
-    effect_kind: wp.array[wp.int32]
-    effect_acts: wp.array2d[wp.int32]
-    effect_programs: wp.array2d[wp.float64]
 
 
 @wp.struct

@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.effects import Motion
-from polyworld.solver.core.effect_forces import effect_forces
+from polyworld.solver.core.effect_forces import effect_forces, half_step
 from polyworld.solver.spatial.layout import (
     OPTIONS,
     Body,
@@ -144,10 +144,6 @@ def effects_on(
     motion.t = origin + time
     motion.contact = touches(state, k, half, i, slowest)
     motion.gravity = gravity
-    kinds = parameters[0].effect_kind
-    acts = parameters[0].effect_acts
-    values = parameters[0].effect_parameters
-    programs = parameters[0].effect_programs
     total = wp.spatial_vectord()
     for _pass in range(2):
         if _pass == 1:
@@ -155,11 +151,12 @@ def effects_on(
             torque = wp.spatial_bottom(total) + b.push_torque
             a = gravity + force * b.inverse_mass - b.v * b.linear_damping + state[0].reaction[k, i]
             a = a - geometry[0].lock * wp.dot(geometry[0].lock, a)
-            motion.v = b.v + a * until
-            motion.x = b.x + (b.v + motion.v) * (wp.float64(0.5) * until)
+            x, v = half_step(b.x, b.v, a, until)
+            motion.x = x
+            motion.v = v
             motion.omega = b.w + (turning_of(b, torque) + state[0].reaction_turning[k, i]) * until
             motion.t = origin + time + until
-        total = effect_forces(kinds, acts, values, programs, w, i, motion)
+        total = effect_forces(parameters[0].effects, w, i, motion)
     return total
 
 

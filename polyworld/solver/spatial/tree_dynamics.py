@@ -227,15 +227,7 @@ def load_links(
             b.omega = omega
             b.t = origin_of_time + time
             b.gravity = gravity
-            laws = effect_forces(
-                parameters[0].effect_kind,
-                parameters[0].effect_acts,
-                parameters[0].effect_parameters,
-                parameters[0].effect_programs,
-                w,
-                i,
-                b,
-            )
+            laws = effect_forces(parameters[0].effects, w, i, b)
             force += linear(laws)
             torque = angular(laws)
             note_free(joints, state, k, n, force, torque, omega)
