@@ -13,7 +13,7 @@ from polyworld.model import DeformableMesh
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.coupled import contact_layout as layout
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
-from polyworld.solver.coupled.contact_events import ContactLog
+from polyworld.solver.coupled.contact_events import DeformableContactLog
 from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies
 from polyworld.solver.coupled.contact_search import (
     BLOCK,
@@ -96,7 +96,7 @@ class Contacts:
         bodies = [o.name for o in (*world.objects, *world.statics)]
         names = [d.name for d in world.deformables]
         self.tally = _tally(w, d, len(bodies), record_events)
-        self._log = ContactLog(w, self.tally, names, [*bodies, *names])
+        self._log = DeformableContactLog(w, self.tally, names, [*bodies, *names])
 
     def reset(self) -> None:
         """Forget all contacts."""

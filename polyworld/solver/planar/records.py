@@ -132,23 +132,6 @@ class Contacts:
 
 
 @wp.struct
-class Log:
-    """Contact episodes: one row from first touch until the pair has been apart for `merge` seconds."""
-
-    record: wp.int32
-    merge: wp.float64
-    open: wp.array3d[wp.int32]  # (W, n, n + s) episode of a pair, -1 for none
-    count: wp.array[wp.int32]  # (W,) may exceed the capacity: the rest was not stored
-    pair: wp.array2d[wp.vec2i]
-    begin: wp.array2d[wp.float64]
-    last: wp.array2d[wp.float64]
-    first_impulse: wp.array2d[wp.float64]
-    impulse: wp.array2d[wp.float64]
-    speed: wp.array2d[wp.float64]
-    point: wp.array2d[wp.vec2d]
-
-
-@wp.struct
 class Samples:
     """States at the sample times, in plane coordinates, and how a run ended."""
 

@@ -14,11 +14,12 @@ from polyworld.core import buffers
 from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
+from polyworld.solver.core.episodes import ContactLog
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.thread_pool import run_in_pool, shares
 from polyworld.solver.core.time_table import schedules
 from polyworld.solver.planar.plane_motion import PlaneMotion
-from polyworld.solver.planar.records import Bodies, Contacts, Log, References, Row, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.solver.planar.step import rollout
@@ -27,7 +28,6 @@ from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 
-MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
 EPISODES = 4096  # contact episodes kept for a world; more is an error, not a silence
 BODY_FIELDS = {
     "pose": wp.vec3d,
@@ -165,25 +165,16 @@ class PlanarSimulator:
         joints.moment_arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
         joints.impulse = buffers.zeros((w, joints.count), wp.vec2d)
         joints.active = buffers.zeros((w, joints.count), wp.int32)
-        log = Log()
-        log.record = int(self.record_events)
-        log.merge = MERGE
-        kept = EPISODES if self.record_events else 1
-        log.open = buffers.zeros((w, n, n + s) if self.record_events else (1, 1, 1), wp.int32)
-        log.count = buffers.zeros((w,), wp.int32)
-        log.pair = buffers.zeros((w, kept), wp.vec2i)
-        log.point = buffers.zeros((w, kept), wp.vec2d)
-        for name in ("begin", "last", "first_impulse", "impulse", "speed"):
-            setattr(log, name, buffers.zeros((w, kept), wp.float64))
+        self._log = ContactLog(w, self.names, self._all_names, record=self.record_events, capacity=EPISODES)
         samples = Samples()
         samples.pose = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.rate = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.diverged_object = buffers.zeros((w,), wp.int32)
         samples.diverged_time = buffers.zeros((w,), wp.float64)
         samples.overflowed = buffers.zeros((w,), wp.int32)
-        self._bodies, self._contacts, self._log, self._samples = bodies, contacts, log, samples
+        self._bodies, self._contacts, self._samples = bodies, contacts, samples
         self._of_scene = _Views(self._scene)
-        self._of_bodies, self._of_joints, self._of_log, self._of_samples = map(_Views, (bodies, joints, log, samples))
+        self._of_bodies, self._of_joints, self._of_samples = map(_Views, (bodies, joints, samples))
         self._references = References()
         self._references.scene = by_reference(self._scene, Scene)
         self._references.bodies = by_reference(bodies, Bodies)
@@ -227,8 +218,7 @@ class PlanarSimulator:
         b.reaction[:c] = 0.0
         b.touching[:c] = 0
         self._write_joints(arrays, c)
-        self._of_log.open[:c] = -1
-        self._of_log.count[:c] = 0
+        self._log.clear()
         out = self._of_samples
         out.pose[:c] = np.nan
         out.rate[:c] = np.nan
@@ -264,7 +254,7 @@ class PlanarSimulator:
                     self._bodies,
                     self._contacts,
                     self._joints,
-                    self._log,
+                    self._log.record,
                     self._samples,
                     self._references,
                     first,
@@ -320,25 +310,13 @@ class PlanarSimulator:
 
     def _events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contact events of one world in order of time."""
-        log = self._of_log
-        if not self.record_events:
-            return ()
-        count = int(log.count[w])
-        if count > EPISODES:
-            raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
-        pairs, points = log.pair[w], log.point[w]
-        begin, last = log.begin[w], log.last[w]
-        first, total, speed = (getattr(log, k)[w] for k in ("first_impulse", "impulse", "speed"))
-        events = []
-        for k in range(count):
-            a, b = int(pairs[k][0]), int(pairs[k][1])
-            names = tuple(sorted((self._all_names[a], self._all_names[b])))
-            spot = points[k] @ self._axes[:2] + self._of_bodies.height[w, a] * self._axes[2]
-            position = (float(spot[0]), float(spot[1]), float(spot[2]))
-            events.append(Event("contact_begin", float(begin[k]), names, position, float(first[k]), float(speed[k])))
-            if last[k] < end:
-                events.append(Event("contact_end", float(last[k]), names, None, float(total[k])))
-        return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
+        height = self._of_bodies.height[w]
+
+        def place(episode: Any) -> Array:
+            spot: Array = episode["position"][:2] @ self._axes[:2] + height[episode["a"]] * self._axes[2]
+            return spot
+
+        return self._log.events(w, end, place=place)
 
 
 def _view(array: Any) -> Any:

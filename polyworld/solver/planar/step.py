@@ -4,6 +4,7 @@ import warp as wp
 
 from polyworld.effects import Motion
 from polyworld.solver.core.effect_forces import effect_forces, half_step
+from polyworld.solver.core.episodes import Episode, Log, record_touch
 from polyworld.solver.planar.contact import (
     find_near,
     find_rows,
@@ -15,9 +16,8 @@ from polyworld.solver.planar.contact import (
 from polyworld.solver.planar.contact_effects import set_plane_friction, set_row_friction
 from polyworld.solver.planar.impact_time import longest_path, next_impact
 from polyworld.solver.planar.joints import begin_hinges, project_hinge_rates, project_hinges
-from polyworld.solver.planar.log import touch
 from polyworld.solver.planar.motion import find_shift, free_rate, pose_at, set_step, unheld_rate
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Log, References, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Row, Samples, Scene
 
 wp.set_module_options({"enable_backward": False})
 
@@ -116,6 +116,22 @@ def renew_pushes(
             changed = True
         if changed:
             bodies.push[w, i] = find_push(scene, bodies, w, i, time, h)
+
+
+@wp.func
+def touch_of(bodies: Bodies, w: wp.int32, row: Row, time: wp.float64, impulse: wp.float64) -> Episode:
+    """Return the touch of a row at `time` by its impact and, over the step, by `impulse` [N s]; plane coordinates."""
+    touch = Episode()
+    touch.a = row.a
+    touch.b = row.b
+    touch.begin = time
+    touch.last = time
+    touch.first_impulse = impulse + row.impact_impulse
+    touch.impulse = touch.first_impulse
+    touch.speed = row.approach
+    pose = bodies.pose[w, row.a]
+    touch.position = wp.vec3d(pose[0] + row.arm_a[0], pose[1] + row.arm_a[1], ZERO)
+    return touch
 
 
 @wp.kernel(enable_backward=False)
@@ -229,8 +245,7 @@ def rollout(
                     for k in range(rows):
                         row = contacts.rows[w, half, k]
                         if row.touching == 1:
-                            pose = bodies.pose[w, row.a]
-                            touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, row.impulse * part / h)
+                            record_touch(log, w, touch_of(bodies, w, row, time, row.impulse * part / h))
                 if scene.forces > 0 and TWO * h >= step:
                     for i in range(n):
                         if scene.joins[i] <= segment:
@@ -272,5 +287,4 @@ def rollout(
         for k in range(rows):
             row = contacts.rows[w, half, k]
             if row.touching == 1:
-                pose = bodies.pose[w, row.a]
-                touch(log, w, row, wp.vec2d(pose[0], pose[1]), time, ZERO)
+                record_touch(log, w, touch_of(bodies, w, row, time, ZERO))

@@ -1,8 +1,7 @@
-"""The arrays a spatial run works in: state, parameters, contact log; and the events read off the log."""
+"""The arrays a spatial run works in: state and parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,11 +17,8 @@ from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import build_joints, joint_rows
 from polyworld.solver.spatial.statics import static_poses
-from polyworld.trajectory import Event
 from polyworld.world import World, geometry
 
-MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
-EPISODES = 1024  # contact episodes kept for a world; more is an error, not a silence
 MESH_TRIANGLES = 24  # triangles of a mesh that one body is taken to touch at once, at most
 
 PARAMETER_TYPES = {
@@ -91,24 +87,6 @@ def allocate_joints(world: World, state: layout.State) -> Joints:
     return build_joints(world, length - joint_rows(world), rows)
 
 
-def allocate_log(world: World, n_worlds: int, record: bool) -> layout.Log:
-    """Return a contact log; next to nothing where none is kept."""
-    n, s = len(world.objects), len(world.statics)
-    log = layout.Log()
-    log.record = int(record)
-    log.merge = MERGE
-    log.episodes = zeros((n_worlds, EPISODES if record else 1), layout.Episode)
-    log.count = zeros((n_worlds,), wp.int32)
-    log.open = zeros((n_worlds, n, n + s) if record else (1, 1, 1), wp.int32)
-    return log
-
-
-def clear_log(log: layout.Log) -> None:
-    """Empty the log: no contact has started."""
-    log.open.numpy()[:] = -1
-    log.count.numpy()[:] = 0
-
-
 class ParameterBuffers:
     """The parameters of a world as kernels take them. reference: an array of one record. capacity: of worlds."""
 
@@ -150,25 +128,6 @@ class ParameterBuffers:
             setattr(self._record, name, made)
         self._content[name] = made.numpy()
         return self._content[name]
-
-
-def contact_events(log: layout.Log, w: int, names: Sequence[str], end: float, longest_step: float) -> tuple[Event, ...]:
-    """Contact events of world w in order of time; a contact that lasts to the `end` of the run has no end.
-
-    names: of the objects, then of the statics. Raises RuntimeError where more contacts began than there is room for.
-    """
-    count = int(log.count.numpy()[w])
-    if count > EPISODES:
-        raise RuntimeError(f"{count} contacts began; room for {EPISODES}: shorten the horizon")
-    events = []
-    for e in log.episodes.numpy()[w, :count]:
-        pair = tuple(sorted((names[e["a"]], names[e["b"]])))
-        x, y, z = (float(v) for v in e["position"])
-        begin, last = float(e["begin"]), float(e["last"])
-        events.append(Event("contact_begin", begin, pair, (x, y, z), float(e["first_impulse"]), float(e["speed"])))
-        if last < end - 2.0 * longest_step:
-            events.append(Event("contact_end", last, pair, None, float(e["impulse"])))
-    return tuple(sorted(events, key=lambda e: (e.time, e.participants, e.kind)))
 
 
 def check_room(state: layout.State, overflowed: Any) -> None:

@@ -2,8 +2,9 @@
 
 import warp as wp
 
+from polyworld.solver.core.episodes import Episode, Log, record_touch
 from polyworld.solver.spatial.constraints import ROWS
-from polyworld.solver.spatial.layout import Episode, Log, State
+from polyworld.solver.spatial.layout import State
 
 
 @wp.func(inline=False)
@@ -13,6 +14,8 @@ def record_contacts(
     """Note every pair that carried a normal impulse in the step of length h that begins at `time`."""
     base = half * state[0].max_manifolds
     offset = half * state[0].max_contacts
+    before_a = wp.int32(-1)
+    before_b = wp.int32(-1)
     for i in range(base, base + state[0].manifold_count[k, half]):
         m = state[0].manifolds[k, i]
         impulse = wp.float64(0.0)
@@ -31,27 +34,18 @@ def record_contacts(
         state[0].manifolds[k, i].approach = wp.float64(0.0)
         if impulse <= wp.float64(0.0):
             continue
-        episode = log[0].open[w, m.a, m.b]
-        if episode >= 0 and time - log[0].episodes[w, episode].last <= log[0].merge:
-            if time == log[0].episodes[w, episode].begin:  # another triangle of one mesh
-                log[0].episodes[w, episode].first_impulse += impulse
-            log[0].episodes[w, episode].impulse += impulse
-            log[0].episodes[w, episode].last = last
-            continue
-        slot = log[0].count[w]
-        log[0].count[w] = slot + 1
-        if slot < log[0].episodes.shape[1]:
-            e = Episode()
-            e.a = m.a
-            e.b = m.b
-            e.begin = time
-            e.last = last
-            e.first_impulse = impulse
-            e.impulse = impulse
-            e.speed = m.approach
-            if touching > wp.float64(0.0):
-                e.position = centre / touching
-            else:
-                e.position = state[0].contacts[k, m.first].point
-            log[0].episodes[w, slot] = e
-            log[0].open[w, m.a, m.b] = slot
+        touch = Episode()
+        touch.a = m.a
+        touch.b = m.b
+        touch.begin = time
+        touch.last = last
+        touch.first_impulse = impulse
+        touch.impulse = impulse
+        if m.a != before_a or m.b != before_b:  # a pair's other manifolds add to its impulse alone
+            touch.speed = m.approach
+        before_a = m.a
+        before_b = m.b
+        touch.position = state[0].contacts[k, m.first].point
+        if touching > wp.float64(0.0):
+            touch.position = centre / touching
+        record_touch(log[0], w, touch)

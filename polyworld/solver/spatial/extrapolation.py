@@ -10,10 +10,11 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.solver.core.episodes import Log
 from polyworld.solver.spatial.joint_layout import BALL, SPRING, Joints, Moment
 from polyworld.solver.spatial.joint_rows import build_joint_rows, hold_joints
 from polyworld.solver.spatial.joint_step import clear_targets, project_joints
-from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
+from polyworld.solver.spatial.layout import Geometry, Parameters, State
 from polyworld.solver.spatial.motion import rotated
 from polyworld.solver.spatial.tree_turn import follow_tree
 

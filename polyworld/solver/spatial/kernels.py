@@ -5,11 +5,12 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.solver.core.episodes import Log
 from polyworld.solver.spatial.extrapolation import pairing
 from polyworld.solver.spatial.free_step import FREE
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_step import JOINED, load_joints
-from polyworld.solver.spatial.layout import OPTIONS, Geometry, Log, Parameters, Samples, Schedule, State
+from polyworld.solver.spatial.layout import OPTIONS, Geometry, Parameters, Samples, Schedule, State
 from polyworld.solver.spatial.prediction import first_diverged, load_bodies
 from polyworld.solver.spatial.step import stepping
 

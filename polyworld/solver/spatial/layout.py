@@ -256,28 +256,3 @@ class Samples:
     diverged_object: wp.array[wp.int32]
     diverged_time: wp.array[wp.float64]
     overflowed: wp.array[wp.int32]
-
-
-@wp.struct
-class Episode:
-    """A contact from its first touch to its last [s], impulses [N s], approach speed [m/s]."""
-
-    a: int
-    b: int
-    begin: wp.float64
-    last: wp.float64
-    first_impulse: wp.float64
-    impulse: wp.float64
-    speed: wp.float64
-    position: wp.vec3d
-
-
-@wp.struct
-class Log:
-    """Contact episodes (W, E), how many began (W,), and which one is open for a pair (W, n, n + s), -1 for none."""
-
-    episodes: wp.array2d[Episode]
-    count: wp.array[wp.int32]
-    open: wp.array3d[wp.int32]
-    merge: wp.float64  # a contact that opens for less than this goes on [s]
-    record: int

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.episodes import ContactLog, Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.thread_pool import run_in_pool, shares
 from polyworld.solver.core.time_table import schedules
@@ -19,18 +20,15 @@ from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     ParameterBuffers,
     allocate_joints,
-    allocate_log,
     allocate_state,
     check_room,
-    clear_log,
-    contact_events,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
-from polyworld.trajectory import BatchTrajectory, Event
+from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -68,7 +66,7 @@ class SpatialSimulator:
         self._state: Any
         self._joints: Joints
         self._samples: Any
-        self._log: Any
+        self._log: ContactLog
         self._allocate()
 
     def run(
@@ -103,13 +101,13 @@ class SpatialSimulator:
         self._samples = samples
         self._state = allocate_state(self.world, self._pieces)
         self._joints = allocate_joints(self.world, self._state)
-        self._log = allocate_log(self.world, w, self.record_events)
+        self._log = ContactLog(w, self.names, self._all_names, record=self.record_events)
         self._fixed = [
             by_reference(self._geometry, layout.Geometry),
             by_reference(self._schedule, layout.Schedule),
             by_reference(self._state, layout.State),
             by_reference(samples, layout.Samples),
-            by_reference(self._log, layout.Log),
+            by_reference(self._log.record, Log),
         ]
         self._joints_reference: Any = None
         fields = ("position", "orientation", "velocity", "angular_velocity")
@@ -124,7 +122,7 @@ class SpatialSimulator:
         self._samples.diverged_object.numpy()[:worlds] = -1
         self._samples.diverged_time.numpy()[:worlds] = np.nan
         self._samples.overflowed.numpy()[:] = 0
-        clear_log(self._log)
+        self._log.clear()
 
     def _launch(self, worlds: int) -> None:
         if not self.names:
@@ -164,10 +162,5 @@ class SpatialSimulator:
             diverged=diverged,
             diverged_time=out.diverged_time.numpy()[:worlds].copy(),
             diverged_object=out.diverged_object.numpy()[:worlds].astype(np.int64),
-            events=tuple(self._events(w, float(last[w])) for w in range(worlds)),
+            events=tuple(self._log.events(w, float(last[w]) - 2.0 * self.world.time.substep) for w in range(worlds)),
         )
-
-    def _events(self, w: int, end: float) -> tuple[Event, ...]:
-        if not self.record_events:
-            return ()
-        return contact_events(self._log, w, self._all_names, end, self.world.time.substep)

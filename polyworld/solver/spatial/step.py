@@ -5,12 +5,13 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.solver.core.episodes import Log
 from polyworld.solver.spatial.constraints import build_rows, note_forces, separate_overlaps, set_contact_targets
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
 from polyworld.solver.spatial.impacts import set_effect_friction, time_to_impact
 from polyworld.solver.spatial.joint_layout import Joints
-from polyworld.solver.spatial.layout import Geometry, Log, Parameters, State
+from polyworld.solver.spatial.layout import Geometry, Parameters, State
 from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, set_pose
 from polyworld.solver.spatial.prediction import note_reactions, predict, sweep_bodies
 from polyworld.solver.spatial.slipping import end_slips

@@ -11,17 +11,15 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.solver.core.arrays import RigidArrays, rigid_arrays
+from polyworld.solver.core.episodes import ContactLog, Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     SHARED,
     ParameterBuffers,
     allocate_joints,
-    allocate_log,
     allocate_state,
     check_room,
-    clear_log,
-    contact_events,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints
@@ -50,7 +48,7 @@ class RigidStepper:
         self.state = allocate_state(world, n_worlds)
         self.joints = allocate_joints(world, self.state)
         self.bodies = self.state.bodies
-        self.log = allocate_log(world, n_worlds, record_events)
+        self.log = ContactLog(n_worlds, self.names, self._all_names, record=record_events)
         self._start: Any = buffers.array([o.start_time for o in world.objects], wp.float64)
         self._half = zeros((n_worlds,), wp.int32)
         self._diverged = zeros((n_worlds,), wp.int32)
@@ -59,7 +57,7 @@ class RigidStepper:
         self._fixed = [
             by_reference(self.geometry, layout.Geometry),
             by_reference(self.state, layout.State),
-            by_reference(self.log, layout.Log),
+            by_reference(self.log.record, Log),
         ]
         self._joints_reference: Any = None
         self.write(rigid_arrays(world))
@@ -76,7 +74,7 @@ class RigidStepper:
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
-        clear_log(self.log)
+        self.log.clear()
         self._half.numpy()[:] = 0
         self._diverged.numpy()[:] = -1
         geometry, state, _ = self._fixed
@@ -114,6 +112,4 @@ class RigidStepper:
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""
-        if not self.record_events:
-            return ()
-        return contact_events(self.log, w, self._all_names, end, self.world.time.substep)
+        return self.log.events(w, end - 2.0 * self.world.time.substep)
