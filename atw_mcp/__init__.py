@@ -1,0 +1,7 @@
+"""The MCP server, its tools, and the perception behind them.
+
+Front doors: `server` builds it and `serving` runs it; `client`, `cli`, `shell` and `script` use it. Rooms from the
+ground up: `calls` (how a call is read, run and answered), `perception` (video in, observations out), `looking`
+(pictures), `cases` (a case, and where its values came from), `models` (learned models), `worlds`, `observation`,
+`fitting`, `probing`, `gap` (each a domain's work), and `tools` (one thin function a tool).
+"""
