@@ -9,12 +9,13 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
+from scipy.optimize import minimize_scalar
 
 from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
+
+CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 400, 1e-14)
 
 
 class CalibrationError(ValueError):
@@ -62,7 +63,6 @@ def calibrate_from_points(
     points, image = _correspondences(world_points, pixels)
     width, height = _size(image_size)
     known = None if intrinsics is None else _intrinsics(intrinsics)
-    centre = points.mean(axis=0)
     axes, spread = _principal_axes(points)
     if spread[1] < 1e-3 * spread[0]:
         raise CalibrationError("all world points lie on one line: give points that span a plane or a volume")
@@ -75,17 +75,20 @@ def calibrate_from_points(
             + ("" if planar or known is not None else ", or the intrinsics and at least 4")
         )
     if planar:
-        local = (points - centre) @ axes.T
-        matrix = _homography(local[:, :2], image)
-        start = _camera_of_homography(matrix, width, height, known)
-        # Back from the plane's own axes to the world's.
-        rotation = start[1] @ axes
-        start = (start[0], rotation, start[2] - rotation @ centre)
+        plane = ((points - points.mean(axis=0)) @ axes.T)[:, :2]
+        _require_general_position(plane, 1e-3)
+        _require_general_position(image, 1e-6)
+    if known is not None:
+        camera, method = _posed(points, image, width, height, known), "pose from points (perspective-n-point)"
+    elif planar:
+        matrix, _ = cv2.findHomography(plane, image)
+        focal = _focal_of_homography(np.asarray(matrix, dtype=float), width, height)
+        camera = _calibrated(points, image, width, height, focal)
         method = "homography of coplanar points, refined by reprojection"
     else:
-        start = _direct_linear(points, image, width, height, known)
-        method = "direct linear transform, refined by reprojection"
-    camera, errors = _refine(start, points, image, width, height, fixed_focal=known is not None)
+        camera = _calibrated(points, image, width, height, _focal_of_points(points, image, width, height))
+        method = "pose at the best of a range of focal lengths, refined by reprojection"
+    errors = _errors(camera, points, image)
     return Calibration(camera, tuple(errors), _rms(errors), method, _cautions(camera, errors, len(points), need, known))
 
 
@@ -118,11 +121,12 @@ def calibrate_from_homography(
     points, pixels = points[keep], pixels[seen][keep]
     if len(points) < 6:
         raise CalibrationError("the plane is hardly visible in this image: check the homography and the image size")
-    focal, rotation, translation = _camera_of_homography(matrix, width, height, known, points.mean(axis=0))
-    translation = translation - rotation @ np.array([0.0, 0.0, plane_z])
     world = np.column_stack([points, np.full(len(points), plane_z)])
-    start = (focal, rotation, translation)
-    camera, errors = _refine(start, world, pixels, width, height, fixed_focal=known is not None)
+    if known is not None:
+        camera = _posed(world, pixels, width, height, known)
+    else:
+        camera = _calibrated(world, pixels, width, height, _focal_of_homography(matrix, width, height))
+    errors = _errors(camera, world, pixels)
     return Calibration(
         camera, tuple(errors), _rms(errors), "homography of a plane, refined", _cautions(camera, errors, 9, 4, known)
     )
@@ -162,7 +166,7 @@ def calibrate_from_known_length(
     else:
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
         centre = np.array([middle[0], middle[1], away])
-    camera = _camera(focal, rotation, -rotation @ centre, width, height)
+    camera = _camera_of(_square_pixels(focal, width, height), rotation, -rotation @ centre, width, height)
     relative = 0.5 * np.sqrt(2) / distance
     warnings = [
         f"the view is taken as exactly {'from the side' if view == 'side' else 'from above'}, without perspective",
@@ -198,129 +202,95 @@ def calibrate_given(
 # --- parts -----------------------------------------------------------------------------------------
 
 
-def _homography(plane: Floats, image: Floats) -> Floats:
-    """Normalised direct linear transform (Hartley and Zisserman, Multiple View Geometry, algorithm 4.2)."""
-    for i, j, k in _triples(len(plane)):
-        a, b = plane[j] - plane[i], plane[k] - plane[i]
-        flat = abs(a[0] * b[1] - a[1] * b[0]) < 1e-3 * (np.hypot(*a) * np.hypot(*b) + 1e-300)
-        if flat and len(plane) == 4:
+def _require_general_position(places: Floats, flat: float) -> None:
+    """Refuse points (k, 2) that do not determine a homography: all on a line, or all but one, to a relative width."""
+    for left_out in range(len(places)):
+        others = np.delete(np.arange(len(places)), left_out)
+        values = np.linalg.svd(places[others] - places[others].mean(axis=0), compute_uv=False)
+        if values[1] < flat * values[0]:
+            if len(places) > 4:
+                raise CalibrationError("the points are degenerate: give 4 or more with no three in a line")
+            i, j, k = others
             raise CalibrationError(f"points {i}, {j} and {k} lie in a line: of 4 points no three may")
-    to_plane, to_image = _normaliser(plane), _normaliser(image)
-    p = np.column_stack([plane, np.ones(len(plane))]) @ to_plane.T
-    q = np.column_stack([image, np.ones(len(image))]) @ to_image.T
-    zero = np.zeros_like(p)
-    rows = np.concatenate(
-        [np.hstack([p, zero, -q[:, :1] * p]), np.hstack([zero, p, -q[:, 1:2] * p])],
-    )
-    _, values, vectors = np.linalg.svd(rows)
-    if values[7] < 1e-7 * values[0]:
-        raise CalibrationError("the points are degenerate: give 4 or more with no three in a line")
-    matrix = np.linalg.inv(to_image) @ vectors[-1].reshape(3, 3) @ to_plane
-    result: Floats = matrix / np.linalg.norm(matrix)
-    return result
 
 
-def _camera_of_homography(
-    matrix: Floats, width: int, height: int, known: Floats | None, reference: Floats | None = None
-) -> tuple[Floats, Floats, Floats]:
-    """K, R, t of a homography K [r1 r2 t] of the plane z = 0, by the conditions on r1 and r2 (Zhang 2000)."""
+def _focal_of_homography(matrix: Floats, width: int, height: int) -> float:
+    """Focal length [px] of a homography K [r1 r2 t] of a plane, by the conditions on r1 and r2 (Zhang 2000).
+
+    `cv2.initCameraMatrix2D` solves the same conditions, but does not say where they determine nothing.
+    """
     cx, cy = (width - 1) / 2, (height - 1) / 2
-    if known is None:
-        h = np.array([[1, 0, -cx], [0, 1, -cy], [0, 0, 1.0]]) @ matrix
-        # w = 1/f^2 solves two linear conditions: r1 . r2 = 0 and |r1| = |r2|; weighted least squares.
-        a = np.array([h[0, 0] * h[0, 1] + h[1, 0] * h[1, 1], (h[:2, 0] ** 2).sum() - (h[:2, 1] ** 2).sum()])
-        b = -np.array([h[2, 0] * h[2, 1], h[2, 0] ** 2 - h[2, 1] ** 2])
-        strength = float((a**2).sum())
-        inverse_square = float(a @ b) / strength if strength > 0 else 0.0
-        focal = 1 / np.sqrt(inverse_square) if inverse_square > 0 else np.inf
-        if not 0.1 * width < focal < 100 * width:
-            raise CalibrationError(
-                "the plane is seen head-on, so its points do not determine the focal length: give intrinsics, points "
-                "outside the plane, or use a known length"
-            )
-        known = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
-    columns = np.linalg.inv(known) @ matrix
-    scale = 2.0 / (np.linalg.norm(columns[:, 0]) + np.linalg.norm(columns[:, 1]))
-    point = np.array([0.0, 0.0, 1.0]) if reference is None else np.array([*reference, 1.0])
-    if (columns @ point)[2] < 0:
-        scale = -scale  # the plane's points are in front of the camera
-    columns = columns * scale
-    turn = np.column_stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])])
-    left, _, right = np.linalg.svd(turn)
-    rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
-    return known, rotation, columns[:, 2]
+    h = np.array([[1, 0, -cx], [0, 1, -cy], [0, 0, 1.0]]) @ matrix
+    # w = 1/f^2 solves two linear conditions: r1 . r2 = 0 and |r1| = |r2|; weighted least squares.
+    a = np.array([h[0, 0] * h[0, 1] + h[1, 0] * h[1, 1], (h[:2, 0] ** 2).sum() - (h[:2, 1] ** 2).sum()])
+    b = -np.array([h[2, 0] * h[2, 1], h[2, 0] ** 2 - h[2, 1] ** 2])
+    strength = float((a**2).sum())
+    inverse_square = float(a @ b) / strength if strength > 0 else 0.0
+    focal = float(1 / np.sqrt(inverse_square)) if inverse_square > 0 else np.inf
+    if not 0.1 * width < focal < 100 * width:
+        raise CalibrationError(
+            "the plane is seen head-on, so its points do not determine the focal length: give intrinsics, points "
+            "outside the plane, or use a known length"
+        )
+    return focal
 
 
-def _direct_linear(
-    points: Floats, image: Floats, width: int, height: int, known: Floats | None
-) -> tuple[Floats, Floats, Floats]:
-    """K, R, t of points in space; focal length from the best of a range when it is not known."""
-    cx, cy = (width - 1) / 2, (height - 1) / 2
-    best: tuple[float, tuple[Floats, Floats, Floats]] | None = None
-    shift: Floats
-    focals = [None] if known is not None else list(np.geomspace(0.4 * width, 12 * width, 24))
-    for focal in focals:
-        matrix = known if focal is None else np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
-        assert matrix is not None
-        flag = cv2.SOLVEPNP_EPNP if len(points) < 6 else cv2.SOLVEPNP_SQPNP
-        solved, rotation_vector, translation = cv2.solvePnP(points, image, matrix, None, flags=flag)
-        if not solved:
-            continue
-        rotation = Rotation.from_rotvec(np.asarray(rotation_vector).ravel()).as_matrix()
-        shift = np.asarray(translation, dtype=float).ravel()
-        moved = points @ rotation.T + shift
-        if np.any(moved[:, 2] <= 0):
-            continue
-        projected = moved @ matrix.T
-        error = float(np.hypot(*(projected[:, :2] / projected[:, 2:] - image).T).mean())
-        if best is None or error < best[0]:
-            best = (error, (np.asarray(matrix), np.asarray(rotation), shift))
-    if best is None:
+def _focal_of_points(points: Floats, image: Floats, width: int, height: int) -> float:
+    """Focal length [px], of a range, at which the pose of points in space leaves the least reprojection error."""
+    focals = np.geomspace(0.4 * width, 12 * width, 24)
+    costs = [_pose(points, image, _square_pixels(f, width, height))[0] for f in focals]
+    if not np.isfinite(min(costs)):
         raise CalibrationError(
             "no camera sees these points in front of it at these pixels: check the pairs and that v grows downwards"
         )
-    return best[1]
+    return float(focals[int(np.argmin(costs))])
 
 
-def _refine(
-    start: tuple[Floats, Floats, Floats],
-    points: Floats,
-    image: Floats,
-    width: int,
-    height: int,
-    *,
-    fixed_focal: bool,
-) -> tuple[Camera, list[float]]:
-    """Pose, and focal length unless fixed, of least reprojection error."""
-    matrix, rotation, translation = start
+def _calibrated(points: Floats, image: Floats, width: int, height: int, focal: float) -> Camera:
+    """Return the camera with square pixels and central principal point of least reprojection error.
 
-    def unpack(x: Floats) -> tuple[Floats, Floats, Floats]:
-        k = matrix.copy()
-        if not fixed_focal:
-            k[0, 0] = k[1, 1] = matrix[0, 0] * np.exp(x[6])
-        return k, Rotation.from_rotvec(x[:3]).as_matrix() @ rotation, translation + x[3:6]
+    focal: where the search begins. `cv2.calibrateCamera` takes single precision and begins at a pose of its own, which
+    for few noisy points may be behind them; so the pose is OpenCV's at each focal length.
+    """
 
-    def residual(x: Floats) -> Floats:
-        k, turn, shift = unpack(x)
-        moved = points @ turn.T + shift
-        projected = moved @ k.T
-        depth = np.maximum(projected[:, 2:], 1e-6)
-        result: Floats = (projected[:, :2] / depth - image).ravel()
-        return result
+    def cost(logarithm: float) -> float:
+        return _pose(points, image, _square_pixels(float(np.exp(logarithm)), width, height))[0]
 
-    solution = least_squares(
-        residual, np.zeros(6 if fixed_focal else 7), x_scale="jac", method="trf", max_nfev=400, xtol=1e-14, ftol=1e-14
-    )
-    k, turn, shift = unpack(solution.x)
-    if np.any((points @ turn.T + shift)[:, 2] <= 0):
+    begin = float(np.log(focal))
+    found = minimize_scalar(cost, bracket=(begin, begin + 0.1))
+    return _posed(points, image, width, height, _square_pixels(float(np.exp(found.x)), width, height))
+
+
+def _posed(points: Floats, image: Floats, width: int, height: int, matrix: Floats) -> Camera:
+    """Return the camera with given intrinsics of least reprojection error."""
+    straight = image.copy()  # as seen without skew, which OpenCV's cameras do not have
+    straight[:, 0] -= matrix[0, 1] / matrix[1, 1] * (image[:, 1] - matrix[1, 2])
+    cost, rotation, translation = _pose(points, straight, matrix * np.array([[1, 0, 1], [0, 1, 1], [0, 0, 1.0]]))
+    if not np.isfinite(cost):
         raise CalibrationError("the points come out behind the camera: check the pairs and that v grows downwards")
-    errors = np.hypot(*residual(solution.x).reshape(-1, 2).T)
-    return _camera_of(k, turn, shift, width, height), [float(e) for e in errors]
+    return _camera_of(matrix, rotation, translation, width, height)
 
 
-def _camera(focal: float, rotation: Floats, translation: Floats, width: int, height: int) -> Camera:
-    k = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
-    return _camera_of(k, rotation, translation, width, height)
+def _pose(points: Floats, image: Floats, matrix: Floats) -> tuple[float, Floats, Floats]:
+    """Least sum of squared reprojection errors [px^2], with the rotation (3, 3) and translation (3,) that give it;
+    infinite where no pose is found, or points are behind the camera."""
+    try:
+        _, turn, shift = cv2.solvePnP(points, image, matrix, None, flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:
+        return np.inf, np.eye(3), np.zeros(3)
+    turn, shift = cv2.solvePnPRefineLM(points, image, matrix, None, turn, shift, criteria=CONVERGED)
+    rotation, translation = np.asarray(cv2.Rodrigues(turn)[0], dtype=float), np.ravel(shift).astype(float)
+    projected = np.asarray(cv2.projectPoints(points, turn, shift, matrix, None)[0])[:, 0]
+    seen = bool(((points @ rotation.T + translation)[:, 2] > 0).all())
+    return (float(((projected - image) ** 2).sum()) if seen else np.inf), rotation, translation
+
+
+def _errors(camera: Camera, points: Floats, image: Floats) -> list[float]:
+    return [float(e) for e in np.hypot(*(camera.project(points) - image).T)]
+
+
+def _square_pixels(focal: float, width: int, height: int) -> Floats:
+    return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
 
 
 def _camera_of(k: Floats, rotation: Floats, translation: Floats, width: int, height: int) -> Camera:
@@ -361,16 +331,6 @@ def _principal_axes(points: Floats) -> tuple[Floats, Floats]:
     if np.linalg.det(vectors) < 0:
         vectors = vectors * np.array([[1.0], [1.0], [-1.0]])
     return vectors, spread
-
-
-def _normaliser(points: Floats) -> Floats:
-    centre = points.mean(axis=0)
-    scale = np.sqrt(2) / max(float(np.hypot(*(points - centre).T).mean()), 1e-12)
-    return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1.0]])
-
-
-def _triples(count: int) -> list[tuple[int, int, int]]:
-    return [(i, j, k) for i in range(count) for j in range(i + 1, count) for k in range(j + 1, count)][:200]
 
 
 def _array(values: object, shape: tuple[int, ...], name: str) -> Floats:
