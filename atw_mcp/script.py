@@ -1,14 +1,12 @@
 """Scripts: tool calls written down, whose arguments may refer to earlier results.
 
-Text form, one call a line (a line ending in a backslash continues on the next):
+One call a line (a line ending in a backslash continues on the next):
 
     # a comment
     > said to the reader before the next call; may quote ${observe.summary}
     open: OpenCase video=$folder/clip.mp4
     observe: ObserveObjects case=$open.case
     Rollout case=$open.case edits='[{"action": "remove", "object": "red"}]'
-
-JSON form: a list of {"name": ..., "tool": ..., "arguments": {...}, "say": ...}; name and say may be left out.
 
 `$name.field` and `${name.field.0.field}` stand for part of the result called `name`: a field of the result, of
 its source, or of its data. A variable (`$folder`, the script's own folder, or one given on the command line) is
@@ -39,29 +37,28 @@ class ScriptError(Exception):
 
 @dataclass(frozen=True)
 class Step:
-    """One call of a script. arguments: values, or texts not yet read (from the text form or a command line)."""
+    """One call of a script. arguments: as written, not yet read by the tool's schema."""
 
     tool: str
-    arguments: dict[str, Any] = field(default_factory=dict)
+    arguments: dict[str, str] = field(default_factory=dict)
     name: str | None = None
     say: str | None = None
-    as_text: bool = False
 
 
 def read_script(path: Path) -> list[Step]:
-    """The steps of a script file; raises ScriptError naming the line or item that is wrong."""
+    """The steps of a script file; raises ScriptError naming the line that is wrong."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ScriptError(f"cannot read the script {path}: {error}") from error
-    steps = _from_json(text) if text.lstrip().startswith("[") else _from_text(text)
+    steps = _steps(text)
     if not steps:
         raise ScriptError(f"{path} has no calls")
     return steps
 
 
 def read_line(line: str) -> Step | None:
-    """Parse one line of the text form; None for an empty line or a comment. Raises ScriptError."""
+    """Parse one line of a script; None for an empty line or a comment. Raises ScriptError."""
     try:
         words = shlex.split(line, comments=True)
     except ValueError as error:
@@ -73,7 +70,7 @@ def read_line(line: str) -> Step | None:
         raise ScriptError(f"{name!r} cannot name a result")
     if not words:
         raise ScriptError("a tool name is missing")
-    return Step(words[0], dict(split_pairs(words[1:])), name, as_text=True)
+    return Step(words[0], dict(split_pairs(words[1:])), name)
 
 
 async def run_script(
@@ -94,19 +91,12 @@ async def run_script(
 
 
 def step_arguments(step: Step, known: Mapping[str, Any], schemas: Mapping[str, Any]) -> dict[str, Any]:
-    """Resolve a step's references and read its text arguments by the tool's schema; raises ScriptError."""
-    arguments = {key: resolved(value, known) for key, value in step.arguments.items()}
-    return read_arguments(arguments, schemas, step.tool) if step.as_text else arguments
+    """Resolve a step's references and read its arguments by the tool's schema; raises ScriptError."""
+    return read_arguments({key: resolved(value, known) for key, value in step.arguments.items()}, schemas, step.tool)
 
 
-def resolved(value: Any, known: Mapping[str, Any]) -> Any:
-    """The value with its references replaced; raises ScriptError naming what there is to refer to."""
-    if isinstance(value, dict):
-        return {key: resolved(item, known) for key, item in value.items()}
-    if isinstance(value, list):
-        return [resolved(item, known) for item in value]
-    if not isinstance(value, str):
-        return value
+def resolved(value: str, known: Mapping[str, Any]) -> Any:
+    """The text with its references replaced; raises ScriptError naming what there is to refer to."""
     whole = REFERENCE.fullmatch(value)
     if whole is not None and whole[0] != "$$":
         return _looked_up(whole["braced"] or whole["bare"], known)
@@ -197,7 +187,7 @@ def _looked_up(reference: str, known: Mapping[str, Any]) -> Any:
     return value
 
 
-def _from_text(text: str) -> list[Step]:
+def _steps(text: str) -> list[Step]:
     steps: list[Step] = []
     said: list[str] = []
     pending, first = "", 0
@@ -222,22 +212,4 @@ def _from_text(text: str) -> list[Step]:
         raise ScriptError(f"line {first}: the last line ends in a backslash")
     if said:
         raise ScriptError(f"nothing is called after {said[-1]!r}: what is said belongs before a call")
-    return steps
-
-
-def _from_json(text: str) -> list[Step]:
-    try:
-        items = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ScriptError(f"not valid JSON: {error}") from error
-    steps = []
-    for number, item in enumerate(items, start=1):
-        if not isinstance(item, dict) or not isinstance(item.get("tool"), str):
-            raise ScriptError(f"item {number}: expected an object with a tool, got {json.dumps(item)[:80]}")
-        extra = sorted(set(item) - {"tool", "arguments", "name", "say"})
-        arguments = item.get("arguments", {})
-        if extra or not isinstance(arguments, dict):
-            wrong = f"unknown {extra}" if extra else "arguments must be an object"
-            raise ScriptError(f"item {number}: {wrong}; fields: name, tool, arguments, say")
-        steps.append(Step(item["tool"], arguments, item.get("name"), item.get("say")))
     return steps

@@ -83,17 +83,6 @@ def test_later_calls_use_earlier_results_with_their_types(tmp_path: Path) -> Non
     assert said == [None, "it said 0.25 to blue; a price is $5"]
 
 
-def test_json_script_is_the_same_as_text(tmp_path: Path) -> None:
-    as_json = script(
-        tmp_path,
-        '[{"name": "one", "tool": "Echo", "arguments": {"number": 2}},'
-        ' {"tool": "Echo", "arguments": {"edits": [{"deep": ["$one.number"]}]}, "say": "now"}]',
-    )
-    caller, said = run(as_json)
-    assert caller.calls[1] == {"edits": [{"deep": [2]}]}
-    assert said == [None, "now"]
-
-
 def test_strings_stay_strings_where_the_tool_wants_them() -> None:
     given = {"text": "0012", "number": "12", "maybe": "null", "names": '["a,b"]', "other": "[1]"}
     assert read_arguments(given, SCHEMAS, "Echo") == {
@@ -154,9 +143,6 @@ def test_failing_call_stops_the_script(tmp_path: Path) -> None:
         ("Echo text=1 \\", "line 1: the last line ends in a backslash"),
         ("Echo text=1\n> done", "nothing is called after 'done'"),
         ("", "has no calls"),
-        ("[1]", "item 1: expected an object with a tool"),
-        ('[{"tool": "Echo", "argument": {}}]', r"item 1: unknown \['argument'\]"),
-        ("[", "not valid JSON"),
     ],
 )
 def test_malformed_scripts_are_refused_with_the_place(text: str, complaint: str, tmp_path: Path) -> None:
