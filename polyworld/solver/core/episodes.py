@@ -86,11 +86,12 @@ class ContactLog:
         self.record.count = buffers.zeros((n_worlds,), wp.int32)
         pairs = (n_worlds, len(self._names), len(self._others))
         self.record.open = buffers.zeros(pairs if record else (1, 1, 1), wp.int32)
+        self._open, self._count = self.record.open.numpy(), self.record.count.numpy()
 
     def clear(self) -> None:
         """Empty the log: no contact has started."""
-        self.record.open.numpy()[:] = -1
-        self.record.count.numpy()[:] = 0
+        self._open[:] = -1
+        self._count[:] = 0
 
     def events(
         self, w: int, end: float, what: str = "contacts", place: Callable[[Any], Array] | None = None
@@ -102,7 +103,7 @@ class ContactLog:
         """
         if not self.record.record:
             return ()
-        count = int(self.record.count.numpy()[w])
+        count = int(self._count[w])
         if count > self._capacity:
             raise RuntimeError(f"{count} {what} began; room for {self._capacity}: shorten the horizon")
         found = []

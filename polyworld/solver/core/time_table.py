@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -60,6 +62,28 @@ class Schedules:
         """Return how many segments (W,) worlds of these schedules (W,) take to their first `samples`."""
         found: NDArray[np.int32] = self.reach[schedule, samples - 1]
         return found
+
+
+@wp.struct
+class Schedule:
+    """Schedules as kernels read them, see `Schedules`; own (W,): that of each world, reach (W,): its segments."""
+
+    end: wp.array2d[wp.float64]
+    steps: wp.array2d[wp.int32]
+    sample: wp.array2d[wp.int32]
+    joins: wp.array[wp.int32]
+    own: wp.array[wp.int32]
+    reach: wp.array[wp.int32]
+
+
+def schedule_record(table: Schedules, n_worlds: int) -> Schedule:
+    """Return schedules with room for those of `n_worlds` worlds, `own` and `reach`."""
+    record = Schedule()
+    record.end = buffers.doubles(table.end)
+    record.steps, record.sample = buffers.ints(table.steps), buffers.ints(table.sample)
+    record.joins = buffers.ints(table.joins)
+    record.own, record.reach = buffers.zeros((n_worlds,), wp.int32), buffers.zeros((n_worlds,), wp.int32)
+    return record
 
 
 def schedules(world: World, sample_times: Array) -> Schedules:

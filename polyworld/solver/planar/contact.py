@@ -30,13 +30,13 @@ def find_near(
     n = scene.bodies
     count = wp.int32(0)
     for a in range(n):
-        if scene.joins[a] <= segment:
+        if scene.schedule.joins[a] <= segment:
             pa = bodies.pose[w, a]
             for b in range(a + 1, n + scene.statics):
                 if scene.collides[a, b] != 0:
                     gap = -FAR
                     if b < n:
-                        if scene.joins[b] <= segment:
+                        if scene.schedule.joins[b] <= segment:
                             pb = bodies.pose[w, b]
                             gap = wp.length(wp.vec2d(pb[0] - pa[0], pb[1] - pa[1])) - scene.bound[a] - scene.bound[b]
                         else:
@@ -180,7 +180,7 @@ def find_rows(
                         contacts.rows[w, half, count] = row
                         count += 1
                     else:
-                        samples.overflowed[w] = samples.overflowed[w] + 1
+                        samples.outcome.overflowed[w] = samples.outcome.overflowed[w] + 1
                 # Both lists are in the order of the pairs, and a pair's points in the order of the tangent.
                 searching = wp.int32(1)
                 while searching == 1 and old < old_count:

@@ -35,7 +35,7 @@ def set_plane_friction(
     if scene[0].supports == 0 or load <= ZERO:
         return
     for i in range(scene[0].bodies):
-        if scene[0].joins[i] <= segment:
+        if scene[0].schedule.joins[i] <= segment:
             ahead = bodies[0].rate[w, i] * h
             x = bodies[0].pose[w, i] + ahead * HALF
             position = wp.vec3d(x[0], x[1], scene[0].level)

@@ -79,7 +79,7 @@ def sign_of(e: wp.int32) -> wp.float64:
 def begin_hinges(scene: Scene, joints: Joints, w: wp.int32, segment: wp.int32) -> None:
     """Activate the hinges whose bodies move in this segment."""
     for j in range(joints.count):
-        joints.active[w, j] = wp.where(scene.joins[joints.body[j, 0]] <= segment, 1, 0)
+        joints.active[w, j] = wp.where(scene.schedule.joins[joints.body[j, 0]] <= segment, 1, 0)
 
 
 @wp.func

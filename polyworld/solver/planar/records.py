@@ -3,6 +3,8 @@
 import warp as wp
 
 from polyworld.solver.core.effect_table import Effects
+from polyworld.solver.core.simulator import Outcome
+from polyworld.solver.core.time_table import Schedule
 
 wp.set_module_options({"enable_backward": False})
 
@@ -27,12 +29,7 @@ class Scene:
     touch: wp.float64  # a gap below this is contact [m]
     skin: wp.float64  # pairs nearer than this are kept in the near list [m]
     axes: wp.mat33d  # rows: the plane's x, y and normal in world axes
-    segment_end: wp.array2d[wp.float64]  # (S, K) sample and start times of each schedule in order [s]
-    segment_steps: wp.array2d[wp.int32]  # (S, K) substeps of the segment that ends there
-    segment_sample: wp.array2d[wp.int32]  # (S, K) sample taken there, -1 for none
-    schedule: wp.array[wp.int32]  # (W,) schedule of each world
-    reach: wp.array[wp.int32]  # (W,) segments that each world goes through
-    joins: wp.array[wp.int32]  # (n,) first segment in which a body moves
+    schedule: Schedule
     effects: Effects
     effect_radius: wp.array[wp.float64]  # (n,) radius of the ball of equal volume [m]
 
@@ -137,9 +134,7 @@ class Samples:
 
     pose: wp.array3d[wp.vec3d]  # (W, T, n)
     rate: wp.array3d[wp.vec3d]
-    diverged_object: wp.array[wp.int32]  # (W,) -1 where the world did not diverge
-    diverged_time: wp.array[wp.float64]
-    overflowed: wp.array[wp.int32]  # (W,) contact points beyond the buffer
+    outcome: Outcome
 
 
 @wp.struct

@@ -1,4 +1,4 @@
-"""A planar world as the arrays of `records.Scene`: outlines, pairs that can meet, and the time table."""
+"""A planar world as the arrays of `records.Scene`: outlines, and pairs that can meet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.core.time_table import Schedules
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.rigid import RigidObject
@@ -75,11 +74,8 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
     return Outline(vertices, sweep, (float(x), float(y), 0.0), low, high)
 
 
-def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array]:
-    """Build the scene of a planar world without its effects, and return it.
-
-    Also the names of bodies and statics, and the statics' poses (s, 3).
-    """
+def build_scene(world: World) -> tuple[Scene, Array]:
+    """Build the scene of a planar world without its schedule and effects; also return the statics' poses (s, 3)."""
     plane = world.environment.motion_plane
     axes = geometry.plane_axes(plane)
     bodies = [body_outline(o, axes) for o in world.objects]
@@ -113,13 +109,9 @@ def build_scene(world: World, table: Schedules) -> tuple[Scene, list[str], Array
     scene.touch = TOUCH * min(bound[:n])
     scene.skin = SKIN * float(np.mean(bound[:n]))
     scene.axes = wp.mat33d(*axes.ravel())
-    scene.segment_end = buffers.doubles(table.end)
-    scene.segment_steps = buffers.ints(table.steps)
-    scene.segment_sample = buffers.ints(table.sample)
-    scene.joins = buffers.ints(table.joins)
     scene.effect_radius = buffers.doubles([(0.75 * v / np.pi) ** (1 / 3) for v in volumes])
     poses = np.array([o.pose for o in outlines[n:]]).reshape(-1, 3)
-    return scene, [o.name for o in world.objects] + [s.name for s in world.statics], poses
+    return scene, poses
 
 
 def build_joints(world: World) -> Joints:

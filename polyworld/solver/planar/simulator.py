@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,19 +10,17 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.arrays import RigidArrays
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
-from polyworld.solver.core.episodes import ContactLog
 from polyworld.solver.core.references import by_reference
-from polyworld.solver.core.thread_pool import run_in_pool, shares
-from polyworld.solver.core.time_table import schedules
+from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.solver.planar.step import rollout
-from polyworld.trajectory import BatchTrajectory, Event
+from polyworld.trajectory import Event
 from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
@@ -55,13 +52,8 @@ BODY_FIELDS = {
 }
 
 
-def available_cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class PlanarSimulator:
-    """See `polyworld.solver.rollout.simulator`. Buffers are allocated once and written in place on every run.
+class PlanarSimulator(RigidSimulator):
+    """See `RigidSimulator`.
 
     Bodies and statics are their outlines on the motion plane. A pair can meet only if their extents along the
     plane's normal overlap at the start; a static plane counts where it cuts the motion plane. Pressing on the
@@ -79,15 +71,15 @@ class PlanarSimulator:
         record_events: bool = False,
         threads: int | None = None,
     ) -> None:
-        self.world = world
-        self.names = tuple(o.name for o in world.objects)
-        self.n_worlds = n_worlds
-        self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
-        self.record_events = record_events
-        self.threads = threads or available_cores()
-        self._overriding = Overriding(world)
-        self._table = schedules(world, self.sample_times)
-        self._scene, self._all_names, self._static_poses = build_scene(world, self._table)
+        super().__init__(
+            world,
+            sample_times,
+            n_worlds=n_worlds,
+            record_events=record_events,
+            threads=threads,
+            episodes=EPISODES,
+        )
+        self._scene, self._static_poses = build_scene(world)
         self._axes = geometry.plane_axes(world.environment.motion_plane)
         rotations = [geometry.quaternion_matrix(np.asarray(o.orientation)) for o in world.objects]
         solids = [geometry.mass_properties(o.shape) for o in world.objects]
@@ -102,16 +94,6 @@ class PlanarSimulator:
         self._joints = build_joints(world)
         self._allocate()
 
-    def run(
-        self,
-        overrides: Mapping[str, Array] | None = None,
-        *,
-        samples: int | NDArray[np.int64] | None = None,
-        schedule: NDArray[np.int64] | None = None,
-    ) -> BatchTrajectory:
-        """Roll variants out from their initial state; see `polyworld.solver.rollout.Simulator`."""
-        return self._trajectory(self.roll(overrides, samples=samples, schedule=schedule))
-
     def roll(
         self,
         overrides: Mapping[str, Array] | None = None,
@@ -120,20 +102,22 @@ class PlanarSimulator:
         schedule: NDArray[np.int64] | None = None,
     ) -> PlaneMotion:
         """As `run`, in the plane: views of buffers that the next run writes to."""
-        each = check_samples(self.sample_times.shape[1], samples)
-        count = int(each.max())
-        worlds = check_worlds(self.n_worlds, overrides, schedule)
-        arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
-        own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
-        self._of_scene.schedule[:worlds] = own
-        self._of_scene.reach[:worlds] = self._table.segments(own, each)
-        self._write(arrays, worlds)
-        self._launch(worlds)
-        return self._rolled(own, count)
+        batch = self._roll(overrides, samples, schedule)
+        out, c = self._of_samples, batch.worlds
+        return PlaneMotion(
+            names=self.names,
+            axes=self._axes,
+            times=batch.times,
+            pose=out.pose[:c, : batch.count],
+            rate=out.rate[:c, : batch.count],
+            height=self._of_bodies.height[:c],
+            described=self._described,
+            diverged=batch.diverged,
+        )
 
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
-        self._scene.schedule, self._scene.reach = buffers.zeros((w,), wp.int32), buffers.zeros((w,), wp.int32)
+        self._scene.schedule = self._schedule
         own = self._overriding.own
         self._scene.contact_laws, self._scene.forces = contact_laws(own.effect_kind), forces_among(own.effect_kind)
         effects = self._scene.effects
@@ -165,15 +149,11 @@ class PlanarSimulator:
         joints.moment_arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
         joints.impulse = buffers.zeros((w, joints.count), wp.vec2d)
         joints.active = buffers.zeros((w, joints.count), wp.int32)
-        self._log = ContactLog(w, self.names, self._all_names, record=self.record_events, capacity=EPISODES)
         samples = Samples()
         samples.pose = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.rate = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
-        samples.diverged_object = buffers.zeros((w,), wp.int32)
-        samples.diverged_time = buffers.zeros((w,), wp.float64)
-        samples.overflowed = buffers.zeros((w,), wp.int32)
+        samples.outcome = self._outcome
         self._bodies, self._contacts, self._samples = bodies, contacts, samples
-        self._of_scene = _Views(self._scene)
         self._of_bodies, self._of_joints, self._of_samples = map(_Views, (bodies, joints, samples))
         self._references = References()
         self._references.scene = by_reference(self._scene, Scene)
@@ -218,13 +198,8 @@ class PlanarSimulator:
         b.reaction[:c] = 0.0
         b.touching[:c] = 0
         self._write_joints(arrays, c)
-        self._log.clear()
-        out = self._of_samples
-        out.pose[:c] = np.nan
-        out.rate[:c] = np.nan
-        out.diverged_object[:c] = -1
-        out.diverged_time[:c] = np.nan
-        out.overflowed[:c] = 0
+        self._of_samples.pose[:c] = np.nan
+        self._of_samples.rate[:c] = np.nan
 
     def _write_joints(self, arrays: RigidArrays, c: int) -> None:
         """Set each hinge's pivot in its bodies' own axes, at the poses the run starts from."""
@@ -238,85 +213,48 @@ class PlanarSimulator:
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
         self._of_joints.impulse[:c] = 0.0
 
-    def _launch(self, worlds: int) -> None:
-        if self._scene.bodies == 0:
-            return
-        pieces = shares(worlds, self.threads)
-        edges = np.linspace(0, worlds, pieces + 1).astype(int)
+    def _kernel(self) -> Any:
+        return rollout
 
-        def piece(index: int) -> None:
-            first, last = int(edges[index]), int(edges[index + 1])
-            buffers.launch(
-                rollout,
-                last - first,
-                [
-                    self._scene,
-                    self._bodies,
-                    self._contacts,
-                    self._joints,
-                    self._log.record,
-                    self._samples,
-                    self._references,
-                    first,
-                ],
-            )
+    def _inputs(self, first: int, _index: int, /) -> list[Any]:
+        records = [self._scene, self._bodies, self._contacts, self._joints, self._log.record, self._samples]
+        return [*records, self._references, first]
 
-        rollout.module.load("cpu", block_dim=1)  # before the threads ask for it
-        run_in_pool(piece, pieces, self.threads)
-
-    def _rolled(self, schedule: NDArray[np.int64], count: int) -> PlaneMotion:
-        out, c = self._of_samples, len(schedule)
-        if out.overflowed[:c].any():
+    def _check_room(self, overflowed: NDArray[np.int32]) -> None:
+        if overflowed.any():
             raise RuntimeError(
-                f"{int(out.overflowed[:c].max())} contact points overflow the buffer: the objects overlap at the start"
+                f"{int(overflowed.max())} contact points overflow the buffer: the objects overlap at the start"
             )
-        return PlaneMotion(
-            names=self.names,
-            axes=self._axes,
-            times=self.sample_times[schedule, :count] * self._of_bodies.time_scale[:c, None],
-            pose=out.pose[:c, :count],
-            rate=out.rate[:c, :count],
-            height=self._of_bodies.height[:c],
-            described=self._described,
-            diverged=out.diverged_object[:c] >= 0,
-        )
 
-    def _trajectory(self, motion: PlaneMotion) -> BatchTrajectory:
-        out, axes, pose, rate = self._of_samples, self._axes, motion.pose, motion.rate
-        worlds, count = pose.shape[:2]
+    def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:
+        c, axes = batch.worlds, self._axes
+        pose, rate = self._of_samples.pose[:c, : batch.count], self._of_samples.rate[:c, : batch.count]
         rotation = np.zeros((*pose.shape[:3], 4))
         rotation[..., 0] = np.cos(pose[..., 2] / 2)
         rotation[..., 1:] = np.sin(pose[..., 2] / 2)[..., None] * axes[2]
-        starts = np.array([o.start_time for o in self.world.objects])
-        # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
-        last = np.nanmax(motion.times, axis=1)
-        ends = np.where(motion.diverged, out.diverged_time[:worlds] - 2.0 * self.world.time.substep, last)
-        return BatchTrajectory(
-            names=self.names,
-            times=motion.times,
-            positions=pose[..., :2] @ axes[:2] + motion.height[:, None, :, None] * axes[2],
-            # The angle counts from the world's own orientation, an override's rotation included.
-            orientations=geometry.quaternion_product(
-                rotation, np.broadcast_to(self._described[:, None], rotation.shape)
-            ),
-            velocities=rate[..., :2] @ axes[:2],
-            angular_velocities=rate[..., 2:] * axes[2],
-            active=self.sample_times[0, :count, None] >= starts[None, :],
-            diverged=motion.diverged,
-            diverged_time=out.diverged_time[:worlds].copy(),
-            diverged_object=out.diverged_object[:worlds].astype(np.int64),
-            events=tuple(self._events(w, float(ends[w])) for w in range(worlds)),
+        # The angle counts from the world's own orientation, an override's rotation included.
+        described = np.broadcast_to(self._described[:, None], rotation.shape)
+        return (
+            pose[..., :2] @ axes[:2] + self._of_bodies.height[:c, None, :, None] * axes[2],
+            geometry.quaternion_product(rotation, described),
+            rate[..., :2] @ axes[:2],
+            rate[..., 2:] * axes[2],
         )
 
-    def _events(self, w: int, end: float) -> tuple[Event, ...]:
-        """Contact events of one world in order of time."""
-        height = self._of_bodies.height[w]
+    def _events(self, batch: Batch) -> tuple[tuple[Event, ...], ...]:
+        # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
+        diverged = self._diverged_time[: batch.worlds] - 2.0 * self.world.time.substep
+        ends = np.where(batch.diverged, diverged, np.nanmax(batch.times, axis=1))
+        height = self._of_bodies.height
+        found = []
+        for w in range(batch.worlds):
 
-        def place(episode: Any) -> Array:
-            spot: Array = episode["position"][:2] @ self._axes[:2] + height[episode["a"]] * self._axes[2]
-            return spot
+            def place(episode: Any, w: int = w) -> Array:
+                spot: Array = episode["position"][:2] @ self._axes[:2] + height[w, episode["a"]] * self._axes[2]
+                return spot
 
-        return self._log.events(w, end, place=place)
+            found.append(self._log.events(w, float(ends[w]), place=place))
+        return tuple(found)
 
 
 def _view(array: Any) -> Any:

@@ -146,7 +146,7 @@ def rollout(
     offset: wp.int32,
 ) -> None:
     w = offset + wp.tid()
-    own = scene.schedule[w]
+    own = scene.schedule.own[w]
     n = scene.bodies
     near_count = wp.int32(0)
     row_count = wp.int32(0)
@@ -157,12 +157,12 @@ def rollout(
     start = ZERO
     dead = wp.int32(0)
     time = ZERO
-    for segment in range(scene.reach[w]):
-        end = scene.segment_end[own, segment] * scale
-        steps = scene.segment_steps[own, segment]
+    for segment in range(scene.schedule.reach[w]):
+        end = scene.schedule.end[own, segment] * scale
+        steps = scene.schedule.steps[own, segment]
         joined = wp.int32(0)
         for i in range(n):
-            if scene.joins[i] == segment:
+            if scene.schedule.joins[i] == segment:
                 room = -ONE
                 joined = wp.int32(1)
         if joints.count > 0 and joined == 1:
@@ -183,7 +183,7 @@ def rollout(
                 if scene.contact_laws > 0:
                     set_plane_friction(references.scene, references.bodies, w, segment, h)
                 for i in range(n):
-                    if scene.joins[i] <= segment:
+                    if scene.schedule.joins[i] <= segment:
                         v = bodies.rate[w, i]
                         push = find_push(scene, bodies, w, i, time, h)
                         bodies.push[w, i] = push
@@ -192,8 +192,8 @@ def rollout(
                         speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
                         if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
                             dead = wp.int32(1)
-                            samples.diverged_object[w] = i
-                            samples.diverged_time[w] = time
+                            samples.outcome.diverged_object[w] = i
+                            samples.outcome.diverged_time[w] = time
                         fastest = wp.max(fastest, speed + wp.length(push) * h)
                 if dead == 1:
                     break
@@ -218,7 +218,7 @@ def rollout(
                     renew_pushes(scene, bodies, contacts, w, half, rows, time, step, h)
                 set_step(scene, bodies, w, h)
                 for i in range(n):
-                    if scene.joins[i] <= segment:
+                    if scene.schedule.joins[i] <= segment:
                         if bodies.coupled[w, i] == 1:
                             bodies.rate[w, i] = bodies.next_rate[w, i]  # impacts may have changed it
                             bodies.next_rate[w, i] = unheld_rate(bodies, w, i, h)
@@ -228,13 +228,13 @@ def rollout(
                 if rows > 0 or joints.count > 0:
                     solve_contact_velocities(scene, bodies, contacts, joints, w, half, rows, ratio, h)
                 for i in range(n):
-                    if scene.joins[i] <= segment:
+                    if scene.schedule.joins[i] <= segment:
                         find_shift(bodies, w, i, h)
                 if rows > 0:
                     part_overlaps(scene, bodies, contacts, w, half, rows, ONE - wp.exp(-h / PARTING))
                 reach = ZERO
                 for i in range(n):
-                    if scene.joins[i] <= segment:
+                    if scene.schedule.joins[i] <= segment:
                         reach = wp.max(reach, TWO * longest_path(scene, bodies, w, i, h))
                 part = h
                 if splits < SPLITS:
@@ -248,12 +248,12 @@ def rollout(
                             record_touch(log, w, touch_of(bodies, w, row, time, row.impulse * part / h))
                 if scene.forces > 0 and TWO * h >= step:
                     for i in range(n):
-                        if scene.joins[i] <= segment:
+                        if scene.schedule.joins[i] <= segment:
                             bodies.reaction[w, i] = (bodies.next_rate[w, i] - unheld_rate(bodies, w, i, h)) / h
                 share = part / h
                 moved = ZERO
                 for i in range(n):
-                    if scene.joins[i] <= segment:
+                    if scene.schedule.joins[i] <= segment:
                         was = bodies.pose[w, i]
                         if part == h:
                             bodies.pose[w, i] = was + bodies.shift[w, i]
@@ -274,7 +274,7 @@ def rollout(
                 splits += 1
         start = end
         time = end
-        sample = scene.segment_sample[own, segment]
+        sample = scene.schedule.sample[own, segment]
         if sample >= 0 and dead == 0:
             for i in range(n):
                 samples.pose[w, sample, i] = bodies.pose[w, i]

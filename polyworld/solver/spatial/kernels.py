@@ -6,11 +6,12 @@ from typing import Any
 import warp as wp
 
 from polyworld.solver.core.episodes import Log
+from polyworld.solver.core.time_table import Schedule
 from polyworld.solver.spatial.extrapolation import pairing
 from polyworld.solver.spatial.free_step import FREE
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_step import JOINED, load_joints
-from polyworld.solver.spatial.layout import OPTIONS, Geometry, Parameters, Samples, Schedule, State
+from polyworld.solver.spatial.layout import OPTIONS, Geometry, Parameters, Samples, State
 from polyworld.solver.spatial.prediction import first_diverged, load_bodies
 from polyworld.solver.spatial.step import stepping
 
@@ -100,11 +101,11 @@ def _roll_out(advance: Any, together: int) -> Any:
                 time += h
                 diverged = first_diverged(state, k)
                 if diverged >= 0:
-                    samples[0].diverged_object[w] = diverged
-                    samples[0].diverged_time[w] = time
+                    samples[0].outcome.diverged_object[w] = diverged
+                    samples[0].outcome.diverged_time[w] = time
                     return
                 if state[0].overflowed[k] == 1:
-                    samples[0].overflowed[w] = 1
+                    samples[0].outcome.overflowed[w] = 1
                     return
             time = end
             sample = schedule[0].sample[own, segment]

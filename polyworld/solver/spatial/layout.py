@@ -6,6 +6,7 @@ Objects come first in every body array, statics after them; a static is a body o
 import warp as wp
 
 from polyworld.solver.core.effect_table import Effects
+from polyworld.solver.core.simulator import Outcome
 
 # Small code is quick to compile, and a first rollout is a user's first impression: no unrolling, and LLVM's
 # own inlining threshold in place of Warp's, which is twenty times higher.
@@ -230,29 +231,11 @@ class Parameters:
 
 
 @wp.struct
-class Schedule:
-    """Segments between sample and start times of S schedules: end (S, K) [s], steps (S, K), sample (S, K) or -1.
-
-    joins (n,): first segment in which an object moves. own (W,): schedule of each world; reach (W,): segments that it
-    goes through.
-    """
-
-    end: wp.array2d[wp.float64]
-    steps: wp.array2d[wp.int32]
-    sample: wp.array2d[wp.int32]
-    joins: wp.array[wp.int32]
-    own: wp.array[wp.int32]
-    reach: wp.array[wp.int32]
-
-
-@wp.struct
 class Samples:
-    """States at the sample times (W, T, n), and where a world diverged or ran out of room for contacts (W,)."""
+    """States at the sample times (W, T, n), and how each run ended."""
 
     position: wp.array3d[wp.vec3d]
     orientation: wp.array3d[wp.quatd]
     velocity: wp.array3d[wp.vec3d]
     angular_velocity: wp.array3d[wp.vec3d]
-    diverged_object: wp.array[wp.int32]
-    diverged_time: wp.array[wp.float64]
-    overflowed: wp.array[wp.int32]
+    outcome: Outcome

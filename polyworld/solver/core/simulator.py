@@ -1,0 +1,178 @@
+"""Roll out worlds of rigid bodies: schedules, overrides, threads and outcomes, the same in planar and in spatial."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from polyworld.core import buffers
+from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.solver.core.episodes import EPISODES, ContactLog
+from polyworld.solver.core.thread_pool import available_cores, run_in_pool, shares
+from polyworld.solver.core.time_table import schedule_record, schedules
+from polyworld.trajectory import BatchTrajectory, Event
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@wp.struct
+class Outcome:
+    """How runs ended (W,): the object that diverged, -1 for none, and when [s].
+
+    overflowed: above 0 where there was no room for all contacts.
+    """
+
+    diverged_object: wp.array[wp.int32]
+    diverged_time: wp.array[wp.float64]
+    overflowed: wp.array[wp.int32]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """W worlds that were rolled out: their parameters, schedules (W,), sample times (W, T) [s], and what diverged (W,).
+
+    count: T, of the samples reached.
+    """
+
+    arrays: RigidArrays
+    schedule: Ints
+    count: int
+    times: Array
+    diverged: NDArray[np.bool_]
+
+    @property
+    def worlds(self) -> int:
+        """Number of worlds."""
+        return len(self.schedule)
+
+
+class RigidSimulator(ABC):
+    """W variants of one world of rigid bodies, run in one kernel launch per share of the worlds.
+
+    See `polyworld.solver.rollout.simulator`. Buffers are allocated once and written in place on every run.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        sample_times: Array,
+        *,
+        n_worlds: int = 1,
+        record_events: bool = False,
+        threads: int | None = None,
+        episodes: int = EPISODES,
+    ) -> None:
+        """episodes: contact episodes kept for a world."""
+        self.world = world
+        self.names = tuple(o.name for o in world.objects)
+        self.n_worlds = n_worlds
+        self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
+        self.record_events = record_events
+        self.threads = threads or available_cores()
+        self._overriding = Overriding(world)
+        self._table = schedules(world, self.sample_times)
+        self._schedule = schedule_record(self._table, n_worlds)
+        self._outcome = Outcome()
+        self._outcome.diverged_object = buffers.zeros((n_worlds,), wp.int32)
+        self._outcome.diverged_time = buffers.zeros((n_worlds,), wp.float64)
+        self._outcome.overflowed = buffers.zeros((n_worlds,), wp.int32)
+        self._own, self._reach = self._schedule.own.numpy(), self._schedule.reach.numpy()
+        self._diverged_object = self._outcome.diverged_object.numpy()
+        self._diverged_time = self._outcome.diverged_time.numpy()
+        self._overflowed = self._outcome.overflowed.numpy()
+        all_names = self.names + tuple(s.name for s in world.statics)
+        self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
+
+    def run(
+        self,
+        overrides: Mapping[str, Array] | None = None,
+        *,
+        samples: int | Ints | None = None,
+        schedule: Ints | None = None,
+    ) -> BatchTrajectory:
+        """Roll variants out from their initial state; see `polyworld.solver.rollout.Simulator`."""
+        batch = self._roll(overrides, samples, schedule)
+        positions, orientations, velocities, angular_velocities = self._states(batch)
+        starts = np.array([o.start_time for o in self.world.objects])
+        return BatchTrajectory(
+            names=self.names,
+            times=batch.times,
+            positions=positions,
+            orientations=orientations,
+            velocities=velocities,
+            angular_velocities=angular_velocities,
+            active=self.sample_times[0, : batch.count, None] >= starts[None, :],
+            diverged=batch.diverged,
+            diverged_time=self._diverged_time[: batch.worlds].copy(),
+            diverged_object=self._diverged_object[: batch.worlds].astype(np.int64),
+            events=self._events(batch),
+        )
+
+    def _roll(self, overrides: Mapping[str, Array] | None, samples: int | Ints | None, schedule: Ints | None) -> Batch:
+        """Roll variants out; their states stay in the buffers."""
+        each = check_samples(self.sample_times.shape[1], samples)
+        count = int(each.max())
+        worlds = check_worlds(self.n_worlds, overrides, schedule)
+        arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
+        own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
+        self._own[:worlds] = own
+        self._reach[:worlds] = self._table.segments(own, each)
+        self._diverged_object[:worlds] = -1
+        self._diverged_time[:worlds] = np.nan
+        self._overflowed[:] = 0
+        self._log.clear()
+        self._write(arrays, worlds)
+        if self.names:
+            self._launch(worlds)
+        self._check_room(self._overflowed)
+        return Batch(
+            arrays=arrays,
+            schedule=own,
+            count=count,
+            times=self.sample_times[own, :count] * arrays.time_scale,
+            diverged=self._diverged_object[:worlds] >= 0,
+        )
+
+    def _launch(self, worlds: int) -> None:
+        kernel = self._kernel()
+        pieces = shares(worlds, self.threads)
+        edges = np.linspace(0, worlds, pieces + 1).astype(int)
+
+        def piece(index: int) -> None:
+            first, last = int(edges[index]), int(edges[index + 1])
+            buffers.launch(kernel, last - first, self._inputs(first, index))
+
+        kernel.module.load(buffers.DEVICE, block_dim=1)  # before the threads ask for it
+        run_in_pool(piece, pieces, self.threads)
+
+    @abstractmethod
+    def _kernel(self) -> Any:
+        """Return the kernel that runs worlds from start to end."""
+
+    @abstractmethod
+    def _inputs(self, first: int, index: int, /) -> list[Any]:
+        """Return the kernel's arguments for the share number `index` of the worlds, which begins with world `first`."""
+
+    @abstractmethod
+    def _write(self, arrays: RigidArrays, worlds: int) -> None:
+        """Fill the device arrays of the first `worlds` worlds in place."""
+
+    @abstractmethod
+    def _check_room(self, overflowed: NDArray[np.int32]) -> None:
+        """Raise RuntimeError where worlds, marked in `overflowed` (W,), ran out of room for contacts."""
+
+    @abstractmethod
+    def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:
+        """Return positions (W, T, n, 3), orientations (W, T, n, 4), velocities and angular velocities (W, T, n, 3)."""
+
+    @abstractmethod
+    def _events(self, batch: Batch) -> tuple[tuple[Event, ...], ...]:
+        """Return the contact events of each world in order of time."""
