@@ -71,8 +71,7 @@ class Run:
 
     def mass(self, name: str) -> Array:
         """Masses (k,) of an object's nodes."""
-        first = self.shard.nodes.first[name]
-        return np.asarray(self.shard.nodes.mass.numpy()[0, first : first + self.shard.nodes.count[name]])
+        return np.asarray(self.shard.nodes.mass.numpy()[0, self.shard.rows(name)])
 
     def momentum(self) -> Array:
         """Linear momentum (T, 3) of all that moves [N s]."""

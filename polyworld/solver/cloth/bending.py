@@ -13,41 +13,33 @@ The directors follow the nodes like fast light flywheels; see `stability.py` for
 
 import warp as wp
 
-from polyworld.solver.cloth.layout import BLOCK, OPTIONS, Bending, Material, Surface, drift
+from polyworld.solver.cloth.layout import BLOCK, OPTIONS, Bending, Surface, drift
+from polyworld.solver.coupled.nodes import Clock, Nodes
 
 wp.set_module_options(OPTIONS)
 
 
 @wp.func
 def find_normal(
-    w: int,
-    t: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    h: wp.float64,
-    gravity: wp.vec3d,
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    bending: Bending,
+    h: wp.float64, gravity: wp.vec3d, nodes: Nodes, surface: Surface, bending: Bending, w: int, t: int
 ) -> None:
     """Normal of every triangle, and the rate at which it turns where that is damped."""
     c = surface.corners[t]
-    x0 = x[w, c[0]]
-    x1 = x[w, c[1]]
-    x2 = x[w, c[2]]
+    x0 = nodes.x[w, c[0]]
+    x1 = nodes.x[w, c[1]]
+    x2 = nodes.x[w, c[2]]
     n = wp.cross(x1 - x0, x2 - x0)
     spread = wp.float64(1.0) / wp.max(wp.length(n), wp.float64(1.0e-30))
     n = n * spread
     bending.normal[w, t] = n
-    r = w % inverse_mass.shape[0]
-    i0 = inverse_mass[r, c[0]]
-    i1 = inverse_mass[r, c[1]]
-    i2 = inverse_mass[r, c[2]]
-    if materials[w, surface.cloth[t]].bend_delay > wp.float64(0.0):
-        turning = (x2 - x1) * wp.dot(n, drift(v[w, c[0]], gravity, i0, h))
-        turning = turning + (x0 - x2) * wp.dot(n, drift(v[w, c[1]], gravity, i1, h))
-        turning = turning + (x1 - x0) * wp.dot(n, drift(v[w, c[2]], gravity, i2, h))
+    r = w % nodes.inverse_mass.shape[0]
+    i0 = nodes.inverse_mass[r, c[0]]
+    i1 = nodes.inverse_mass[r, c[1]]
+    i2 = nodes.inverse_mass[r, c[2]]
+    if surface.materials[w, surface.cloth[t]].bend_delay > wp.float64(0.0):
+        turning = (x2 - x1) * wp.dot(n, drift(nodes.v[w, c[0]], gravity, i0, h))
+        turning = turning + (x0 - x2) * wp.dot(n, drift(nodes.v[w, c[1]], gravity, i1, h))
+        turning = turning + (x1 - x0) * wp.dot(n, drift(nodes.v[w, c[2]], gravity, i2, h))
         bending.turning[w, t] = turning * spread
     if i0 + i1 + i2 == wp.float64(0.0) or surface.fixed[t] == 1:
         spread = -spread
@@ -55,23 +47,14 @@ def find_normal(
 
 
 @wp.kernel
-def find_normals(
-    surface: Surface,
-    materials: wp.array2d[Material],
-    dt: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    bending: Bending,
-) -> None:
+def find_normals(clock: Clock, nodes: Nodes, surface: Surface, bending: Bending) -> None:
     w, k = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     if h <= wp.float64(0.0):
         return
-    g = gravity[w % gravity.shape[0]]
+    g = clock.gravity[w % clock.gravity.shape[0]]
     for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
-        find_normal(w, t, surface, materials, h, g, x, v, inverse_mass, bending)
+        find_normal(h, g, nodes, surface, bending, w, t)
 
 
 @wp.func
@@ -92,14 +75,7 @@ def angle_between(sine: wp.float64, cosine: wp.float64) -> wp.float64:
 
 
 @wp.func
-def find_bend(
-    w: int,
-    e: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    x: wp.array2d[wp.vec3d],
-    bending: Bending,
-) -> None:
+def find_bend(x: wp.array2d[wp.vec3d], surface: Surface, bending: Bending, w: int, e: int) -> None:
     """Bend angles at every edge. A triangle held at all corners is rigid, so that the director is its normal."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
@@ -126,25 +102,19 @@ def find_bend(
         bending.rate[w, e] = zero
     bending.share[w, e] = share
     bending.bend[w, e] = wp.vec2d(share * hinge + angle, (one - share) * hinge - angle)
-    if materials[w, surface.cloth[a]].bend_delay > zero:
+    if surface.materials[w, surface.cloth[a]].bend_delay > zero:
         rotation = wp.dot(bending.turning[w, b] - bending.turning[w, a], along) * inverse
         rate = bending.rate[w, e]
         bending.bend_rate[w, e] = wp.vec2d(share * rotation + rate, (one - share) * rotation - rate)
 
 
 @wp.kernel
-def find_bends(
-    surface: Surface,
-    materials: wp.array2d[Material],
-    dt: wp.array[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    bending: Bending,
-) -> None:
+def find_bends(clock: Clock, nodes: Nodes, surface: Surface, bending: Bending) -> None:
     w, k = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     for e in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.ends.shape[0])):
-        find_bend(w, e, surface, materials, x, bending)
+        find_bend(nodes.x, surface, bending, w, e)
 
 
 @wp.func
@@ -158,15 +128,9 @@ def of_side(values: wp.array2d[wp.vec2d], w: int, edges: wp.vec3i) -> wp.vec3d:
 
 
 @wp.func
-def find_moment(
-    w: int,
-    t: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    bending: Bending,
-) -> None:
+def find_moment(surface: Surface, bending: Bending, w: int, t: int) -> None:
     """Energy per bend angle: A D ((1 - nu) K : dK + nu tr K tr dK), with damping in the rate of K."""
-    m = materials[w, surface.cloth[t]]
+    m = surface.materials[w, surface.cloth[t]]
     edges = surface.edges[t]
     b = surface.curvature[t]
     k = b * of_side(bending.bend, w, edges) - surface.rest_curvature[t]
@@ -181,28 +145,17 @@ def find_moment(
 
 
 @wp.kernel
-def find_moments(
-    surface: Surface,
-    materials: wp.array2d[Material],
-    dt: wp.array[wp.float64],
-    bending: Bending,
-) -> None:
+def find_moments(clock: Clock, surface: Surface, bending: Bending) -> None:
     w, k = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
-        find_moment(w, t, surface, materials, bending)
+        find_moment(surface, bending, w, t)
 
 
 @wp.func
 def turn_director(
-    w: int,
-    e: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    h: wp.float64,
-    active: wp.array2d[wp.int32],
-    bending: Bending,
+    h: wp.float64, active: wp.array2d[wp.int32], surface: Surface, bending: Bending, w: int, e: int
 ) -> None:
     """Torque of every hinge, and one step of the motion of its director."""
     slots = surface.slots[e]
@@ -216,23 +169,17 @@ def turn_director(
         bending.torque[w, e] = torque * bending.inverse_length[w, e]
     if active[w, surface.ends[e][0]] == 0:
         return
-    director = materials[w, surface.cloth[a]].director
+    director = surface.materials[w, surface.cloth[a]].director
     rate = bending.rate[w, e] - (h * director * surface.softness[e]) * (moment_a - moment_b)
     bending.rate[w, e] = rate
     bending.angle[w, e] = bending.angle[w, e] + h * rate
 
 
 @wp.kernel
-def turn_directors(
-    surface: Surface,
-    materials: wp.array2d[Material],
-    dt: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    bending: Bending,
-) -> None:
+def turn_directors(clock: Clock, nodes: Nodes, surface: Surface, bending: Bending) -> None:
     w, k = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     if h <= wp.float64(0.0):
         return
     for e in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.ends.shape[0])):
-        turn_director(w, e, surface, materials, h, active, bending)
+        turn_director(h, nodes.active, surface, bending, w, e)

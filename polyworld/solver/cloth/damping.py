@@ -15,7 +15,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.cloth.layout import BLOCK, FLATTEST, OPTIONS, Damping, Material, Surface, drift
+from polyworld.solver.cloth.layout import BLOCK, FLATTEST, OPTIONS, Damping, Surface, drift
+from polyworld.solver.coupled.nodes import Clock, Nodes
 
 wp.set_module_options(OPTIONS)
 
@@ -31,26 +32,18 @@ def stages_for(strength: NDArray[np.float64]) -> NDArray[np.int32]:
 
 
 @wp.kernel
-def begin_damping(
-    dt: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    f: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    damping: Damping,
-) -> None:
+def begin_damping(clock: Clock, nodes: Nodes, damping: Damping) -> None:
     """Acceleration by the other forces, and the velocities before it."""
     w, k = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     if h <= wp.float64(0.0) or damping.stages[w] == 0:
         return
     for n in range(k * BLOCK, wp.min((k + 1) * BLOCK, damping.nodes.shape[0])):
         i = damping.nodes[n]
-        inverse = inverse_mass[w % inverse_mass.shape[0], i]
-        push = f[w, i] * (inverse * wp.float64(active[w, i]))
+        inverse = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i]
+        push = nodes.f[w, i] * (inverse * wp.float64(nodes.active[w, i]))
         damping.push[w, n] = push
-        u = drift(v[w, i], gravity[w % gravity.shape[0]], inverse, h) - push * h
+        u = drift(nodes.v[w, i], clock.gravity[w % clock.gravity.shape[0]], inverse, h) - push * h
         damping.start[w, n] = u
         damping.last[w, n] = u
         damping.force[w, n] = wp.vec3d()
@@ -58,22 +51,16 @@ def begin_damping(
 
 @wp.func
 def velocity(
-    w: int, n: int, damping: Damping, inverse_mass: wp.array2d[wp.float64], now: wp.array2d[wp.vec3d]
+    inverse_mass: wp.array2d[wp.float64], v_in: wp.array2d[wp.vec3d], damping: Damping, w: int, n: int
 ) -> wp.vec3d:
     if inverse_mass[w % inverse_mass.shape[0], damping.nodes[n]] == wp.float64(0.0):
         return damping.start[w, n]
-    return now[w, n]
+    return v_in[w, n]
 
 
 @wp.func
 def add_damping_force(
-    w: int,
-    t: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    inverse_mass: wp.array2d[wp.float64],
-    now: wp.array2d[wp.vec3d],
-    damping: Damping,
+    nodes: Nodes, v_in: wp.array2d[wp.vec3d], surface: Surface, damping: Damping, w: int, t: int
 ) -> None:
     two = wp.float64(2.0)
     c = damping.corners[t]
@@ -81,9 +68,9 @@ def add_damping_force(
     f1 = damping.first[w, t]
     f2 = damping.second[w, t]
     u = damping.stretch[w, t]
-    v0 = velocity(w, c[0], damping, inverse_mass, now)
-    w1 = velocity(w, c[1], damping, inverse_mass, now) - v0
-    w2 = velocity(w, c[2], damping, inverse_mass, now) - v0
+    v0 = velocity(nodes.inverse_mass, v_in, damping, w, c[0])
+    w1 = velocity(nodes.inverse_mass, v_in, damping, w, c[1]) - v0
+    w2 = velocity(nodes.inverse_mass, v_in, damping, w, c[2]) - v0
     g1 = w1 * g[0, 0] + w2 * g[1, 0]
     g2 = w1 * g[0, 1] + w2 * g[1, 1]
     # Half the rate of C; the rate of U follows from it as S does from T, see forces.py.
@@ -100,7 +87,7 @@ def add_damping_force(
     e11 = scale * ((j + a) * r11 - two * p * r12 + d * r22)
     e22 = scale * ((j + b) * r22 - two * q * r12 + d * r11)
     e12 = scale * ((j + u[0] * u[1] + d) * r12 - p * r11 - q * r22)
-    m = materials[w, surface.cloth[t]]
+    m = surface.materials[w, surface.cloth[t]]
     t11 = m.stretch * e11 + m.cross * e22
     t22 = m.stretch * e22 + m.cross * e11
     t12 = m.shear * e12
@@ -119,20 +106,14 @@ def add_damping_force(
 
 @wp.kernel
 def add_damping_forces(
-    stage: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    dt: wp.array[wp.float64],
-    inverse_mass: wp.array2d[wp.float64],
-    now: wp.array2d[wp.vec3d],
-    damping: Damping,
+    stage: int, clock: Clock, nodes: Nodes, v_in: wp.array2d[wp.vec3d], surface: Surface, damping: Damping
 ) -> None:
-    """Damping forces at the velocities `now`, those of the stage before."""
+    """Damping forces at the velocities v_in, those of the stage before."""
     w, k = wp.tid()
-    if dt[w] <= wp.float64(0.0) or stage > damping.stages[w]:
+    if clock.dt[w] <= wp.float64(0.0) or stage > damping.stages[w]:
         return
     for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
-        add_damping_force(w, t, surface, materials, inverse_mass, now, damping)
+        add_damping_force(nodes, v_in, surface, damping, w, t)
 
 
 @wp.func
@@ -146,16 +127,11 @@ def weight(j: int) -> wp.float64:
 
 @wp.kernel
 def take_stage(
-    stage: int,
-    dt: wp.array[wp.float64],
-    mass: wp.array2d[wp.float64],
-    now: wp.array2d[wp.vec3d],
-    out: wp.array2d[wp.vec3d],
-    damping: Damping,
+    stage: int, clock: Clock, nodes: Nodes, v_in: wp.array2d[wp.vec3d], v_out: wp.array2d[wp.vec3d], damping: Damping
 ) -> None:
-    """Stage j: from the start, the stages j - 1 (`now`) and j - 2 (`out`, which it replaces)."""
+    """Stage j: from the start, the stages j - 1 (v_in) and j - 2 (v_out, which it replaces)."""
     w, k = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     s = damping.stages[w]
     if h <= wp.float64(0.0) or stage > s:
         return
@@ -167,16 +143,16 @@ def take_stage(
     nu = -(j - one) / j * b / weight(wp.max(stage - 2, 0))
     late = -(one - weight(stage - 1)) * mu
     for n in range(k * BLOCK, wp.min((k + 1) * BLOCK, damping.nodes.shape[0])):
-        a = damping.push[w, n] + damping.force[w, n] / mass[w % mass.shape[0], damping.nodes[n]]
+        a = damping.push[w, n] + damping.force[w, n] / nodes.mass[w % nodes.mass.shape[0], damping.nodes[n]]
         change = a * (h * step)
         damping.force[w, n] = wp.vec3d()
         if stage == 1:
             damping.rate[w, n] = change
-            out[w, n] = damping.start[w, n] + change * b
+            v_out[w, n] = damping.start[w, n] + change * b
         else:
-            out[w, n] = (
-                now[w, n] * mu
-                + out[w, n] * nu
+            v_out[w, n] = (
+                v_in[w, n] * mu
+                + v_out[w, n] * nu
                 + damping.start[w, n] * (one - mu - nu)
                 + change * mu
                 + damping.rate[w, n] * late
@@ -184,25 +160,16 @@ def take_stage(
 
 
 @wp.kernel
-def end_damping(
-    dt: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    mass: wp.array2d[wp.float64],
-    inverse_mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    v: wp.array2d[wp.vec3d],
-    f: wp.array2d[wp.vec3d],
-    damping: Damping,
-) -> None:
+def end_damping(clock: Clock, nodes: Nodes, damping: Damping) -> None:
     """Damped velocities of free nodes, and the force on held ones."""
     w, k = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     if h <= wp.float64(0.0) or damping.stages[w] == 0:
         return
     for n in range(k * BLOCK, wp.min((k + 1) * BLOCK, damping.nodes.shape[0])):
         i = damping.nodes[n]
         u = damping.other[w, n]  # the number of stages is odd: the last one wrote here
-        if inverse_mass[w % inverse_mass.shape[0], i] == wp.float64(0.0):
-            f[w, i] = f[w, i] + (u - damping.start[w, n]) * (mass[w % mass.shape[0], i] / h)
-        elif active[w, i] == 1:
-            v[w, i] = u + gravity[w % gravity.shape[0]] * (wp.float64(0.5) * h)
+        if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i] == wp.float64(0.0):
+            nodes.f[w, i] = nodes.f[w, i] + (u - damping.start[w, n]) * (nodes.mass[w % nodes.mass.shape[0], i] / h)
+        elif nodes.active[w, i] == 1:
+            nodes.v[w, i] = u + clock.gravity[w % clock.gravity.shape[0]] * (wp.float64(0.5) * h)

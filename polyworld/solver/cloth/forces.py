@@ -9,6 +9,7 @@ stress S follows from U S + S U = 2 T, solved in closed form for 2 x 2 matrices.
 import warp as wp
 
 from polyworld.solver.cloth.layout import BLOCK, FLATTEST, OPTIONS, Bending, Damping, Material, Surface, drift
+from polyworld.solver.coupled.nodes import Clock, Nodes
 
 wp.set_module_options(OPTIONS)
 
@@ -33,27 +34,15 @@ def air_drag(m: Material, n: wp.vec3d, ratio: wp.float64, u: wp.vec3d, ahead: wp
 
 @wp.func
 def add_force(
-    w: int,
-    t: int,
-    surface: Surface,
-    materials: wp.array2d[Material],
-    wind: wp.vec3d,
-    h: wp.float64,
-    gravity: wp.vec3d,
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    bending: Bending,
-    damping: Damping,
-    f: wp.array2d[wp.vec3d],
+    h: wp.float64, gravity: wp.vec3d, nodes: Nodes, surface: Surface, bending: Bending, damping: Damping, w: int, t: int
 ) -> None:
     one = wp.float64(1.0)
-    m = materials[w, surface.cloth[t]]
+    m = surface.materials[w, surface.cloth[t]]
     c = surface.corners[t]
     area = surface.area[t]
-    x0 = x[w, c[0]]
-    d1 = x[w, c[1]] - x0
-    d2 = x[w, c[2]] - x0
+    x0 = nodes.x[w, c[0]]
+    d1 = nodes.x[w, c[1]] - x0
+    d2 = nodes.x[w, c[2]] - x0
     # Membrane.
     g = surface.inverse_rest[t]
     f1 = d1 * g[0, 0] + d2 * g[1, 0]
@@ -100,42 +89,30 @@ def add_force(
     # Air.
     if m.drag_normal + m.drag_tangential > wp.float64(0.0):
         third = wp.float64(1.0 / 3.0)
-        r = w % inverse_mass.shape[0]
-        u0 = drift(v[w, c[0]], gravity, inverse_mass[r, c[0]], h)
-        u1 = drift(v[w, c[1]], gravity, inverse_mass[r, c[1]], h)
-        u2 = drift(v[w, c[2]], gravity, inverse_mass[r, c[2]], h)
-        u = wind - (u0 + u1 + u2) * third
-        a0 = drift(v[w, c[0]], gravity, inverse_mass[r, c[0]], -h)
-        a1 = drift(v[w, c[1]], gravity, inverse_mass[r, c[1]], -h)
-        a2 = drift(v[w, c[2]], gravity, inverse_mass[r, c[2]], -h)
-        ahead = wind - (a0 + a1 + a2) * third
+        r = w % nodes.inverse_mass.shape[0]
+        u0 = drift(nodes.v[w, c[0]], gravity, nodes.inverse_mass[r, c[0]], h)
+        u1 = drift(nodes.v[w, c[1]], gravity, nodes.inverse_mass[r, c[1]], h)
+        u2 = drift(nodes.v[w, c[2]], gravity, nodes.inverse_mass[r, c[2]], h)
+        u = surface.wind - (u0 + u1 + u2) * third
+        a0 = drift(nodes.v[w, c[0]], gravity, nodes.inverse_mass[r, c[0]], -h)
+        a1 = drift(nodes.v[w, c[1]], gravity, nodes.inverse_mass[r, c[1]], -h)
+        a2 = drift(nodes.v[w, c[2]], gravity, nodes.inverse_mass[r, c[2]], -h)
+        ahead = surface.wind - (a0 + a1 + a2) * third
         drag = air_drag(m, n, j, u, ahead, h) * (third * area)
         k0 = k0 + drag
         k1 = k1 + drag
         k2 = k2 + drag
-    wp.atomic_add(f, w, c[0], k0)
-    wp.atomic_add(f, w, c[1], k1)
-    wp.atomic_add(f, w, c[2], k2)
+    wp.atomic_add(nodes.f, w, c[0], k0)
+    wp.atomic_add(nodes.f, w, c[1], k1)
+    wp.atomic_add(nodes.f, w, c[2], k2)
 
 
 @wp.kernel
-def add_forces(
-    surface: Surface,
-    materials: wp.array2d[Material],
-    wind: wp.vec3d,
-    dt: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    bending: Bending,
-    damping: Damping,
-    f: wp.array2d[wp.vec3d],
-) -> None:
+def add_forces(clock: Clock, nodes: Nodes, surface: Surface, bending: Bending, damping: Damping) -> None:
     w, k = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     if h <= wp.float64(0.0):
         return
-    g = gravity[w % gravity.shape[0]]
+    g = clock.gravity[w % clock.gravity.shape[0]]
     for t in range(k * BLOCK, wp.min((k + 1) * BLOCK, surface.corners.shape[0])):
-        add_force(w, t, surface, materials, wind, h, g, x, v, inverse_mass, bending, damping, f)
+        add_force(h, g, nodes, surface, bending, damping, w, t)

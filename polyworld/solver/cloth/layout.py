@@ -15,31 +15,6 @@ FLATTEST = wp.constant(wp.float64(1.0e-9))  # area ratio below which a triangle 
 
 
 @wp.struct
-class Surface:
-    """Constants: T triangles and E edges of all cloths.
-
-    corners (T,): nodes. edges (T,): 2 e + s of each of its edges, s = 0 for the first triangle at edge e. cloth (T,):
-    index of its object. area (T,): rest area [m^2]. inverse_rest (T,): inverse of the matrix of its rest edges 0-1
-    and 0-2 in material axes [1/m]. curvature (T,): of the bend angles, to (k_11, k_22, k_12) in material axes [1/m].
-    rest_curvature (T,): that without moment [1/m]. fixed (T,): 1 where all corners are held to one rigid body for good.
-    ends (E,): nodes, in the order of the first triangle. slots (E,): in its two triangles, -1 for none. softness
-    (E,): inverse stiffness of its director for D = 1 [1].
-    """
-
-    corners: wp.array[wp.vec3i]
-    edges: wp.array[wp.vec3i]
-    cloth: wp.array[wp.int32]
-    area: wp.array[wp.float64]
-    inverse_rest: wp.array[wp.mat22d]
-    curvature: wp.array[wp.mat33d]
-    rest_curvature: wp.array[wp.vec3d]
-    fixed: wp.array[wp.int32]
-    ends: wp.array[wp.vec2i]
-    slots: wp.array[wp.vec2i]
-    softness: wp.array[wp.float64]
-
-
-@wp.struct
 class Material:
     """Parameters of one cloth in one world.
 
@@ -60,6 +35,33 @@ class Material:
     inverse_density: wp.float64
     drag_normal: wp.float64
     drag_tangential: wp.float64
+
+
+@wp.struct
+class Surface:
+    """Constants and parameters: T triangles and E edges of all cloths, in W worlds.
+
+    corners (T,): nodes. edges (T,): 2 e + s of each of its edges, s = 0 for the first triangle at edge e. cloth (T,):
+    index of its object. area (T,): rest area [m^2]. inverse_rest (T,): inverse of the matrix of its rest edges 0-1
+    and 0-2 in material axes [1/m]. curvature (T,): of the bend angles, to (k_11, k_22, k_12) in material axes [1/m].
+    rest_curvature (T,): that without moment [1/m]. fixed (T,): 1 where all corners are held to one rigid body for good.
+    ends (E,): nodes, in the order of the first triangle. slots (E,): in its two triangles, -1 for none. softness
+    (E,): inverse stiffness of its director for D = 1 [1]. materials (W, cloths). wind: velocity of the air [m/s].
+    """
+
+    corners: wp.array[wp.vec3i]
+    edges: wp.array[wp.vec3i]
+    cloth: wp.array[wp.int32]
+    area: wp.array[wp.float64]
+    inverse_rest: wp.array[wp.mat22d]
+    curvature: wp.array[wp.mat33d]
+    rest_curvature: wp.array[wp.vec3d]
+    fixed: wp.array[wp.int32]
+    ends: wp.array[wp.vec2i]
+    slots: wp.array[wp.vec2i]
+    softness: wp.array[wp.float64]
+    materials: wp.array2d[Material]
+    wind: wp.vec3d
 
 
 @wp.struct

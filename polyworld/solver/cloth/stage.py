@@ -44,7 +44,6 @@ class ClothStage:
     def __init__(self, world: World, items: Sequence[Cloth], nodes_first: dict[str, int], n_worlds: int) -> None:
         self._names = tuple(item.name for item in items)
         self._air_density = world.environment.air_density
-        self._wind = wp.vec3d(*world.environment.wind)
         self._first = {name: nodes_first[name] for name in self._names}
         self._geometry = {item.name: cloth_geometry(item, mesh_of(world, item)) for item in items}
         self._frequencies = {name: ClothFrequencies(g) for name, g in self._geometry.items()}
@@ -54,12 +53,13 @@ class ClothStage:
         self._surface = _surface(parts, list(self._first.values()))
         fixed = np.concatenate([_fixed(world, item.name, g) for item, g in zip(items, parts, strict=True)])
         self._surface.fixed = buffers.array(fixed, wp.int32)
+        self._surface.wind = wp.vec3d(*world.environment.wind)
         self._bending = _bending(n_worlds, self._triangles, self._edges)
         self._damping = _damping(n_worlds, parts, list(self._first.values()))
         self._stages = 0  # that are launched: as many as any world has needed so far
         self._n_worlds = n_worlds
         # One row a world even where all are equal: the kernels need not ask.
-        self._materials: Any = buffers.zeros((n_worlds, len(items)), Material)
+        self._surface.materials = buffers.zeros((n_worlds, len(items)), Material)
         self._rows: list[dict[str, Array]] = []
         self._step: Array = np.full(1, np.inf)
         self.write({item.name: {p: np.array([_given(getattr(item, p))]) for p in PARAMETERS} for item in items})
@@ -78,7 +78,7 @@ class ClothStage:
         for o, (name, row) in enumerate(zip(self._names, self._rows, strict=True)):
             steps[:, o], rates[:, o] = self._material(values[:, o], self._frequencies[name], row)
         self._step = steps.min(axis=1)
-        self._materials.numpy()[:] = values
+        self._surface.materials.numpy()[:] = values
         self._damping.stages.numpy()[:] = stages_for(self._step * rates.max(axis=1))
         launched, self._stages = self._stages, max(self._stages, int(self._damping.stages.numpy().max()))
         return self._stages > launched
@@ -116,34 +116,28 @@ class ClothStage:
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """Forces of all triangles; the directors take their step here as well."""
-        s, m, b, d, dt = self._surface, self._materials, self._bending, self._damping, clock.dt
-        x, v, inverse = nodes.x, nodes.v, nodes.inverse_mass
+        surface, bend = self._surface, self._bending
         triangles, edges = (self._n_worlds, -(-self._triangles // BLOCK)), (self._n_worlds, -(-self._edges // BLOCK))
-        buffers.launch(bending.find_normals, triangles, [s, m, dt, clock.gravity, x, v, inverse, b])
-        buffers.launch(bending.find_bends, edges, [s, m, dt, x, b])
-        buffers.launch(bending.find_moments, triangles, [s, m, dt, b])
-        buffers.launch(bending.turn_directors, edges, [s, m, dt, nodes.active, b])
-        buffers.launch(
-            forces.add_forces, triangles, [s, m, self._wind, dt, clock.gravity, x, v, inverse, b, d, nodes.f]
-        )
+        buffers.launch(bending.find_normals, triangles, [clock, nodes, surface, bend])
+        buffers.launch(bending.find_bends, edges, [clock, nodes, surface, bend])
+        buffers.launch(bending.find_moments, triangles, [clock, surface, bend])
+        buffers.launch(bending.turn_directors, edges, [clock, nodes, surface, bend])
+        buffers.launch(forces.add_forces, triangles, [clock, nodes, surface, bend, self._damping])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """Damping of stretch; the other forces are explicit."""
         if self._stages == 0:
             return
-        s, m, d, dt = self._surface, self._materials, self._damping, clock.dt
+        surface, d = self._surface, self._damping
         triangles = (self._n_worlds, -(-self._triangles // BLOCK))
         points = (self._n_worlds, -(-d.nodes.shape[0] // BLOCK))
-        buffers.launch(
-            damping.begin_damping, points, [dt, clock.gravity, nodes.inverse_mass, nodes.active, nodes.f, nodes.v, d]
-        )
-        now, out = d.last, d.other
+        buffers.launch(damping.begin_damping, points, [clock, nodes, d])
+        v_in, v_out = d.last, d.other
         for stage in range(1, self._stages + 1):
-            buffers.launch(damping.add_damping_forces, triangles, [stage, s, m, dt, nodes.inverse_mass, now, d])
-            buffers.launch(damping.take_stage, points, [stage, dt, nodes.mass, now, out, d])
-            now, out = out, now
-        held = [nodes.mass, nodes.inverse_mass, nodes.active]
-        buffers.launch(damping.end_damping, points, [dt, clock.gravity, *held, nodes.v, nodes.f, d])
+            buffers.launch(damping.add_damping_forces, triangles, [stage, clock, nodes, v_in, surface, d])
+            buffers.launch(damping.take_stage, points, [stage, clock, nodes, v_in, v_out, d])
+            v_in, v_out = v_out, v_in
+        buffers.launch(damping.end_damping, points, [clock, nodes, d])
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """Nothing: the rest shape does not change."""
@@ -155,7 +149,7 @@ class ClothStage:
         edge = 0
         for name, g in self._geometry.items():
             own = x[:, self._first[name] : self._first[name] + len(g.nodes)]
-            material = self._materials.numpy()[:, len(found)]
+            material = self._surface.materials.numpy()[:, len(found)]
             keep = slice(edge, edge + len(g.ends))
             found[name] = cloth_quantities(g, material, own, angle[:, keep], rate[:, keep])
             edge += len(g.ends)

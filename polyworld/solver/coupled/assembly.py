@@ -19,62 +19,55 @@ if TYPE_CHECKING:
     from polyworld.solver.fluid.solver import FluidSolver
 
 
-def allocate_nodes(
-    solids: Sequence[Deformable], meshes: dict[str, DeformableMesh], owners: dict[str, int], w: int
-) -> Nodes:
+def first_nodes(solids: Sequence[Deformable], meshes: dict[str, DeformableMesh]) -> dict[str, int]:
+    """Return the row of the first node of each rope, cloth and soft body; they lie one after the other."""
+    ends = np.cumsum([0, *(len(meshes[d.name].nodes) for d in solids)]).tolist()
+    return {d.name: first for d, first in zip(solids, ends, strict=False)}
+
+
+def allocate_nodes(world: World, solids: Sequence[Deformable], meshes: dict[str, DeformableMesh], w: int) -> Nodes:
     """Nodes of all ropes, cloths and soft bodies of w worlds, at rest at the origin."""
-    first: dict[str, int] = {}
-    count: dict[str, int] = {}
-    total = 0
-    for item in solids:
-        first[item.name], count[item.name] = total, len(meshes[item.name].nodes)
-        total += count[item.name]
-    owner = np.concatenate([np.full(count[d.name], owners[d.name]) for d in solids] or [np.zeros(0)])
-    radius = np.concatenate([meshes[d.name].radius for d in solids] or [np.zeros(0)])
-
-    def vectors() -> Any:
-        return buffers.zeros((w, total), wp.vec3d)
-
-    return Nodes(
-        x=vectors(),
-        v=vectors(),
-        f=vectors(),
-        mass=buffers.zeros((1, total), wp.float64),
-        inverse_mass=buffers.zeros((1, total), wp.float64),
-        radius=buffers.array(radius, wp.float64),
-        owner=buffers.array(owner.astype(np.int32), wp.int32),
-        friction=buffers.zeros((1, len(owners)), wp.float64),
-        restitution=buffers.zeros((1, len(owners)), wp.float64),
-        active=buffers.zeros((w, total), wp.int32),
-        first=first,
-        count=count,
-    )
+    number = {d.name: i for i, d in enumerate(world.deformables)}
+    owner = np.concatenate([np.full(len(meshes[d.name].nodes), number[d.name]) for d in solids] or [np.zeros(0)])
+    nodes = Nodes()
+    for name in ("x", "v", "before", "f"):
+        setattr(nodes, name, buffers.zeros((w, len(owner)), wp.vec3d))
+    nodes.mass = buffers.zeros((1, len(owner)), wp.float64)
+    nodes.inverse_mass = buffers.zeros((1, len(owner)), wp.float64)
+    nodes.radius = buffers.doubles(np.concatenate([meshes[d.name].radius for d in solids] or [np.zeros(0)]))
+    nodes.owner = buffers.ints(owner)
+    for name in ("friction", "restitution", "damping"):
+        setattr(nodes, name, buffers.zeros((1, len(number)), wp.float64))
+    nodes.start = buffers.doubles([getattr(d, "start_time", 0.0) for d in world.deformables])
+    nodes.active = buffers.zeros((w, len(owner)), wp.int32)
+    normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
+    nodes.across = wp.vec3d(*(normal / np.linalg.norm(normal))) if world.planar else wp.vec3d()
+    return nodes
 
 
 def clock_of(w: int) -> Clock:
     """Return the clock of w worlds, at time 0."""
-
-    def seconds() -> Any:
-        return buffers.zeros((w,), wp.float64)
-
-    return Clock(
-        time=seconds(),
-        h=seconds(),
-        dt=seconds(),
-        inner_steps=buffers.zeros((w,), wp.int32),
-        inner=buffers.zeros((1,), wp.int32),
-        gravity=buffers.zeros((1,), wp.vec3d),
-    )
+    clock = Clock()
+    for name in ("time", "h", "dt"):
+        setattr(clock, name, buffers.zeros((w,), wp.float64))
+    clock.inner_steps = buffers.zeros((w,), wp.int32)
+    clock.inner = buffers.zeros((1,), wp.int32)
+    clock.scale = buffers.full((1,), 1.0, wp.float64)
+    clock.gravity = buffers.zeros((1,), wp.vec3d)
+    return clock
 
 
-def stages_of(world: World, nodes: Nodes, n_worlds: int) -> list[MaterialStage]:
-    """Return the stages of the materials that the world has; only their kernels are compiled."""
+def stages_of(world: World, first: dict[str, int], n_worlds: int) -> list[MaterialStage]:
+    """Return the stages of the materials that the world has; only their kernels are compiled.
+
+    first: the row of each object's first node.
+    """
     stages = []
     for kind in dict.fromkeys(material_of(item).kind for item in world.deformables):
         own = [item for item in world.deformables if material_of(item).kind == kind]
         stage = material(kind).stage
         if stage is not None:
-            stages.append(stage(world, own, nodes.first, n_worlds))
+            stages.append(stage(world, own, first, n_worlds))
     return stages
 
 

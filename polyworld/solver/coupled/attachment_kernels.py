@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.solver.coupled.attachment_layout import Fastenings, Motion, OnBodies, OnNodes, OnWorld
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
 wp.set_module_options(OPTIONS)
@@ -9,31 +11,6 @@ wp.set_module_options(OPTIONS)
 DRIFT_SHARE = wp.constant(wp.float64(0.1))  # of a node's distance from its target, removed in an inner step
 SWEEPS = 20
 CONVERGED = wp.constant(wp.float64(1.0e-9))  # largest velocity change in a sweep that counts as none [m/s]
-
-
-@wp.struct
-class Fastenings:
-    """Attachments (A,) and what they hold, element arrays (W, m) or (m,).
-
-    released (W, A): 1 after its release, at `when` [s]. impulse (W, A): given to the deformable object in this
-    coupling step; force: mean of the last one. release (A,): NaN for never; strength: negative for unbreakable.
-    """
-
-    released: wp.array2d[wp.int32]
-    when: wp.array2d[wp.float64]
-    impulse: wp.array2d[wp.vec3d]
-    force: wp.array2d[wp.vec3d]
-    release: wp.array[wp.float64]
-    strength: wp.array[wp.float64]
-
-
-@wp.struct
-class Motion:
-    """Rows (time, displacement) of all motions: those of attachment a are first[a] to first[a + 1]."""
-
-    first: wp.array[wp.int32]
-    time: wp.array[wp.float64]
-    displacement: wp.array[wp.vec3d]
 
 
 @wp.func
@@ -58,104 +35,76 @@ def displaced(motion: Motion, a: int, time: wp.float64) -> wp.vec3d:
 
 
 @wp.kernel
-def begin_step(
-    time: wp.array[wp.float64], h: wp.array[wp.float64], last_h: wp.array[wp.float64], f: Fastenings
-) -> None:
+def begin_step(clock: Clock, f: Fastenings) -> None:
     """Compute mean forces of the last coupling step; release attachments at their time or beyond their strength."""
     w, a = wp.tid()
-    if h[w] <= wp.float64(0.0):
+    if clock.h[w] <= wp.float64(0.0):
         return
-    if last_h[w] > wp.float64(0.0):
-        f.force[w, a] = f.impulse[w, a] / last_h[w]
+    if f.last_h[w] > wp.float64(0.0):
+        f.force[w, a] = f.impulse[w, a] / f.last_h[w]
     f.impulse[w, a] = wp.vec3d()
     if f.released[w, a] == 1:
         f.force[w, a] = wp.vec3d()
         return
     broken = f.strength[a] >= wp.float64(0.0) and wp.length(f.force[w, a]) > f.strength[a]
-    if broken or time[w] >= f.release[a] - wp.float64(1.0e-9):
+    if broken or clock.time[w] >= f.release[a] - wp.float64(1.0e-9):
         f.released[w, a] = 1
-        f.when[w, a] = time[w]
+        f.when[w, a] = clock.time[w]
 
 
 @wp.kernel
-def note_length(h: wp.array[wp.float64], last_h: wp.array[wp.float64]) -> None:
+def note_length(clock: Clock, f: Fastenings) -> None:
     w = wp.tid()
-    if h[w] > wp.float64(0.0):
-        last_h[w] = h[w]
+    if clock.h[w] > wp.float64(0.0):
+        f.last_h[w] = clock.h[w]
 
 
 @wp.kernel
-def free_nodes(
-    h: wp.array[wp.float64],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    mass: wp.array2d[wp.float64],
-    inverse_mass: wp.array2d[wp.float64],
-    f: Fastenings,
-) -> None:
+def free_nodes(clock: Clock, nodes: Nodes, held: OnWorld, f: Fastenings) -> None:
     """Nodes get their mass back where no attachment holds them any more."""
     w = wp.tid()
-    if h[w] <= wp.float64(0.0):
+    if clock.h[w] <= wp.float64(0.0):
         return
-    for k in range(node.shape[0]):
-        if f.released[w, attachment[k]] == 1 and f.when[w, attachment[k]] >= wp.float64(0.0):
-            inverse_mass[w, node[k]] = wp.float64(1.0) / mass[w % mass.shape[0], node[k]]
-    for k in range(node.shape[0]):
-        if f.released[w, attachment[k]] == 0:
-            inverse_mass[w, node[k]] = wp.float64(0.0)
+    for k in range(held.node.shape[0]):
+        if f.released[w, held.attachment[k]] == 1 and f.when[w, held.attachment[k]] >= wp.float64(0.0):
+            nodes.inverse_mass[w, held.node[k]] = wp.float64(1.0) / nodes.mass[w % nodes.mass.shape[0], held.node[k]]
+    for k in range(held.node.shape[0]):
+        if f.released[w, held.attachment[k]] == 0:
+            nodes.inverse_mass[w, held.node[k]] = wp.float64(0.0)
 
 
 @wp.kernel
-def resist_forces(
-    dt: wp.array[wp.float64],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    force: wp.array2d[wp.vec3d],
-    f: Fastenings,
-) -> None:
+def resist_forces(clock: Clock, nodes: Nodes, held: OnWorld, f: Fastenings) -> None:
     """Held nodes do not follow the forces on them: the attachment takes these."""
     w = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
-    for k in range(node.shape[0]):
-        a = attachment[k]
-        if f.released[w, a] == 0 and active[w, node[k]] == 1:
-            f.impulse[w, a] -= force[w, node[k]] * dt[w]
+    for k in range(held.node.shape[0]):
+        a = held.attachment[k]
+        if f.released[w, a] == 0 and nodes.active[w, held.node[k]] == 1:
+            f.impulse[w, a] -= nodes.f[w, held.node[k]] * clock.dt[w]
 
 
 @wp.kernel
 def hold_to_world(
-    time: wp.array[wp.float64],
-    dt: wp.array[wp.float64],
-    inner: wp.array[wp.int32],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    position: wp.array2d[wp.vec3d],
-    motion: Motion,
-    mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    reaction: wp.array2d[wp.vec3d],
-    f: Fastenings,
+    clock: Clock, nodes: Nodes, held: OnWorld, motion: Motion, reaction: wp.array2d[wp.vec3d], f: Fastenings
 ) -> None:
     """Velocities that take held nodes to where they are led; what that costs is the attachment's impulse."""
     w = wp.tid()
-    t = dt[w]
+    t = clock.dt[w]
     if t <= wp.float64(0.0):
         return
-    now = time[w] + wp.float64(inner[0] + 1) * t
-    for k in range(node.shape[0]):
-        i = node[k]
-        a = attachment[k]
-        if f.released[w, a] == 1 or active[w, i] == 0:
+    now = clock.time[w] + wp.float64(clock.inner[0] + 1) * t
+    for k in range(held.node.shape[0]):
+        i = held.node[k]
+        a = held.attachment[k]
+        if f.released[w, a] == 1 or nodes.active[w, i] == 0:
             continue
-        u = (position[w, k] + displaced(motion, a, now) - x[w, i]) / t
-        m = mass[w % mass.shape[0], i]
-        f.impulse[w, a] += (u - v[w, i]) * m - reaction[w, i]
+        u = (held.position[w, k] + displaced(motion, a, now) - nodes.x[w, i]) / t
+        m = nodes.mass[w % nodes.mass.shape[0], i]
+        f.impulse[w, a] += (u - nodes.v[w, i]) * m - reaction[w, i]
         reaction[w, i] = wp.vec3d()
-        v[w, i] = u
+        nodes.v[w, i] = u
 
 
 @wp.func
@@ -165,94 +114,55 @@ def inertia_of(arm: wp.vec3d, mass: wp.float64) -> wp.mat33d:
 
 
 @wp.kernel
-def push_on_bodies(
-    dt: wp.array[wp.float64],
-    body: wp.array[wp.int32],
-    first: wp.array[wp.int32],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    last: wp.array2d[wp.vec3d],
-    f: Fastenings,
-) -> None:
+def push_on_bodies(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], held: OnBodies, f: Fastenings) -> None:
     """Nodes and bodies push each other as in the inner step before, so that damping sees what is held at rest."""
     w, g = wp.tid()
-    b = body[g]
-    if dt[w] <= wp.float64(0.0) or bodies[w, b].active == 0:
+    b = held.body[g]
+    if clock.dt[w] <= wp.float64(0.0) or bodies[w, b].active == 0:
         return
     rotation = bodies[w, b].rotation
     ease = rotation * bodies[w, b].inverse_inertia * wp.transpose(rotation) * bodies[w, b].inverse_mass
-    for k in range(first[g], first[g + 1]):
-        i = node[k]
-        if f.released[w, attachment[k]] == 1 or active[w, i] == 0:
-            last[w, k] = wp.vec3d()
+    for k in range(held.first[g], held.first[g + 1]):
+        i = held.node[k]
+        if f.released[w, held.attachment[k]] == 1 or nodes.active[w, i] == 0:
+            held.last[w, k] = wp.vec3d()
             continue
-        impulse = last[w, k]
-        v[w, i] += impulse * inverse_mass[w % inverse_mass.shape[0], i]
+        impulse = held.last[w, k]
+        nodes.v[w, i] += impulse * nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i]
         bodies[w, b].v -= impulse * bodies[w, b].inverse_mass
-        bodies[w, b].w -= ease * wp.cross(x[w, i] - bodies[w, b].x, impulse)
+        bodies[w, b].w -= ease * wp.cross(nodes.x[w, i] - bodies[w, b].x, impulse)
 
 
 @wp.kernel
-def push_on_nodes(
-    dt: wp.array[wp.float64],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    target: wp.array[wp.vec3i],
-    weight: wp.array[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    v: wp.array2d[wp.vec3d],
-    last: wp.array2d[wp.vec3d],
-    f: Fastenings,
-) -> None:
+def push_on_nodes(clock: Clock, nodes: Nodes, held: OnNodes, f: Fastenings) -> None:
     """Add the same for nodes held to other nodes."""
     w = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
-    r = w % inverse_mass.shape[0]
-    for k in range(node.shape[0]):
-        i = node[k]
-        n = target[k]
-        if f.released[w, attachment[k]] == 1 or active[w, i] == 0 or active[w, n[0]] == 0:
-            last[w, k] = wp.vec3d()
+    r = w % nodes.inverse_mass.shape[0]
+    for k in range(held.node.shape[0]):
+        i = held.node[k]
+        n = held.target[k]
+        if f.released[w, held.attachment[k]] == 1 or nodes.active[w, i] == 0 or nodes.active[w, n[0]] == 0:
+            held.last[w, k] = wp.vec3d()
             continue
         third = wp.max(n[2], 0)
-        v[w, i] += last[w, k] * inverse_mass[r, i]
-        v[w, n[0]] -= last[w, k] * (weight[k][0] * inverse_mass[r, n[0]])
-        v[w, n[1]] -= last[w, k] * (weight[k][1] * inverse_mass[r, n[1]])
-        v[w, third] -= last[w, k] * (weight[k][2] * inverse_mass[r, third])
+        nodes.v[w, i] += held.last[w, k] * nodes.inverse_mass[r, i]
+        nodes.v[w, n[0]] -= held.last[w, k] * (held.weight[k][0] * nodes.inverse_mass[r, n[0]])
+        nodes.v[w, n[1]] -= held.last[w, k] * (held.weight[k][1] * nodes.inverse_mass[r, n[1]])
+        nodes.v[w, third] -= held.last[w, k] * (held.weight[k][2] * nodes.inverse_mass[r, third])
 
 
 @wp.kernel
-def hold_to_bodies(
-    dt: wp.array[wp.float64],
-    body: wp.array[wp.int32],
-    first: wp.array[wp.int32],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    position: wp.array2d[wp.vec3d],
-    mass: wp.array2d[wp.float64],
-    inverse_mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    last: wp.array2d[wp.vec3d],
-    f: Fastenings,
-) -> None:
+def hold_to_bodies(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], held: OnBodies, f: Fastenings) -> None:
     """Move a body and the nodes held to it as one rigid body, with their total linear and angular momentum.
 
     That is the exact solution of all the fastenings at once. Nodes off their targets approach them meanwhile, and
     the momentum of that is taken from the others.
     """
     w, g = wp.tid()
-    t = dt[w]
-    b = body[g]
+    t = clock.dt[w]
+    b = held.body[g]
     if t <= wp.float64(0.0) or bodies[w, b].active == 0:
         return
     centre = bodies[w, b].x
@@ -263,41 +173,41 @@ def hold_to_bodies(
     momentum = bodies[w, b].v * m
     spin = inertia * bodies[w, b].w
     first_moment = wp.vec3d()
-    held = wp.int32(0)
-    for k in range(first[g], first[g + 1]):
-        i = node[k]
-        if f.released[w, attachment[k]] == 1 or active[w, i] == 0:
+    count = wp.int32(0)
+    for k in range(held.first[g], held.first[g + 1]):
+        i = held.node[k]
+        if f.released[w, held.attachment[k]] == 1 or nodes.active[w, i] == 0:
             continue
-        if inverse_mass[w % inverse_mass.shape[0], i] == wp.float64(0.0):
+        if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i] == wp.float64(0.0):
             continue
-        m = mass[w % mass.shape[0], i]
-        arm = x[w, i] - centre
-        drift = (rotation * position[w, k] - arm) * (DRIFT_SHARE / t)
-        p = (v[w, i] - drift) * m
+        m = nodes.mass[w % nodes.mass.shape[0], i]
+        arm = nodes.x[w, i] - centre
+        drift = (rotation * held.position[w, k] - arm) * (DRIFT_SHARE / t)
+        p = (nodes.v[w, i] - drift) * m
         momentum += p
         spin += wp.cross(arm, p)
         total += m
         first_moment += arm * m
         inertia += inertia_of(arm, m)
-        held += 1
-    if held == 0:
+        count += 1
+    if count == 0:
         return
     inertia -= inertia_of(first_moment, wp.float64(1.0) / total)
     turning = wp.inverse(inertia) * (spin - wp.cross(first_moment, momentum) / total)
     velocity = (momentum - wp.cross(turning, first_moment)) / total
     bodies[w, b].v = velocity
     bodies[w, b].w = turning
-    for k in range(first[g], first[g + 1]):
-        i = node[k]
-        if f.released[w, attachment[k]] == 1 or active[w, i] == 0:
+    for k in range(held.first[g], held.first[g + 1]):
+        i = held.node[k]
+        if f.released[w, held.attachment[k]] == 1 or nodes.active[w, i] == 0:
             continue
-        if inverse_mass[w % inverse_mass.shape[0], i] == wp.float64(0.0):
+        if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i] == wp.float64(0.0):
             continue
-        arm = x[w, i] - centre
-        u = velocity + wp.cross(turning, arm) + (rotation * position[w, k] - arm) * (DRIFT_SHARE / t)
-        last[w, k] += (u - v[w, i]) * mass[w % mass.shape[0], i]
-        f.impulse[w, attachment[k]] += last[w, k]
-        v[w, i] = u
+        arm = nodes.x[w, i] - centre
+        u = velocity + wp.cross(turning, arm) + (rotation * held.position[w, k] - arm) * (DRIFT_SHARE / t)
+        held.last[w, k] += (u - nodes.v[w, i]) * nodes.mass[w % nodes.mass.shape[0], i]
+        f.impulse[w, held.attachment[k]] += held.last[w, k]
+        nodes.v[w, i] = u
 
 
 @wp.func
@@ -311,53 +221,42 @@ def offset_of(x: wp.array2d[wp.vec3d], w: int, n: wp.vec3i, local: wp.vec3d) -> 
 
 
 @wp.kernel
-def hold_to_nodes(
-    dt: wp.array[wp.float64],
-    node: wp.array[wp.int32],
-    attachment: wp.array[wp.int32],
-    target: wp.array[wp.vec3i],
-    weight: wp.array[wp.vec3d],
-    offset: wp.array[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    active: wp.array2d[wp.int32],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    last: wp.array2d[wp.vec3d],
-    wanted: wp.array2d[wp.vec3d],
-    f: Fastenings,
-) -> None:
+def hold_to_nodes(clock: Clock, nodes: Nodes, held: OnNodes, f: Fastenings) -> None:
     """Gauss-Seidel over nodes held to a point of another deformable object, warm started with the last impulses."""
     w = wp.tid()
-    t = dt[w]
+    t = clock.dt[w]
     if t <= wp.float64(0.0):
         return
     zero = wp.float64(0.0)
-    r = w % inverse_mass.shape[0]
+    x = nodes.x
+    v = nodes.v
+    mobility = nodes.inverse_mass
+    r = w % mobility.shape[0]
     for sweep in range(SWEEPS):
         worst = wp.float64(0.0)
-        for k in range(node.shape[0]):
-            i = node[k]
-            n = target[k]
-            if f.released[w, attachment[k]] == 1 or active[w, i] == 0 or active[w, n[0]] == 0:
+        for k in range(held.node.shape[0]):
+            i = held.node[k]
+            n = held.target[k]
+            if f.released[w, held.attachment[k]] == 1 or nodes.active[w, i] == 0 or nodes.active[w, n[0]] == 0:
                 continue
-            b = weight[k]
+            b = held.weight[k]
             third = wp.max(n[2], 0)
-            ease = inverse_mass[r, i] + b[0] * b[0] * inverse_mass[r, n[0]] + b[1] * b[1] * inverse_mass[r, n[1]]
-            ease += b[2] * b[2] * inverse_mass[r, third]
+            ease = mobility[r, i] + b[0] * b[0] * mobility[r, n[0]] + b[1] * b[1] * mobility[r, n[1]]
+            ease += b[2] * b[2] * mobility[r, third]
             if ease <= zero:
                 continue
             if sweep == 0:
-                position = x[w, n[0]] * b[0] + x[w, n[1]] * b[1] + x[w, third] * b[2] + offset_of(x, w, n, offset[k])
-                wanted[w, k] = (position - x[w, i]) * (DRIFT_SHARE / t)
+                point = x[w, n[0]] * b[0] + x[w, n[1]] * b[1] + x[w, third] * b[2] + offset_of(x, w, n, held.offset[k])
+                held.wanted[w, k] = (point - x[w, i]) * (DRIFT_SHARE / t)
             u = v[w, i] - v[w, n[0]] * b[0] - v[w, n[1]] * b[1] - v[w, third] * b[2]
-            change = (wanted[w, k] - u) / ease
-            last[w, k] += change
+            change = (held.wanted[w, k] - u) / ease
+            held.last[w, k] += change
             worst = wp.max(worst, wp.length(change) * ease)
-            v[w, i] += change * inverse_mass[r, i]
-            v[w, n[0]] -= change * (b[0] * inverse_mass[r, n[0]])
-            v[w, n[1]] -= change * (b[1] * inverse_mass[r, n[1]])
-            v[w, third] -= change * (b[2] * inverse_mass[r, third])
+            v[w, i] += change * mobility[r, i]
+            v[w, n[0]] -= change * (b[0] * mobility[r, n[0]])
+            v[w, n[1]] -= change * (b[1] * mobility[r, n[1]])
+            v[w, third] -= change * (b[2] * mobility[r, third])
         if worst < CONVERGED:
             break
-    for k in range(node.shape[0]):
-        f.impulse[w, attachment[k]] += last[w, k]
+    for k in range(held.node.shape[0]):
+        f.impulse[w, held.attachment[k]] += held.last[w, k]

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import DeformableMesh
-from polyworld.solver.core.references import by_reference
 from polyworld.solver.coupled import contact_layout as layout
-from polyworld.solver.coupled.contact_bodies import CarriedBodies
+from polyworld.solver.coupled.contact_bodies import CarriedBodies, carried_arrays
 from polyworld.solver.coupled.contact_events import DeformableContactLog
-from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies
+from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies, no_obstacles
 from polyworld.solver.coupled.contact_search import (
     BLOCK,
     bound_objects,
@@ -28,7 +27,6 @@ from polyworld.solver.coupled.contact_search import (
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface import SurfacePairs
-from polyworld.solver.spatial.layout import Body, Geometry
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
 from polyworld.world import World
@@ -41,45 +39,35 @@ class Contacts:
         self,
         world: World,
         meshes: dict[str, DeformableMesh],
+        first: dict[str, int],
         nodes: Nodes,
         carried: CarriedBodies | None,
         rigid: RigidStepper | None,
         *,
         record_events: bool = False,
     ) -> None:
-        """carried, rigid: the world's bodies, None where it has none."""
+        """first: the row of each object's first node. carried, rigid: the world's bodies, None where it has none."""
         self.world = world
         self.n_worlds = nodes.x.shape[0]
         w, n = nodes.x.shape
         if carried is None or rigid is None:
-            self._solid = Geometry()
-            self._bodies: Any = buffers.zeros((w, 1), Body)
-            self._acceleration: Any = buffers.zeros((w, 1), wp.vec3d)
-            self._before: Any = self._acceleration
-            self._flying: Any = buffers.zeros((w, 1), wp.int32)
-            self._inverse_inertia: Any = buffers.zeros((w, 1), wp.mat33d)
-            self.obstacles = layout.Obstacles()
-            self.obstacles.parts = buffers.zeros((0,), layout.Part)
+            self.obstacles = no_obstacles(w)
+            self._carried = carried_arrays((w, 1))
             excluded = np.zeros((n, 1), dtype=np.int32)
         else:
-            self._bodies = carried.bodies
-            self._acceleration = carried.carried.acceleration
-            self._before = carried.carried.before
-            self._flying = carried.carried.flying
-            self._inverse_inertia = carried.carried.inverse_inertia
-            self._solid = rigid.geometry
-            self.obstacles = build_obstacles(rigid.geometry)
+            self.obstacles = build_obstacles(rigid.geometry, carried.bodies)
+            self._carried = carried.carried
             rigid.reset()
-            excluded = excluded_bodies(world, meshes, nodes, self._solid, self.obstacles, self._bodies)
-        self._geometry = by_reference(self._solid, Geometry)
-        self.surface = build_surface(world, meshes, nodes.first, excluded)
+            excluded = excluded_bodies(world, meshes, first, nodes, self.obstacles)
+        self.surface = build_surface(world, meshes, first, excluded)
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)
         self.bounds = layout.Bounds()
         self.bounds.low, self.bounds.high = buffers.zeros((w, d), wp.vec3d), buffers.zeros((w, d), wp.vec3d)
         self.bounds.speed = buffers.zeros((w, d), wp.float64)
         self.bounds.near = buffers.zeros((w, d, parts), wp.int32)
-        self._pairs = SurfacePairs(world, meshes, nodes, self.surface, len(world.objects) + len(world.statics))
+        bodies = [o.name for o in (*world.objects, *world.statics)]
+        self._pairs = SurfacePairs(world, meshes, first, nodes, self.surface, len(bodies))
         room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0] + self._pairs.room()
         self.found = layout.Found()
         # Left unwritten, so that room which is not needed takes no memory.
@@ -93,7 +81,6 @@ class Contacts:
         self.found.overflowed = buffers.zeros((w,), wp.int32)
         self.found.falling = buffers.full((w, n), 1.0, wp.float64)
         self.found.reaction = buffers.zeros((w, n), wp.vec3d)
-        bodies = [o.name for o in (*world.objects, *world.statics)]
         names = [d.name for d in world.deformables]
         self.tally = _tally(w, d, len(bodies), record_events)
         self._log = DeformableContactLog(w, self.tally, names, [*bodies, *names])
@@ -133,58 +120,25 @@ class Contacts:
     def launch_search(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the search for all that may touch within the coupling step."""
         w, d, parts = self.bounds.near.shape
-        buffers.launch(bound_objects, (w, d), [nodes.x, nodes.v, self.surface, self.bounds])
-        buffers.launch(keep_acting, self.n_worlds, [clock.h, self.found])
+        buffers.launch(bound_objects, (w, d), [nodes, self.surface, self.bounds])
+        buffers.launch(keep_acting, self.n_worlds, [clock, self.found])
         self._pairs.launch(nodes, clock, self.bounds, self.found)
         if parts > 0:
-            self._search_bodies(nodes, clock)
-        buffers.launch(recall_acting, self.n_worlds, [clock.h, self.found])
-
-    def _search_bodies(self, nodes: Nodes, clock: Clock) -> None:
-        w, d, parts = self.bounds.near.shape
-        moving = [clock.h, clock.gravity]
-        solids = [self._geometry, self.obstacles, self._bodies]
-        of_nodes = [nodes.x, nodes.v, nodes.radius, nodes.owner, nodes.active, nodes.friction, nodes.restitution]
-        buffers.launch(near_parts, (w, d, parts), [*moving, *solids, nodes.radius, self.surface, self.bounds])
-        rest = [self.surface, self.bounds, self.found]
-        buffers.launch(search_nodes, (w, _blocks(nodes.x.shape[1])), [*moving, *solids, *of_nodes, *rest])
-        buffers.launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), [*moving, *solids, *of_nodes, *rest])
-        buffers.launch(
-            search_corners,
-            (w, _blocks(self.surface.triangles.shape[0])),
-            [*moving, *solids[1:], nodes.x, *of_nodes[2:], *rest],
-        )
+            near = [clock, nodes, self.obstacles, self.surface, self.bounds]
+            buffers.launch(near_parts, (w, d, parts), near)
+            buffers.launch(search_nodes, (w, _blocks(nodes.x.shape[1])), [*near, self.found])
+            buffers.launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), [*near, self.found])
+            buffers.launch(search_corners, (w, _blocks(self.surface.triangles.shape[0])), [*near, self.found])
+        buffers.launch(recall_acting, self.n_worlds, [clock, self.found])
 
     def launch_push(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of the inner step before, which the next solution starts from."""
-        solids = [self._inverse_inertia, self._bodies]
-        buffers.launch(push_on, self.n_worlds, [clock.dt, nodes.inverse_mass, *solids, nodes.v, self.found])
+        buffers.launch(push_on, self.n_worlds, [clock, nodes, self.obstacles.bodies, self._carried, self.found])
 
     def launch_solve(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of one inner step."""
-        buffers.launch(
-            solve_contacts,
-            self.n_worlds,
-            [
-                clock.time,
-                clock.dt,
-                clock.inner,
-                clock.gravity,
-                self._geometry,
-                self.obstacles,
-                self.surface.across,
-                self._bodies,
-                self._acceleration,
-                self._before,
-                self._flying,
-                self._inverse_inertia,
-                nodes.inverse_mass,
-                nodes.x,
-                nodes.v,
-                self.found,
-                self.tally,
-            ],
-        )
+        inputs = [clock, nodes, self.obstacles, self._carried, self.surface, self.found, self.tally]
+        buffers.launch(solve_contacts, self.n_worlds, inputs)
 
 
 def _blocks(count: int) -> int:

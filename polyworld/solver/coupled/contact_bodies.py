@@ -56,24 +56,18 @@ def shorter(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
 
 
 @wp.kernel
-def begin_step(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    objects: int,
-    bodies: wp.array2d[Body],
-    carried: Carried,
-) -> None:
+def begin_step(clock: Clock, objects: int, bodies: wp.array2d[Body], carried: Carried) -> None:
     """Note where the bodies are, and guess what will move them besides the nodes.
 
     The guess is what moved them in the last two steps, whichever was less: one impact is no lasting force.
     """
     w, i = wp.tid()
-    if h[w] <= wp.float64(0.0):
+    if clock.h[w] <= wp.float64(0.0):
         return
     b = bodies[w, i]
     if i >= objects:
         return
-    pull = gravity[w % gravity.shape[0]]
+    pull = clock.gravity[w % clock.gravity.shape[0]]
     carried.acceleration[w, i] = pull
     carried.turning[w, i] = wp.vec3d()
     if carried.seen[w, i] == 1 and carried.h[w] > wp.float64(0.0):
@@ -100,21 +94,16 @@ def begin_step(
 
 
 @wp.kernel
-def note_length(h: wp.array[wp.float64], carried: Carried) -> None:
+def note_length(clock: Clock, carried: Carried) -> None:
     w = wp.tid()
-    if h[w] > wp.float64(0.0):
-        carried.h[w] = h[w]
+    if clock.h[w] > wp.float64(0.0):
+        carried.h[w] = clock.h[w]
 
 
 @wp.kernel
-def accelerate_bodies(
-    dt: wp.array[wp.float64],
-    objects: int,
-    bodies: wp.array2d[Body],
-    carried: Carried,
-) -> None:
+def accelerate_bodies(clock: Clock, objects: int, bodies: wp.array2d[Body], carried: Carried) -> None:
     w, i = wp.tid()
-    t = dt[w]
+    t = clock.dt[w]
     if t <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
         return
     carried.before[w, i] = bodies[w, i].v
@@ -124,12 +113,7 @@ def accelerate_bodies(
 
 
 @wp.kernel
-def carry_bodies(
-    dt: wp.array[wp.float64],
-    objects: int,
-    bodies: wp.array2d[Body],
-    carried: Carried,
-) -> None:
+def carry_bodies(clock: Clock, objects: int, bodies: wp.array2d[Body], carried: Carried) -> None:
     """Positions from velocities.
 
     Of what flies, hangs or lies on deformable objects, the guessed acceleration acts half its velocity, as gravity
@@ -137,7 +121,7 @@ def carry_bodies(
     stays; but for a body that is light beside what presses on it, which would swing against its support.
     """
     w, i = wp.tid()
-    t = dt[w]
+    t = clock.dt[w]
     if t <= wp.float64(0.0) or i >= objects or bodies[w, i].active == 0:
         return
     half = wp.float64(0.5) * t
@@ -151,36 +135,44 @@ def carry_bodies(
 
 
 @wp.kernel
-def put_back_bodies(
-    h: wp.array[wp.float64],
-    objects: int,
-    bodies: wp.array2d[Body],
-    carried: Carried,
-) -> None:
+def put_back_bodies(clock: Clock, objects: int, bodies: wp.array2d[Body], carried: Carried) -> None:
     """Back to the start of the step, with what the nodes gave as a force for the rigid step.
 
     The rigid step takes that force as constant. What its course within the step moved the bodies beyond that is
     added to the rigid motion: a load on a spring would otherwise gain energy.
     """
     w, i = wp.tid()
-    if i >= objects or h[w] <= wp.float64(0.0) or bodies[w, i].active == 0:
+    if i >= objects or clock.h[w] <= wp.float64(0.0) or bodies[w, i].active == 0:
         return
     b = bodies[w, i]
-    half = wp.float64(0.5) * h[w]
+    half = wp.float64(0.5) * clock.h[w]
     b.shift = b.x - (carried.x[w, i] + (carried.v[w, i] + b.v) * half)
     off = b.q * wp.quat_inverse(rotated(carried.q[w, i], (carried.w[w, i] + b.w) * half))
     b.rotation_shift = wp.vec3d(off[0], off[1], off[2]) * (wp.float64(2.0) * wp.sign(off[3]))
-    gained = b.v - carried.v[w, i] - carried.acceleration[w, i] * h[w]
-    turned_by = b.w - carried.w[w, i] - carried.turning[w, i] * h[w]
+    gained = b.v - carried.v[w, i] - carried.acceleration[w, i] * clock.h[w]
+    turned_by = b.w - carried.w[w, i] - carried.turning[w, i] * clock.h[w]
     b.x = carried.x[w, i]
     b.q = carried.q[w, i]
     b.v = carried.v[w, i]
     b.w = carried.w[w, i]
     b.rotation = wp.quat_to_matrix(b.q)
     inertia = b.rotation * b.inertia * wp.transpose(b.rotation)
-    b.push = gained * (b.mass / h[w])
-    b.push_torque = (inertia * turned_by) * (b.mass / h[w])
+    b.push = gained * (b.mass / clock.h[w])
+    b.push_torque = (inertia * turned_by) * (b.mass / clock.h[w])
     bodies[w, i] = b
+
+
+def carried_arrays(shape: tuple[int, int]) -> Carried:
+    """Return the arrays of W x B bodies."""
+    carried = Carried()
+    for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning", "before", "before_turning"):
+        setattr(carried, name, buffers.zeros(shape, wp.vec3d))
+    carried.q = buffers.zeros(shape, wp.quatd)
+    carried.inverse_inertia = buffers.zeros(shape, wp.mat33d)
+    carried.flying = buffers.zeros(shape, wp.int32)
+    carried.seen = buffers.zeros(shape, wp.int32)
+    carried.h = buffers.zeros(shape[0], wp.float64)
+    return carried
 
 
 class CarriedBodies:
@@ -189,15 +181,7 @@ class CarriedBodies:
     def __init__(self, bodies: Any, objects: int) -> None:
         self.bodies = bodies
         self.objects = objects
-        self.carried = Carried()
-        shape = bodies.shape
-        for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning", "before", "before_turning"):
-            setattr(self.carried, name, buffers.zeros(shape, wp.vec3d))
-        self.carried.q = buffers.zeros(shape, wp.quatd)
-        self.carried.inverse_inertia = buffers.zeros(shape, wp.mat33d)
-        self.carried.flying = buffers.zeros(shape, wp.int32)
-        self.carried.seen = buffers.zeros(shape, wp.int32)
-        self.carried.h = buffers.zeros(shape[0], wp.float64)
+        self.carried = carried_arrays(bodies.shape)
 
     def reset(self) -> None:
         """Forget the steps of the last run."""
@@ -216,20 +200,20 @@ class CarriedBodies:
 
     def launch_begin(self, clock: Clock) -> None:
         """Launch what opens a coupling step."""
-        self._launch(begin_step, [clock.h, clock.gravity, self.objects, self.bodies, self.carried])
-        buffers.launch(note_length, self.bodies.shape[0], [clock.h, self.carried])
+        self._launch(begin_step, [clock, self.objects, self.bodies, self.carried])
+        buffers.launch(note_length, self.bodies.shape[0], [clock, self.carried])
 
     def launch_velocities(self, clock: Clock) -> None:
         """Launch the velocities of an inner step, before nodes push."""
-        self._launch(accelerate_bodies, [clock.dt, self.objects, self.bodies, self.carried])
+        self._launch(accelerate_bodies, [clock, self.objects, self.bodies, self.carried])
 
     def launch_positions(self, clock: Clock) -> None:
         """Launch the positions of an inner step, after nodes pushed."""
-        self._launch(carry_bodies, [clock.dt, self.objects, self.bodies, self.carried])
+        self._launch(carry_bodies, [clock, self.objects, self.bodies, self.carried])
 
     def launch_end(self, clock: Clock) -> None:
         """Launch what hands the bodies to the rigid step."""
-        self._launch(put_back_bodies, [clock.h, self.objects, self.bodies, self.carried])
+        self._launch(put_back_bodies, [clock, self.objects, self.bodies, self.carried])
 
     def _launch(self, kernel: Any, inputs: list[Any]) -> None:
         if self.objects:

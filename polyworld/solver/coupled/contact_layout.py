@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from polyworld.solver.spatial.layout import Body, Geometry
+
 # What touches what. A weighted point of up to three nodes is pushed along the normal; a body or other nodes are
 # pushed back.
 ON_SHAPE = 0  # a node, or a point inside an edge, on a convex shape or a plane
@@ -70,7 +72,13 @@ class Part:
 
 @wp.struct
 class Obstacles:
-    """All pieces of all bodies, and the points of them that may press into a triangle (body axes, radius [m])."""
+    """All pieces of all bodies, and the points of them that may press into a triangle (body axes, radius [m]).
+
+    bodies (W, B): the rigid solver's. geometry (1,): of their shapes.
+    """
+
+    bodies: wp.array2d[Body]
+    geometry: wp.array[Geometry]
 
     parts: wp.array[Part]
     corners: wp.array[wp.vec3d]

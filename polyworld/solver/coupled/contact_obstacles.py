@@ -28,8 +28,17 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-def build_obstacles(geometry: layout.Geometry) -> Obstacles:
-    """Build the pieces of all bodies, in the order of their shapes."""
+def no_obstacles(n_worlds: int) -> Obstacles:
+    """Return what a world without rigid bodies has: no pieces, and one body that nothing touches."""
+    obstacles = Obstacles()
+    obstacles.bodies = buffers.zeros((n_worlds, 1), layout.Body)
+    obstacles.geometry = by_reference(layout.Geometry(), layout.Geometry)
+    obstacles.parts = buffers.zeros((0,), Part)
+    return obstacles
+
+
+def build_obstacles(geometry: layout.Geometry, bodies: Any) -> Obstacles:
+    """Build the pieces of all bodies (W, B), in the order of their shapes."""
     shapes = geometry.shapes.numpy()
     vertices = geometry.vertices.numpy()
     first = geometry.first_shape.numpy()
@@ -50,10 +59,12 @@ def build_obstacles(geometry: layout.Geometry) -> Obstacles:
             owners.extend([body] * len(corners))
             radii.extend([radius] * len(corners))
     obstacles = Obstacles()
+    obstacles.bodies = bodies
+    obstacles.geometry = by_reference(geometry, layout.Geometry)
     obstacles.parts = buffers.array(rows, Part)
     obstacles.corners = buffers.array(np.array(points or [np.zeros(3)]), wp.vec3d)
-    obstacles.corner_body = buffers.array(np.array(owners or [0]), wp.int32)
-    obstacles.corner_radius = buffers.array(np.array(radii or [0.0]), wp.float64)
+    obstacles.corner_body = buffers.ints(owners or [0])
+    obstacles.corner_radius = buffers.doubles(radii or [0.0])
     return obstacles
 
 
@@ -127,44 +138,36 @@ def surface_edges(mesh: DeformableMesh) -> Ints:
 def excluded_bodies(
     world: World,
     meshes: dict[str, DeformableMesh],
+    first: dict[str, int],
     nodes: Nodes,
-    geometry: layout.Geometry,
     obstacles: Obstacles,
-    bodies: Any,
 ) -> Ints:
     """Find which nodes must not touch which bodies (N, B): those held to a body, those that lie in it at the start and
     belong to an object that is fastened to it, and ropes that run over a pulley it carries.
+
+    first: the row of each object's first node.
     """
     names = [o.name for o in world.objects]
     owners = {d.name: k for k, d in enumerate(world.deformables)}
-    excluded = np.zeros((nodes.x.shape[1], bodies.shape[1]), dtype=np.int32)
-    linked = np.zeros((len(owners), bodies.shape[1]), dtype=np.int32)
+    excluded = np.zeros((nodes.x.shape[1], obstacles.bodies.shape[1]), dtype=np.int32)
+    linked = np.zeros((len(owners), excluded.shape[1]), dtype=np.int32)
     for attachment in world.attachments:
         if attachment.to in names:
             body = names.index(attachment.to)
             linked[owners[attachment.object], body] = 1
-            excluded[held_nodes(meshes, attachment) + nodes.first[attachment.object], body] = 1
+            excluded[held_nodes(meshes, attachment) + first[attachment.object], body] = 1
     for pulley in world.pulleys:
         if pulley.object is not None:
-            first = nodes.first[pulley.rope]
-            excluded[first : first + nodes.count[pulley.rope], names.index(pulley.object)] = 1
+            own = np.arange(len(meshes[pulley.rope].nodes)) + first[pulley.rope]
+            excluded[own, names.index(pulley.object)] = 1
     if not linked.any():
         return excluded
-    positions = np.concatenate([meshes[name].nodes for name in nodes.first])
+    positions = np.concatenate([meshes[name].nodes for name in first])
     marked: Any = buffers.array(excluded, wp.int32)
     buffers.launch(
         mark_overlaps,
         (nodes.x.shape[1], obstacles.parts.shape[0]),
-        [
-            buffers.array(positions, wp.vec3d),
-            nodes.radius,
-            nodes.owner,
-            buffers.array(linked, wp.int32),
-            by_reference(geometry, layout.Geometry),
-            obstacles,
-            bodies,
-            marked,
-        ],
+        [buffers.array(positions, wp.vec3d), buffers.ints(linked), nodes, obstacles, marked],
     )
     found: Ints = marked.numpy()
     return found

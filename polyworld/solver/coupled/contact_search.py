@@ -17,7 +17,8 @@ from polyworld.solver.coupled.contact_layout import (
     Surface,
 )
 from polyworld.solver.coupled.contact_shapes import shape_distance, triangle_distance
-from polyworld.solver.spatial.layout import MESH, OPTIONS, PLANE, Body, Geometry
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.spatial.layout import MESH, OPTIONS, PLANE, Body
 from polyworld.solver.spatial.separation import triangle_weights
 
 wp.set_module_options(OPTIONS)
@@ -30,22 +31,17 @@ BLOCK = 64  # elements that one thread looks at: starting one costs more than th
 
 
 @wp.kernel
-def bound_objects(
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    surface: Surface,
-    bounds: Bounds,
-) -> None:
+def bound_objects(nodes: Nodes, surface: Surface, bounds: Bounds) -> None:
     """Boxes around the deformable objects and their highest speeds."""
     w, d = wp.tid()
     low = wp.vec3d(wp.float64(1.0e30), wp.float64(1.0e30), wp.float64(1.0e30))
     high = -low
     fastest = wp.float64(0.0)
     for i in range(surface.first[d], surface.first[d] + surface.count[d]):
-        p = x[w, i]
+        p = nodes.x[w, i]
         low = wp.min(low, p)
         high = wp.max(high, p)
-        fastest = wp.max(fastest, wp.length_sq(v[w, i]))
+        fastest = wp.max(fastest, wp.length_sq(nodes.v[w, i]))
     bounds.low[w, d] = low
     bounds.high[w, d] = high
     bounds.speed[w, d] = wp.sqrt(fastest)
@@ -66,32 +62,24 @@ def swept(bodies: wp.array2d[Body], w: int, part: Part, h: wp.float64) -> wp.flo
 
 
 @wp.kernel
-def near_parts(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    radius: wp.array[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-) -> None:
+def near_parts(clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds) -> None:
     """Find which pieces come near the box around each deformable object."""
     w, d, s = wp.tid()
+    h = clock.h[w]
     bounds.near[w, d, s] = 0
     part = obstacles.parts[s]
-    if h[w] <= wp.float64(0.0) or bodies[w, part.body].active == 0 or surface.count[d] == 0:
+    if h <= wp.float64(0.0) or obstacles.bodies[w, part.body].active == 0 or surface.count[d] == 0:
         return
-    thickness = radius[surface.first[d]]
-    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
-    reach = thickness * wp.float64(1.1) + swept(bodies, w, part, h[w]) + fall
-    reach += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h[w] + wp.float64(1.0e-5)
+    thickness = nodes.radius[surface.first[d]]
+    fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
+    reach = thickness * wp.float64(1.1) + swept(obstacles.bodies, w, part, h) + fall
+    reach += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h + wp.float64(1.0e-5)
     low = bounds.low[w, d]
     high = bounds.high[w, d]
-    kind = geometry[0].shapes[part.shape].kind
+    kind = obstacles.geometry[0].shapes[part.shape].kind
     if kind == PLANE:
-        n = geometry[0].shapes[part.shape].size
-        lowest = -geometry[0].shapes[part.shape].bound
+        n = obstacles.geometry[0].shapes[part.shape].size
+        lowest = -obstacles.geometry[0].shapes[part.shape].bound
         for k in range(3):
             lowest += wp.min(n[k] * low[k], n[k] * high[k])
         if lowest <= reach:
@@ -100,7 +88,7 @@ def near_parts(
     if kind == MESH:
         bounds.near[w, d, s] = 1
         return
-    p = part_position(bodies, w, part)
+    p = part_position(obstacles.bodies, w, part)
     away = p - wp.min(wp.max(p, low), high)
     far = part.bound + reach
     if wp.length_sq(away) <= far * far:
@@ -126,53 +114,31 @@ def add(found: Found, w: int, c: Contact) -> None:
 
 
 @wp.func
-def against_body(
-    bodies: wp.array2d[Body],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    w: int,
-    owner: int,
-    body: int,
-) -> Contact:
+def against_body(nodes: Nodes, bodies: wp.array2d[Body], w: int, owner: int, body: int) -> Contact:
     """Add a contact of a deformable object with a body, its coefficients filled in."""
     c = Contact()
     c.body = body
     c.other = body
     c.owner = owner
-    c.friction = of_contact(friction[w % friction.shape[0], owner], bodies[w, body].friction)
-    c.restitution = of_contact(restitution[w % restitution.shape[0], owner], bodies[w, body].restitution)
+    c.friction = of_contact(nodes.friction[w % nodes.friction.shape[0], owner], bodies[w, body].friction)
+    c.restitution = of_contact(nodes.restitution[w % nodes.restitution.shape[0], owner], bodies[w, body].restitution)
     return c
 
 
 @wp.func
 def touch_node(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-    found: Found,
-    w: int,
-    i: int,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds, found: Found, w: int, i: int
 ) -> None:
-    if surface.exposed[i] == 0 or active[w, i] == 0 or h[w] <= wp.float64(0.0):
+    h = clock.h[w]
+    if surface.exposed[i] == 0 or nodes.active[w, i] == 0 or h <= wp.float64(0.0):
         return
-    d = owner[i]
+    d = nodes.owner[i]
     if nothing_near(bounds, w, d):
         return
-    p = x[w, i]
-    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
-    slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
-    slack += (OWN_SHARE * wp.length(v[w, i]) + OBJECT_SHARE * bounds.speed[w, d]) * h[w]
+    p = nodes.x[w, i]
+    fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
+    slack = nodes.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack += (OWN_SHARE * wp.length(nodes.v[w, i]) + OBJECT_SHARE * bounds.speed[w, d]) * h
     for s in range(obstacles.parts.shape[0]):
         if bounds.near[w, d, s] == 0:
             continue
@@ -180,149 +146,102 @@ def touch_node(
         b = part.body
         if surface.excluded[i, b] != 0:
             continue
-        kind = geometry[0].shapes[part.shape].kind
-        reach = slack + swept(bodies, w, part, h[w])
+        kind = obstacles.geometry[0].shapes[part.shape].kind
+        reach = slack + swept(obstacles.bodies, w, part, h)
         if kind == PLANE:
-            n = geometry[0].shapes[part.shape].size
-            if wp.dot(n, p) - geometry[0].shapes[part.shape].bound <= reach:
-                c = against_body(bodies, friction, restitution, w, d, b)
+            n = obstacles.geometry[0].shapes[part.shape].size
+            if wp.dot(n, p) - obstacles.geometry[0].shapes[part.shape].bound <= reach:
+                c = against_body(nodes, obstacles.bodies, w, d, b)
                 c.kind = ON_SHAPE
                 c.n0 = i
                 c.weight[0] = wp.float64(1.0)
                 c.part = s
-                c.reach = radius[i]
+                c.reach = nodes.radius[i]
                 add(found, w, c)
             continue
-        local = wp.transpose(bodies[w, b].rotation) * (p - bodies[w, b].x)
+        local = wp.transpose(obstacles.bodies[w, b].rotation) * (p - obstacles.bodies[w, b].x)
         if kind == MESH:
             half = wp.float32(reach)
             centre = wp.vec3(wp.float32(local[0]), wp.float32(local[1]), wp.float32(local[2]))
             box = wp.vec3(half, half, half) * wp.float32(1.0001)
-            query = wp.bvh_query_aabb(geometry[0].tree[part.shape], centre - box, centre + box)
+            query = wp.bvh_query_aabb(obstacles.geometry[0].tree[part.shape], centre - box, centre + box)
             triangle = wp.int32(0)
             while wp.bvh_query_next(query, triangle):
-                face = geometry[0].shapes[part.shape].first_face + triangle
-                first_vertex = geometry[0].shapes[part.shape].first_vertex + 3 * triangle
-                found_at = triangle_distance(geometry, first_vertex, face, local)
+                face = obstacles.geometry[0].shapes[part.shape].first_face + triangle
+                first_vertex = obstacles.geometry[0].shapes[part.shape].first_vertex + 3 * triangle
+                found_at = triangle_distance(obstacles.geometry, first_vertex, face, local)
                 if wp.abs(found_at[3]) <= reach:
-                    c = against_body(bodies, friction, restitution, w, d, b)
+                    c = against_body(nodes, obstacles.bodies, w, d, b)
                     c.kind = ON_TRIANGLE
                     c.n0 = i
                     c.weight[0] = wp.float64(1.0)
                     c.part = face
-                    c.reach = radius[i]
+                    c.reach = nodes.radius[i]
                     add(found, w, c)
             continue
         local = wp.transpose(part.rotation) * (local - part.position)
         far = part.bound + reach
         if wp.length_sq(local) > far * far:
             continue
-        if shape_distance(geometry, kind, geometry[0].shapes[part.shape], local)[3] <= reach:
-            c = against_body(bodies, friction, restitution, w, d, b)
+        if shape_distance(obstacles.geometry, kind, obstacles.geometry[0].shapes[part.shape], local)[3] <= reach:
+            c = against_body(nodes, obstacles.bodies, w, d, b)
             c.kind = ON_SHAPE
             c.n0 = i
             c.weight[0] = wp.float64(1.0)
             c.part = s
-            c.reach = radius[i]
+            c.reach = nodes.radius[i]
             add(found, w, c)
 
 
 @wp.kernel
 def search_nodes(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-    found: Found,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds, found: Found
 ) -> None:
     """Nodes against the pieces of bodies, planes and meshes."""
     w, block = wp.tid()
-    for i in range(block * BLOCK, wp.min((block + 1) * BLOCK, x.shape[1])):
-        touch_node(
-            h,
-            gravity,
-            geometry,
-            obstacles,
-            bodies,
-            x,
-            v,
-            radius,
-            owner,
-            active,
-            friction,
-            restitution,
-            surface,
-            bounds,
-            found,
-            w,
-            i,
-        )
+    for i in range(block * BLOCK, wp.min((block + 1) * BLOCK, nodes.x.shape[1])):
+        touch_node(clock, nodes, obstacles, surface, bounds, found, w, i)
 
 
 @wp.func
 def touch_edge(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-    found: Found,
-    w: int,
-    e: int,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds, found: Found, w: int, e: int
 ) -> None:
+    h = clock.h[w]
     i = surface.edges[e, 0]
     j = surface.edges[e, 1]
-    if active[w, i] == 0 or h[w] <= wp.float64(0.0):
+    if nodes.active[w, i] == 0 or h <= wp.float64(0.0):
         return
     zero = wp.float64(0.0)
-    d = owner[i]
+    d = nodes.owner[i]
     if nothing_near(bounds, w, d):
         return
-    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
-    slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
-    fastest = wp.max(wp.length(v[w, i]), wp.length(v[w, j]))
-    slack += (OWN_SHARE * fastest + OBJECT_SHARE * bounds.speed[w, d]) * h[w]
-    half = wp.length(x[w, j] - x[w, i]) * wp.float64(0.5)
+    fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
+    slack = nodes.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    fastest = wp.max(wp.length(nodes.v[w, i]), wp.length(nodes.v[w, j]))
+    slack += (OWN_SHARE * fastest + OBJECT_SHARE * bounds.speed[w, d]) * h
+    half = wp.length(nodes.x[w, j] - nodes.x[w, i]) * wp.float64(0.5)
     for s in range(obstacles.parts.shape[0]):
         if bounds.near[w, d, s] == 0:
             continue
         part = obstacles.parts[s]
         b = part.body
-        kind = geometry[0].shapes[part.shape].kind
+        kind = obstacles.geometry[0].shapes[part.shape].kind
         if kind == PLANE:
             continue
         if kind == MESH or surface.excluded[i, b] != 0 or surface.excluded[j, b] != 0:
             continue
-        reach = slack + swept(bodies, w, part, h[w])
-        to_part = wp.transpose(bodies[w, b].rotation * part.rotation)
-        origin = part_position(bodies, w, part)
-        begin = to_part * (x[w, i] - origin)
-        displacement = to_part * (x[w, j] - x[w, i])
+        reach = slack + swept(obstacles.bodies, w, part, h)
+        to_part = wp.transpose(obstacles.bodies[w, b].rotation * part.rotation)
+        origin = part_position(obstacles.bodies, w, part)
+        begin = to_part * (nodes.x[w, i] - origin)
+        displacement = to_part * (nodes.x[w, j] - nodes.x[w, i])
         far = part.bound + reach + half
         if wp.length_sq(begin + displacement * wp.float64(0.5)) > far * far:
             continue
-        shape = geometry[0].shapes[part.shape]
-        at_begin = shape_distance(geometry, kind, shape, begin)
-        at_end = shape_distance(geometry, kind, shape, begin + displacement)
+        shape = obstacles.geometry[0].shapes[part.shape]
+        at_begin = shape_distance(obstacles.geometry, kind, shape, begin)
+        at_end = shape_distance(obstacles.geometry, kind, shape, begin + displacement)
         if (at_begin[3] + at_end[3]) * wp.float64(0.5) - half > reach:
             continue
         if wp.dot(wp.vec3d(at_begin[0], at_begin[1], at_begin[2]), displacement) >= zero:
@@ -334,44 +253,30 @@ def touch_edge(
         t = wp.float64(0.5)
         for _step in range(BISECTIONS):
             t = wp.float64(0.5) * (low + high)
-            here = shape_distance(geometry, kind, shape, begin + displacement * t)
+            here = shape_distance(obstacles.geometry, kind, shape, begin + displacement * t)
             if wp.dot(wp.vec3d(here[0], here[1], here[2]), displacement) > zero:
                 high = t
             else:
                 low = t
-        nearest = shape_distance(geometry, kind, shape, begin + displacement * t)[3]
+        nearest = shape_distance(obstacles.geometry, kind, shape, begin + displacement * t)[3]
         sagitta = wp.min(at_begin[3], at_end[3]) - nearest
-        least = wp.max(LEAST_SAGITTA * wp.float64(2.0) * half, surface.yielding[d] * radius[i])
+        least = wp.max(LEAST_SAGITTA * wp.float64(2.0) * half, surface.yielding[d] * nodes.radius[i])
         if nearest > reach or sagitta < least:
             continue
-        c = against_body(bodies, friction, restitution, w, d, b)
+        c = against_body(nodes, obstacles.bodies, w, d, b)
         c.kind = ON_SHAPE
         c.n0 = i
         c.n1 = j
         c.weight[0] = wp.float64(1.0) - t
         c.weight[1] = t
         c.part = s
-        c.reach = radius[i] * (wp.float64(1.0) - surface.yielding[d])
+        c.reach = nodes.radius[i] * (wp.float64(1.0) - surface.yielding[d])
         add(found, w, c)
 
 
 @wp.kernel
 def search_edges(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-    found: Found,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds, found: Found
 ) -> None:
     """Edges that come closest to a convex piece between their nodes.
 
@@ -379,57 +284,26 @@ def search_edges(
     """
     w, block = wp.tid()
     for e in range(block * BLOCK, wp.min((block + 1) * BLOCK, surface.edges.shape[0])):
-        touch_edge(
-            h,
-            gravity,
-            geometry,
-            obstacles,
-            bodies,
-            x,
-            v,
-            radius,
-            owner,
-            active,
-            friction,
-            restitution,
-            surface,
-            bounds,
-            found,
-            w,
-            e,
-        )
+        touch_edge(clock, nodes, obstacles, surface, bounds, found, w, e)
 
 
 @wp.func
 def touch_triangle(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-    found: Found,
-    w: int,
-    k: int,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds, found: Found, w: int, k: int
 ) -> None:
+    h = clock.h[w]
     i = surface.triangles[k, 0]
-    if active[w, i] == 0 or h[w] <= wp.float64(0.0):
+    if nodes.active[w, i] == 0 or h <= wp.float64(0.0):
         return
-    d = owner[i]
+    d = nodes.owner[i]
     if nothing_near(bounds, w, d):
         return
-    p0 = x[w, i]
-    p1 = x[w, surface.triangles[k, 1]]
-    p2 = x[w, surface.triangles[k, 2]]
-    fall = wp.length(gravity[w % gravity.shape[0]]) * h[w] * h[w]
-    slack = radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
-    slack += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h[w]
+    p0 = nodes.x[w, i]
+    p1 = nodes.x[w, surface.triangles[k, 1]]
+    p2 = nodes.x[w, surface.triangles[k, 2]]
+    fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
+    slack = nodes.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h
     size = wp.max(wp.length(p1 - p0), wp.length(p2 - p0))
     normal = wp.normalize(wp.cross(p1 - p0, p2 - p0))
     for s in range(obstacles.parts.shape[0]):
@@ -439,24 +313,24 @@ def touch_triangle(
             continue
         if surface.excluded[surface.triangles[k, 1], b] + surface.excluded[surface.triangles[k, 2], b] > 0:
             continue
-        reach = slack + swept(bodies, w, part, h[w])
-        centre = part_position(bodies, w, part)
+        reach = slack + swept(obstacles.bodies, w, part, h)
+        centre = part_position(obstacles.bodies, w, part)
         far = part.bound + reach + size
         if wp.length_sq(p0 - centre) > far * far:
             continue
         for m in range(part.first_corner, part.first_corner + part.corners):
-            point = bodies[w, b].x + bodies[w, b].rotation * obstacles.corners[m]
+            point = obstacles.bodies[w, b].x + obstacles.bodies[w, b].rotation * obstacles.corners[m]
             weights = triangle_weights(p0 - point, p1 - point, p2 - point)
             away = p0 * weights[0] + p1 * weights[1] + p2 * weights[2] - point
             if wp.length(away) - obstacles.corner_radius[m] > reach:
                 continue
-            c = against_body(bodies, friction, restitution, w, d, b)
+            c = against_body(nodes, obstacles.bodies, w, d, b)
             c.kind = CORNER
             c.n0 = i
             c.n1 = surface.triangles[k, 1]
             c.n2 = surface.triangles[k, 2]
             c.part = m
-            c.reach = radius[i] + obstacles.corner_radius[m]
+            c.reach = nodes.radius[i] + obstacles.corner_radius[m]
             c.side = wp.float64(-1.0)  # a surface with an inside is pushed inwards
             if surface.one_sided[d] == 0 and wp.dot(normal, p0 - centre) > wp.float64(0.0):
                 c.side = wp.float64(1.0)
@@ -465,56 +339,42 @@ def touch_triangle(
 
 @wp.kernel
 def search_corners(
-    h: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    surface: Surface,
-    bounds: Bounds,
-    found: Found,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds, found: Found
 ) -> None:
     """Triangles that a corner of a body, or the centre of its round end, may press into."""
     w, block = wp.tid()
     for k in range(block * BLOCK, wp.min((block + 1) * BLOCK, surface.triangles.shape[0])):
-        touch_triangle(
-            h, gravity, obstacles, bodies, x, radius, owner, active, friction, restitution, surface, bounds, found, w, k
-        )
+        touch_triangle(clock, nodes, obstacles, surface, bounds, found, w, k)
 
 
 @wp.kernel
 def mark_overlaps(
     positions: wp.array[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
     linked: wp.array2d[wp.int32],
-    geometry: wp.array[Geometry],
+    nodes: Nodes,
     obstacles: Obstacles,
-    bodies: wp.array2d[Body],
     excluded: wp.array2d[wp.int32],
 ) -> None:
     """Mark nodes that lie in a body which their object is fastened to; linked (D, B)."""
     i, s = wp.tid()
     part = obstacles.parts[s]
-    if linked[owner[i], part.body] == 0:
+    if linked[nodes.owner[i], part.body] == 0:
         return
-    local = wp.transpose(bodies[0, part.body].rotation) * (positions[i] - bodies[0, part.body].x) - part.position
+    local = (
+        wp.transpose(obstacles.bodies[0, part.body].rotation) * (positions[i] - obstacles.bodies[0, part.body].x)
+        - part.position
+    )
     local = wp.transpose(part.rotation) * local
-    kind = geometry[0].shapes[part.shape].kind
-    if shape_distance(geometry, kind, geometry[0].shapes[part.shape], local)[3] < radius[i]:
+    kind = obstacles.geometry[0].shapes[part.shape].kind
+    if shape_distance(obstacles.geometry, kind, obstacles.geometry[0].shapes[part.shape], local)[3] < nodes.radius[i]:
         excluded[i, part.body] = 1
 
 
 @wp.kernel
-def keep_acting(h: wp.array[wp.float64], found: Found) -> None:
+def keep_acting(clock: Clock, found: Found) -> None:
     """Set aside the contacts that act, for the search that follows, and empty the list."""
     w = wp.tid()
-    if h[w] <= wp.float64(0.0):
+    if clock.h[w] <= wp.float64(0.0):
         return
     for k in range(found.kept_count[w]):
         found.latest[w, found.kept_node[w, k]] = -1
@@ -543,10 +403,10 @@ def keep_acting(h: wp.array[wp.float64], found: Found) -> None:
 
 
 @wp.kernel
-def recall_acting(h: wp.array[wp.float64], found: Found) -> None:
+def recall_acting(clock: Clock, found: Found) -> None:
     """Contacts found again push on as they did."""
     w = wp.tid()
-    if h[w] <= wp.float64(0.0) or found.kept_count[w] == 0:
+    if clock.h[w] <= wp.float64(0.0) or found.kept_count[w] == 0:
         return
     for k in range(found.count[w]):
         m = found.latest[w, found.contacts[w, k].n0]

@@ -6,6 +6,7 @@ momentum is conserved to rounding; against a body they act at the same point, so
 
 import warp as wp
 
+from polyworld.solver.coupled.contact_bodies import Carried
 from polyworld.solver.coupled.contact_layout import (
     CORNER,
     CROSSING,
@@ -15,10 +16,12 @@ from polyworld.solver.coupled.contact_layout import (
     Contact,
     Found,
     Obstacles,
+    Surface,
     Tally,
 )
 from polyworld.solver.coupled.contact_shapes import FAR, shape_distance, triangle_distance
-from polyworld.solver.spatial.layout import OPTIONS, PLANE, Body, Geometry
+from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.spatial.layout import OPTIONS, PLANE, Body
 from polyworld.solver.spatial.manifold import tangent
 from polyworld.solver.spatial.separation import triangle_weights
 from polyworld.solver.spatial.shapes import unit
@@ -68,37 +71,29 @@ def closest_on_segments(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d) -> w
 
 
 @wp.func
-def follow(
-    c: Contact,
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    bodies: wp.array2d[Body],
-    across: wp.vec3d,
-    x: wp.array2d[wp.vec3d],
-    w: int,
-) -> Contact:
+def follow(c: Contact, obstacles: Obstacles, across: wp.vec3d, x: wp.array2d[wp.vec3d], w: int) -> Contact:
     """Return the contact's gap, normal, weights and arm where its sides are now; FAR where it cannot touch."""
     zero = wp.float64(0.0)
     p = x[w, c.n0]
     if c.kind == ON_SHAPE or c.kind == ON_TRIANGLE:
         if c.weight[1] > zero:
             p = p * c.weight[0] + x[w, c.n1] * c.weight[1]
-        c.arm = p - bodies[w, c.body].x
+        c.arm = p - obstacles.bodies[w, c.body].x
         at = wp.vec4d()
-        rotation = bodies[w, c.body].rotation
+        rotation = obstacles.bodies[w, c.body].rotation
         if c.kind == ON_TRIANGLE:
-            first = geometry[0].face_corners[geometry[0].face_starts[c.part]]
-            at = triangle_distance(geometry, first, c.part, wp.transpose(rotation) * c.arm)
+            first = obstacles.geometry[0].face_corners[obstacles.geometry[0].face_starts[c.part]]
+            at = triangle_distance(obstacles.geometry, first, c.part, wp.transpose(rotation) * c.arm)
         else:
             shape = obstacles.parts[c.part].shape
-            kind = geometry[0].shapes[shape].kind
+            kind = obstacles.geometry[0].shapes[shape].kind
             if kind == PLANE:
-                c.normal = geometry[0].shapes[shape].size
-                c.gap = wp.dot(c.normal, p) - geometry[0].shapes[shape].bound - c.reach
+                c.normal = obstacles.geometry[0].shapes[shape].size
+                c.gap = wp.dot(c.normal, p) - obstacles.geometry[0].shapes[shape].bound - c.reach
                 return c
             local = wp.transpose(rotation) * c.arm - obstacles.parts[c.part].position
             local = wp.transpose(obstacles.parts[c.part].rotation) * local
-            at = shape_distance(geometry, kind, geometry[0].shapes[shape], local)
+            at = shape_distance(obstacles.geometry, kind, obstacles.geometry[0].shapes[shape], local)
             rotation = rotation * obstacles.parts[c.part].rotation
         c.normal = rotation * wp.vec3d(at[0], at[1], at[2])
         c.gap = at[3] - c.reach
@@ -126,7 +121,7 @@ def follow(
         return c
     a = p
     if c.kind == CORNER:
-        p = bodies[w, c.body].x + bodies[w, c.body].rotation * obstacles.corners[c.part]
+        p = obstacles.bodies[w, c.body].x + obstacles.bodies[w, c.body].rotation * obstacles.corners[c.part]
         b1 = x[w, c.n1]
         b2 = x[w, c.n2]
     else:
@@ -138,7 +133,7 @@ def follow(
     face = wp.normalize(wp.cross(b1 - a, b2 - a))
     inside = wp.min(weights[0], wp.min(weights[1], weights[2])) > zero
     if c.kind == CORNER:
-        c.arm = p - away - bodies[w, c.body].x
+        c.arm = p - away - obstacles.bodies[w, c.body].x
         c.weight = wp.vec4d(weights[0], weights[1], weights[2], zero)
         c.normal = face * c.side
         c.gap = FAR
@@ -271,38 +266,36 @@ def friction_impulse(c: Contact, u: wp.vec3d, bound: wp.float64) -> wp.vec3d:
 
 @wp.func(inline=False)
 def solve(
-    contacts: wp.array2d[Contact],
-    acting: wp.array2d[wp.int32],
+    found: Found,
     count: int,
     sweeps: int,
-    inverse_mass: wp.array2d[wp.float64],
-    inverse_inertia: wp.array2d[wp.mat33d],
+    nodes: Nodes,
     bodies: wp.array2d[Body],
-    v: wp.array2d[wp.vec3d],
+    inverse_inertia: wp.array2d[wp.mat33d],
     w: int,
 ) -> None:
     """Sweep over the acting contacts until no velocity changes any more."""
     for _sweep in range(sweeps):
         worst = wp.float64(0.0)
         for a in range(count):
-            c = contacts[w, acting[w, a]]
-            u = relative_velocity(c, bodies, v, w)
+            c = found.contacts[w, found.acting[w, a]]
+            u = relative_velocity(c, bodies, nodes.v, w)
             before = c.impulse
             normal = wp.max(before + (c.target - wp.dot(c.normal, u)) / c.k, wp.float64(0.0))
             change = c.normal * (normal - before)
             worst = wp.max(worst, wp.abs(normal - before) * c.k)
             if c.step_friction > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
                 if c.body >= 0:
-                    push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
-                    u = relative_velocity(c, bodies, v, w)
+                    push(c, change, nodes.inverse_mass, inverse_inertia, bodies, nodes.v, w)
+                    u = relative_velocity(c, bodies, nodes.v, w)
                     change = wp.vec3d()
                 tangential = friction_impulse(c, u, c.step_friction * normal)
                 slip = tangential - c.tangential
                 worst = wp.max(worst, wp.length(slip) * c.k11)
-                contacts[w, acting[w, a]].tangential = tangential
+                found.contacts[w, found.acting[w, a]].tangential = tangential
                 change += slip
-            contacts[w, acting[w, a]].impulse = normal
-            push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
+            found.contacts[w, found.acting[w, a]].impulse = normal
+            push(c, change, nodes.inverse_mass, inverse_inertia, bodies, nodes.v, w)
         if worst < CONVERGED:
             break
 
@@ -323,13 +316,9 @@ def correct_overlap(
     c: Contact,
     pull: wp.vec3d,
     dt: wp.float64,
+    nodes: Nodes,
     bodies: wp.array2d[Body],
-    acceleration: wp.array2d[wp.vec3d],
-    before: wp.array2d[wp.vec3d],
-    flying: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
+    carried: Carried,
     found: Found,
     w: int,
 ) -> None:
@@ -343,12 +332,12 @@ def correct_overlap(
     if c.impulse > zero and c.rebound == zero:
         rest = pull
         if c.body >= 0:
-            rest = pull - (bodies[w, c.body].v - before[w, c.body]) / dt
-            if flying[w, c.body] == 1:
-                rest = pull - acceleration[w, c.body]
+            rest = pull - (bodies[w, c.body].v - carried.before[w, c.body]) / dt
+            if carried.flying[w, c.body] == 1:
+                rest = pull - carried.acceleration[w, c.body]
         lift = rest * (wp.float64(0.5) * dt * dt)
-    deeper = -c.gap - wp.max(wp.dot(c.normal, relative_velocity(c, bodies, v, w)), zero) * dt
-    mobility = node_mobility(c, inverse_mass, w)
+    deeper = -c.gap - wp.max(wp.dot(c.normal, relative_velocity(c, bodies, nodes.v, w)), zero) * dt
+    mobility = node_mobility(c, nodes.inverse_mass, w)
     shift = wp.vec3d()
     if c.impulse > zero and c.rebound != zero:
         shift = c.normal * (c.rebound / c.k)  # the nodes' share
@@ -358,9 +347,9 @@ def correct_overlap(
     for m in range(4):
         if c.weight[m] != zero:
             node = node_of(c, m)
-            im = inverse_mass[w % inverse_mass.shape[0], node]
+            im = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], node]
             if im > zero:
-                x[w, node] += shift * (c.weight[m] * im) + lift * found.falling[w, node]
+                nodes.x[w, node] += shift * (c.weight[m] * im) + lift * found.falling[w, node]
                 if c.impulse > zero:
                     found.falling[w, node] = zero
             else:
@@ -390,16 +379,14 @@ def act(
     dt: wp.float64,
     threshold: wp.float64,
     pull: wp.vec3d,
-    acceleration: wp.array2d[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    inverse_inertia: wp.array2d[wp.mat33d],
+    nodes: Nodes,
     bodies: wp.array2d[Body],
-    v: wp.array2d[wp.vec3d],
+    carried: Carried,
     w: int,
 ) -> Contact:
     """Check whether the contact acts in this inner step; return its target velocity, and FAR where it does not."""
     zero = wp.float64(0.0)
-    u = relative_velocity(c, bodies, v, w)
+    u = relative_velocity(c, bodies, nodes.v, w)
     speed = wp.dot(c.normal, u)
     c.approach = -speed
     end = c.gap + speed * dt
@@ -407,13 +394,13 @@ def act(
         c.wait = wp.int32(WAIT * c.gap / ((wp.length(u) + LEAST_SPEED) * dt))
         c.gap = FAR
         return c
-    c = weigh(c, inverse_mass, inverse_inertia, bodies, w)
+    c = weigh(c, nodes.inverse_mass, carried.inverse_inertia, bodies, w)
     if c.k <= zero:
         c.gap = FAR
         return c
     fall = wp.float64(0.0)
     if c.body >= 0:
-        fall = wp.dot(c.normal, acceleration[w, c.body] - pull)
+        fall = wp.dot(c.normal, carried.acceleration[w, c.body] - pull)
     c.step_friction = c.friction
     if c.body < 0 and c.gap > wp.float64(0.1) * c.reach:
         c.step_friction = zero  # impulses along two nodes that are apart would turn them
@@ -432,53 +419,30 @@ def act(
 
 
 @wp.kernel
-def push_on(
-    clock_dt: wp.array[wp.float64],
-    inverse_mass: wp.array2d[wp.float64],
-    inverse_inertia: wp.array2d[wp.mat33d],
-    bodies: wp.array2d[Body],
-    v: wp.array2d[wp.vec3d],
-    found: Found,
-) -> None:
+def push_on(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], carried: Carried, found: Found) -> None:
     """Contacts push as in the inner step before, so that implicit parts of a material see what rests at rest."""
     w = wp.tid()
-    if clock_dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     for k in range(found.count[w]):
         if found.contacts[w, k].impulse > wp.float64(0.0):
             c = found.contacts[w, k]
             c.given = c.normal * c.impulse + c.tangential
             found.contacts[w, k].given = c.given
-            push(c, c.given, inverse_mass, inverse_inertia, bodies, v, w)
+            push(c, c.given, nodes.inverse_mass, carried.inverse_inertia, bodies, nodes.v, w)
 
 
 @wp.kernel
 def solve_contacts(
-    clock_time: wp.array[wp.float64],
-    clock_dt: wp.array[wp.float64],
-    inner: wp.array[wp.int32],
-    gravity: wp.array[wp.vec3d],
-    geometry: wp.array[Geometry],
-    obstacles: Obstacles,
-    across: wp.vec3d,
-    bodies: wp.array2d[Body],
-    acceleration: wp.array2d[wp.vec3d],
-    before: wp.array2d[wp.vec3d],
-    flying: wp.array2d[wp.int32],
-    inverse_inertia: wp.array2d[wp.mat33d],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    found: Found,
-    tally: Tally,
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, carried: Carried, surface: Surface, found: Found, tally: Tally
 ) -> None:
     """Change the nodes' and bodies' velocities so that nothing overlaps at the end of the inner step."""
     w = wp.tid()
-    dt = clock_dt[w]
+    dt = clock.dt[w]
     if dt <= wp.float64(0.0) or found.count[w] == 0:
         return
     zero = wp.float64(0.0)
-    pull = gravity[w % gravity.shape[0]]
+    pull = clock.gravity[w % clock.gravity.shape[0]]
     threshold = wp.float64(2.0) * wp.length(pull) * dt + SLOWEST_IMPACT
     count = wp.int32(0)
     sweeps = wp.int32(1)
@@ -487,20 +451,20 @@ def solve_contacts(
         if found.contacts[w, k].wait > 0:
             found.contacts[w, k].wait -= 1
             continue
-        c = follow(found.contacts[w, k], geometry, obstacles, bodies, across, x, w)
+        c = follow(found.contacts[w, k], obstacles, surface.across, nodes.x, w)
         if c.gap < FAR:
-            c = act(c, dt, threshold, pull, acceleration, inverse_mass, inverse_inertia, bodies, v, w)
+            c = act(c, dt, threshold, pull, nodes, obstacles.bodies, carried, w)
         if c.gap < FAR:
             found.acting[w, count] = k
             count += 1
             if c.n0 == last or c.weight[1] != zero:
                 sweeps = SWEEPS
-            if c.body >= 0 and bodies[w, c.body].inverse_mass > zero:
+            if c.body >= 0 and obstacles.bodies[w, c.body].inverse_mass > zero:
                 sweeps = SWEEPS
             last = c.n0
         else:
             if c.impulse > zero:
-                push(c, -c.given, inverse_mass, inverse_inertia, bodies, v, w)
+                push(c, -c.given, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
             c.impulse = zero
             c.tangential = wp.vec3d()
         found.contacts[w, k] = c
@@ -510,17 +474,17 @@ def solve_contacts(
         if found.contacts[w, found.acting[w, a]].impulse > zero:
             c = found.contacts[w, found.acting[w, a]]
             lack = c.normal * c.impulse + c.tangential - c.given
-            push(c, lack, inverse_mass, inverse_inertia, bodies, v, w)
-    solve(found.contacts, found.acting, count, sweeps, inverse_mass, inverse_inertia, bodies, v, w)
-    now = clock_time[w] + wp.float64(inner[0]) * dt
+            push(c, lack, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
+    solve(found, count, sweeps, nodes, obstacles.bodies, carried.inverse_inertia, w)
+    now = clock.time[w] + wp.float64(clock.inner[0]) * dt
     for a in range(count):
         k = found.acting[w, a]
         if found.contacts[w, k].impulse == zero and found.contacts[w, k].gap >= zero:
             continue
         c = found.contacts[w, k]
-        correct_overlap(c, pull, dt, bodies, acceleration, before, flying, inverse_mass, x, v, found, w)
+        correct_overlap(c, pull, dt, nodes, obstacles.bodies, carried, found, w)
         if tally.record == 1 and c.impulse > zero:
-            note(c, tally, x[w, c.n0], now, dt, w)
+            note(c, tally, nodes.x[w, c.n0], now, dt, w)
     for a in range(count):
         if found.contacts[w, found.acting[w, a]].impulse == zero:
             continue

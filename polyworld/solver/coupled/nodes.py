@@ -1,8 +1,7 @@
-"""The nodes of all ropes, cloths and soft bodies of W worlds: what their stages share."""
+"""The nodes of all ropes, cloths and soft bodies of W worlds, and their clock: what all stages share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,46 +14,49 @@ Array = NDArray[np.float64]
 Fields = dict[str, dict[str, Array]]  # deformable -> parameter -> values (1,) shared, or (W,)
 
 
-@dataclass
+@wp.struct
 class Nodes:
-    """State of N nodes in W worlds, Warp arrays; R is 1 or W for each array alone.
+    """State of N nodes of D deformables in W worlds; R is 1 or W for each array alone.
 
-    x, v (W, N) vec3d: position, velocity. f (W, N) vec3d: force, gathered by the stages, cleared before each inner
-    step. mass, inverse_mass (R, N) float64; inverse_mass is 0 for a node held to the world. radius (N,) float64.
-    owner (N,) int32: index among the world's deformables. first: name -> index of an object's first node; count:
-    name -> number of its nodes. friction, restitution (R, D) float64 by deformable. active (W, N) int32: 0 before
-    the object's start_time.
+    x, v (W, N): position, velocity. before (W, N): velocity when the inner step began. f (W, N): force, gathered by
+    the stages, cleared before each inner step. mass, inverse_mass (R, N): inverse_mass is 0 for a node held to the
+    world. radius (N,). owner (N,): index among the world's deformables. friction, restitution, damping (R, D) by
+    deformable; start (D,): when it joins [s]; active (W, N): 0 before that. across: unit normal of the motion plane
+    that all stay in, zero in space.
     """
 
-    x: Any
-    v: Any
-    f: Any
-    mass: Any
-    inverse_mass: Any
-    radius: Any
-    owner: Any
-    friction: Any
-    restitution: Any
-    active: Any
-    first: dict[str, int]
-    count: dict[str, int]
+    x: wp.array2d[wp.vec3d]
+    v: wp.array2d[wp.vec3d]
+    before: wp.array2d[wp.vec3d]
+    f: wp.array2d[wp.vec3d]
+    mass: wp.array2d[wp.float64]
+    inverse_mass: wp.array2d[wp.float64]
+    radius: wp.array[wp.float64]
+    owner: wp.array[wp.int32]
+    friction: wp.array2d[wp.float64]
+    restitution: wp.array2d[wp.float64]
+    damping: wp.array2d[wp.float64]
+    start: wp.array[wp.float64]
+    active: wp.array2d[wp.int32]
+    across: wp.vec3d
 
 
-@dataclass
+@wp.struct
 class Clock:
-    """Time in W worlds, Warp arrays (W,) float64 unless said otherwise.
+    """Time in W worlds, (W,) unless said otherwise.
 
     time: now [s]. h: length of the coupling step [s]. dt: length of the inner step [s], 0 for a world that has taken
-    all of this coupling step's inner steps (its kernels then do nothing). inner_steps (W,) int32: inner steps in a
-    coupling step. inner (1,) int32: inner steps taken. gravity (R,) vec3d.
+    all of this coupling step's inner steps (its kernels then do nothing). inner_steps: inner steps in a coupling step.
+    inner (1,): inner steps taken. scale (R,): of the times at which objects start. gravity (R,).
     """
 
-    time: Any
-    h: Any
-    dt: Any
-    inner_steps: Any
-    inner: Any
-    gravity: Any
+    time: wp.array[wp.float64]
+    h: wp.array[wp.float64]
+    dt: wp.array[wp.float64]
+    inner_steps: wp.array[wp.int32]
+    inner: wp.array[wp.int32]
+    scale: wp.array[wp.float64]
+    gravity: wp.array[wp.vec3d]
 
 
 def parameter_row(fields: Fields, names: tuple[str, ...], parameter: str) -> Any:

@@ -12,15 +12,21 @@ from polyworld.core import buffers
 from polyworld.model import DeformableMesh
 from polyworld.solver.core.arrays import RigidArrays
 from polyworld.solver.core.time_table import TimeTable
-from polyworld.solver.coupled import motion
-from polyworld.solver.coupled.assembly import allocate_nodes, clock_of, fluid_of, stages_of, write_in_place
+from polyworld.solver.coupled import step
+from polyworld.solver.coupled.assembly import (
+    allocate_nodes,
+    clock_of,
+    first_nodes,
+    fluid_of,
+    stages_of,
+    write_in_place,
+)
 from polyworld.solver.coupled.attachment import Attachments
 from polyworld.solver.coupled.contact import Contacts
 from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Fields, parameter_row
-from polyworld.solver.coupled.stage import Paced
 from polyworld.trajectory import Event
 from polyworld.world import World
 from polyworld.world.materials import material_of
@@ -34,7 +40,6 @@ LONGEST_INNER_STEP = 1e-3  # contacts are first order in it [s]
 BLOWN_UP = 100.0  # speed of a node above which a contact buffer overflow counts as divergence [m/s]
 FLUID_DIVERGED = 1 << 29  # added to the index of a particle where it, not a node, diverged
 RIGID_DIVERGED = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
-BLOCK = 8  # inner steps in one graph
 
 
 class Shard:
@@ -49,29 +54,25 @@ class Shard:
         self.meshes = meshes
         self.solids: tuple[Any, ...] = world.of_form("line", "sheet", "solid")
         self.owners = {d.name: i for i, d in enumerate(world.deformables)}
-        self.nodes = allocate_nodes(self.solids, meshes, self.owners, n_worlds)
+        self.first = first_nodes(self.solids, meshes)
+        self.nodes = allocate_nodes(world, self.solids, meshes, n_worlds)
         self.clock = clock_of(n_worlds)
-        self._before: Any = buffers.zeros(self.nodes.v.shape, wp.vec3d)
         load_kernels(world)
-        self.stages = stages_of(world, self.nodes, n_worlds)
+        self.stages = stages_of(world, self.first, n_worlds)
         self.effects = MassEffects(world)
         self.record_events = record_events
-        plane = world.environment.motion_plane
-        normal = np.asarray(plane.normal, dtype=float)
-        self._across = wp.vec3d(*(normal / np.linalg.norm(normal))) if world.planar else wp.vec3d()
-        self._graphs: dict[str, Any] | None = None
-        self._scale: Any = None
-        self._damping: Any = None
-        self._start: Any = buffers.array([getattr(d, "start_time", 0.0) for d in world.deformables], wp.float64)
+        self._graphs: step.Graphs | None = None
         self.diverged_node = buffers.full((n_worlds,), -1, wp.int32)
         self.diverged_time = buffers.full((n_worlds,), np.nan, wp.float64)
         self._build_rigid()
         bodies = None if self.rigid is None else self.rigid.bodies
         self.fluid = fluid_of(world, n_worlds, float(table.end[-1]))
         if self.fluid is not None:
-            self.fluid.bind(bodies, self.nodes)
-        self.attachments = Attachments(world, meshes, self.nodes, bodies)
-        self.contacts = Contacts(world, meshes, self.nodes, self.carried, self.rigid, record_events=record_events)
+            self.fluid.bind(bodies, self.nodes, self.first)
+        self.attachments = Attachments(world, meshes, self.first, self.nodes, bodies)
+        self.contacts = Contacts(
+            world, meshes, self.first, self.nodes, self.carried, self.rigid, record_events=record_events
+        )
 
     # --- set-up --------------------------------------------------------------------------------
 
@@ -100,7 +101,7 @@ class Shard:
             recapture |= stage.write(fields)
         gravity: Any = buffers.array(arrays.gravity, wp.vec3d)
         recapture |= write_in_place(self.clock, "gravity", gravity)
-        recapture |= write_in_place(self, "_scale", buffers.array(arrays.time_scale[:, 0], wp.float64))
+        recapture |= write_in_place(self.clock, "scale", buffers.array(arrays.time_scale[:, 0], wp.float64))
         if self.rigid is not None:
             self.rigid.write(arrays)
         if recapture:
@@ -126,14 +127,14 @@ class Shard:
         recapture |= write_in_place(nodes, "inverse_mass", buffers.array(inverse, wp.float64))
         recapture |= write_in_place(nodes, "friction", parameter_row(fields, names, "friction"))
         recapture |= write_in_place(nodes, "restitution", parameter_row(fields, names, "restitution"))
-        recapture |= write_in_place(self, "_damping", parameter_row(fields, names, "linear_damping"))
+        recapture |= write_in_place(nodes, "damping", parameter_row(fields, names, "linear_damping"))
         return recapture
 
     def _reset(self, arrays: RigidArrays, fields: Fields) -> None:
         x, v = self.nodes.x.numpy(), self.nodes.v.numpy()
         for item in self.solids:
             mesh = self.meshes[item.name]
-            keep = slice(self.nodes.first[item.name], self.nodes.first[item.name] + self.nodes.count[item.name])
+            keep = self.rows(item.name)
             state = {k: np.broadcast_to(fields[item.name][k], (self.n_worlds,)) for k in material_of(item).state}
             shift = np.stack([state[f"shift.{a}"] for a in "xyz"], axis=1)
             velocity = np.stack([state[f"velocity.{a}"] for a in "xyz"], axis=1)
@@ -169,19 +170,13 @@ class Shard:
         self.prepare()
         graphs = self._graphs
         assert graphs is not None
-        end = self.table.end[segment] * np.broadcast_to(self._scale.numpy(), (self.n_worlds,))
+        end = self.table.end[segment] * np.broadcast_to(self.clock.scale.numpy(), (self.n_worlds,))
         steps = int(self.table.steps[segment])
         time, h = self.clock.time.numpy(), self.clock.h.numpy()
         diverged = self.diverged_node.numpy()
-        for step in range(steps):
-            h[:] = np.where(diverged >= 0, 0.0, (end - time) / (steps - step))
-            wp.capture_launch(graphs["begin"])
-            left = int(self.clock.inner_steps.numpy().max()) if self.solids else 0
-            while left > 0:
-                size = BLOCK if left >= BLOCK else 1
-                wp.capture_launch(graphs["block" if size == BLOCK else "inner"])
-                left -= size
-            wp.capture_launch(graphs["end"])
+        for left in range(steps, 0, -1):
+            h[:] = np.where(diverged >= 0, 0.0, (end - time) / left)
+            step.advance(self, graphs)
             self._note_diverged_bodies()
             self._note_overflow()
             if self.fluid is not None:
@@ -231,17 +226,21 @@ class Shard:
 
     def point_counts(self) -> dict[str, int]:
         """Number of points of each deformable object."""
-        counts = {d.name: self.nodes.count[d.name] for d in self.solids}
+        counts = {d.name: len(self.meshes[d.name].nodes) for d in self.solids}
         if self.fluid is not None:
             counts.update(dict.fromkeys(self.fluid.names, self.fluid.particles()[0].shape[1]))
         return counts
+
+    def rows(self, name: str) -> slice:
+        """Rows of a rope, cloth or soft body among the nodes."""
+        return slice(self.first[name], self.first[name] + len(self.meshes[name].nodes))
 
     def points(self) -> dict[str, tuple[Array, Array]]:
         """Positions and velocities (W, k, 3) of each deformable object's points."""
         x, v = self.nodes.x.numpy(), self._settled_velocities()
         found = {}
-        for name, first in self.nodes.first.items():
-            keep = slice(first, first + self.nodes.count[name])
+        for name in self.first:
+            keep = self.rows(name)
             found[name] = (x[:, keep], v[:, keep])
         if self.fluid is not None:
             x, v, fluid = self.fluid.particles()
@@ -254,13 +253,13 @@ class Shard:
         """Velocities (W, N, 3) of the nodes now. What they carry is half a step of gravity ahead of how they move (see
         `motion.move`) where gravity is held up, so that much is taken off; where they fall freely, it is right.
         """
-        now, before, gravity = self.nodes.v.numpy(), self._before.numpy(), self.clock.gravity.numpy()[:, None]
-        step = self.clock.h.numpy() / np.maximum(self.clock.inner_steps.numpy(), 1)
-        step = np.where(self.clock.time.numpy() > 0.0, step, 0.0)[:, None]
+        now, before, gravity = self.nodes.v.numpy(), self.nodes.before.numpy(), self.clock.gravity.numpy()[:, None]
+        dt = self.clock.h.numpy() / np.maximum(self.clock.inner_steps.numpy(), 1)
+        dt = np.where(self.clock.time.numpy() > 0.0, dt, 0.0)[:, None]
         moves = (self.nodes.inverse_mass.numpy() > 0.0) & (self.nodes.active.numpy() > 0)
-        pull = np.maximum(step * (gravity**2).sum(axis=-1), 1e-300)
+        pull = np.maximum(dt * (gravity**2).sum(axis=-1), 1e-300)
         falls = np.clip(((now - before) * gravity).sum(axis=-1) / pull, 0.0, 1.0)
-        corrected: Array = now - (0.5 * step * moves * (1.0 - falls))[..., None] * gravity
+        corrected: Array = now - (0.5 * dt * moves * (1.0 - falls))[..., None] * gravity
         return corrected
 
     def quantities(self) -> dict[str, dict[str, Array]]:
@@ -289,7 +288,7 @@ class Shard:
             owner = int(self.nodes.owner.numpy()[node[w]])
             name = self.world.deformables[owner].name
             objects[w] = rigid_count + owner
-            elements[w] = node[w] - self.nodes.first[name]
+            elements[w] = node[w] - self.first[name]
         return self.diverged_time.numpy().copy(), objects, elements
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
@@ -303,82 +302,4 @@ class Shard:
     def prepare(self) -> None:
         """Load the kernels and capture the graphs, before threads run them."""
         if self._graphs is None:
-            self._capture()
-
-    def _capture(self) -> None:
-        self._graphs = {}
-        for name, launch, repeats in (
-            ("begin", self._begin, 1),
-            *((("inner", self._inner, 1), ("block", self._inner, BLOCK)) if self.solids else ()),
-            ("end", self._end, 1),
-        ):
-            with buffers.capture() as capture:
-                for _ in range(repeats):
-                    launch()
-            self._graphs[name] = capture.graph
-
-    # --- the loop --------------------------------------------------------------------------------
-
-    def _launch(self, kernel: Any, dim: Any, inputs: list[Any]) -> None:
-        buffers.launch(kernel, dim, inputs)
-
-    def _begin(self) -> None:
-        n, c = self.nodes, self.clock
-        if not self.solids:  # fluids alone have no nodes, and no inner steps
-            return
-        self._launch(motion.begin_coupling_step, 1, [c.inner])
-        self._launch(motion.activate, n.x.shape, [c.time, self._scale, self._start, n.owner, n.active])
-        for stage in self.stages:
-            if isinstance(stage, Paced):
-                stage.launch_begin(n, c)
-        if self.carried is not None:
-            self.carried.launch_begin(c)
-        self.attachments.launch_begin(n, c)
-        self.contacts.launch_search(n, c)
-
-    def _inner(self) -> None:
-        n, c = self.nodes, self.clock
-        self._launch(motion.begin_inner_step, self.n_worlds, [c.h, c.inner_steps, c.inner, c.dt])
-        self._launch(
-            motion.external_forces, n.x.shape, [c.dt, c.gravity, n.owner, n.mass, self._damping, n.v, n.f, self._before]
-        )
-        self.effects.launch(n, c)
-        for stage in self.stages:
-            stage.launch_forces(n, c)
-        self.attachments.launch_forces(n, c)
-        self._launch(motion.accelerate, n.x.shape, [c.dt, n.inverse_mass, n.active, self._across, n.f, n.v])
-        if self.carried is not None:
-            self.carried.launch_velocities(c)
-        self.attachments.launch_push(n, c)
-        self.contacts.launch_push(n, c)
-        for stage in self.stages:
-            stage.launch_velocities(n, c)
-            if hasattr(stage, "links"):  # of ropes
-                self.attachments.launch_tensions(n, c, stage.links)
-        self.attachments.launch_velocities(n, c, self.contacts.reaction)
-        self.contacts.launch_solve(n, c)
-        self._launch(motion.move, n.x.shape, [c.dt, c.gravity, n.inverse_mass, n.active, n.v, n.x])
-        if self.carried is not None:
-            self.carried.launch_positions(c)
-        for stage in self.stages:
-            stage.launch_positions(n, c)
-        self._launch(motion.count_inner_step, 1, [c.inner])
-
-    def _end(self) -> None:
-        c = self.clock
-        if self.rigid is not None and self.carried is not None:
-            if self.solids:
-                self.carried.launch_end(c)
-            if self.fluid is not None:
-                self.fluid.apply_prediction(c)
-            self.rigid.launch_step(c.time, c.h)
-        if self.fluid is not None:
-            self.fluid.step(c)
-        if self.solids:
-            self.contacts.launch_tally()
-        self._launch(motion.advance_time, self.n_worlds, [c.h, c.time])
-        self._launch(
-            motion.find_divergence,
-            self.n_worlds,
-            [c.time, self.nodes.x, self.nodes.v, self.diverged_node, self.diverged_time],
-        )
+            self._graphs = step.capture(self)

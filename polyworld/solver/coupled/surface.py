@@ -44,9 +44,17 @@ class SurfacePairs:
     """The search for contacts among deformable objects of W worlds; adds them to the list of all contacts."""
 
     def __init__(
-        self, world: World, meshes: dict[str, DeformableMesh], nodes: Nodes, surface: Surface, bodies: int
+        self,
+        world: World,
+        meshes: dict[str, DeformableMesh],
+        first: dict[str, int],
+        nodes: Nodes,
+        surface: Surface,
+        bodies: int,
     ) -> None:
-        """bodies: number of rigid objects and statics, which come first in the participants of a contact."""
+        """first: the row of each object's first node. bodies: number of rigid objects and statics, which come first in
+        the participants of a contact.
+        """
         self._surface = surface
         self._bodies = bodies
         self._w = nodes.x.shape[0]
@@ -55,7 +63,7 @@ class SurfacePairs:
         self.any = bool(may.any()) and len(edges) > 0
         if not self.any:
             return
-        rest = np.concatenate([meshes[name].nodes for name in nodes.first])
+        rest = np.concatenate([meshes[name].nodes for name in first])
         lengths = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
         owners = owner[edges[:, 0]]
         rope = np.array([material_of(d).form == "line" for d in world.deformables])
@@ -116,35 +124,17 @@ class SurfacePairs:
         if not self.any:
             return
         surface, pairs = self._surface, self._pairs
-        buffers.launch(sort_surfaces, self._w, [clock.h, nodes.x, nodes.v, surface, pairs, self._grid, self._edge_grid])
-        listed = [nodes.x, nodes.radius, nodes.owner, nodes.active, surface, bounds, pairs]
+        grids = [self._grid, self._edge_grid]
+        buffers.launch(sort_surfaces, self._w, [clock, nodes, surface, pairs, *grids])
         if surface.triangles.shape[0]:
-            buffers.launch(list_faces, (self._w, surface.triangles.shape[0]), [*listed, self._grid, found])
+            dim = (self._w, surface.triangles.shape[0])
+            buffers.launch(list_faces, dim, [nodes, surface, bounds, pairs, self._grid, found])
         if surface.sides.shape[0]:
-            buffers.launch(
-                list_sides,
-                (self._w, surface.sides.shape[0]),
-                [nodes.x, nodes.owner, nodes.active, surface, pairs, self._grid, found],
-            )
+            buffers.launch(list_sides, (self._w, surface.sides.shape[0]), [nodes, surface, pairs, self._grid, found])
         if pairs.edge.shape[0]:
-            buffers.launch(list_crossings, (self._w, surface.edges.shape[0]), [*listed, self._edge_grid, found])
-        buffers.launch(
-            take_pairs,
-            self._w,
-            [
-                clock.h,
-                nodes.x,
-                nodes.v,
-                nodes.radius,
-                nodes.owner,
-                nodes.friction,
-                nodes.restitution,
-                self._bodies,
-                surface,
-                pairs,
-                found,
-            ],
-        )
+            dim = (self._w, surface.edges.shape[0])
+            buffers.launch(list_crossings, dim, [nodes, surface, bounds, pairs, self._edge_grid, found])
+        buffers.launch(take_pairs, self._w, [clock, nodes, surface, pairs, self._bodies, found])
 
 
 def _bonded(world: World) -> Ints:

@@ -9,6 +9,7 @@ import warp as wp
 from polyworld.solver.coupled.contact_layout import CROSSING, ON_FACE, ON_SIDE, Bounds, Contact, Found, Surface
 from polyworld.solver.coupled.contact_search import add
 from polyworld.solver.coupled.contact_solve import closest_on_segments
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.coupled.surface_grid import Grid, bucket_of, cell_of, in_cell, sort_points
 from polyworld.solver.spatial.layout import OPTIONS
 from polyworld.solver.spatial.separation import triangle_weights
@@ -70,19 +71,12 @@ def boxes_near(bounds: Bounds, w: int, a: int, b: int, far: wp.float64) -> bool:
 
 
 @wp.kernel
-def sort_surfaces(
-    h: wp.array[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    surface: Surface,
-    pairs: Pairs,
-    nodes: Grid,
-    edges: Grid,
-) -> None:
+def sort_surfaces(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, node_grid: Grid, edge_grid: Grid) -> None:
     """Decide whether the lists are due, and sort nodes and edges into their grids where they are."""
     w = wp.tid()
+    h = clock.h[w]
     pairs.due[w] = 0
-    if h[w] <= wp.float64(0.0):
+    if h <= wp.float64(0.0):
         return
     # All that matters is how things move beside each other: what they do together is taken off.
     n = pairs.node.shape[0]
@@ -90,19 +84,19 @@ def sort_surfaces(
     moved = wp.vec3d()
     for k in range(n):
         i = pairs.node[k]
-        drift += v[w, i]
-        moved += x[w, i] - pairs.listed_x[w, i]
+        drift += nodes.v[w, i]
+        moved += nodes.x[w, i] - pairs.listed_x[w, i]
     drift = drift / wp.float64(n)
     moved = moved / wp.float64(n)
     fastest = wp.float64(0.0)
     farthest = wp.float64(0.0)
     for k in range(n):
         i = pairs.node[k]
-        fastest = wp.max(fastest, wp.length_sq(v[w, i] - drift))
-        farthest = wp.max(farthest, wp.length_sq(x[w, i] - pairs.listed_x[w, i] - moved))
+        fastest = wp.max(fastest, wp.length_sq(nodes.v[w, i] - drift))
+        farthest = wp.max(farthest, wp.length_sq(nodes.x[w, i] - pairs.listed_x[w, i] - moved))
     fastest = wp.sqrt(fastest)
     pairs.fastest[w] = fastest
-    step = MARGIN * fastest * h[w]
+    step = MARGIN * fastest * h
     allowed = wp.float64(0.5) * pairs.margin[w] - step
     if allowed > wp.float64(0.0) and farthest < allowed * allowed:
         return
@@ -113,14 +107,16 @@ def sort_surfaces(
     pairs.side_count[w] = 0
     for k in range(pairs.node.shape[0]):
         i = pairs.node[k]
-        pairs.listed_x[w, i] = x[w, i]
-        nodes.point[w, k] = x[w, i]
-    sort_points(nodes, w)
+        pairs.listed_x[w, i] = nodes.x[w, i]
+        node_grid.point[w, k] = nodes.x[w, i]
+    sort_points(node_grid, w)
     if pairs.edge.shape[0] > 0:
         for k in range(pairs.edge.shape[0]):
             e = pairs.edge[k]
-            edges.point[w, k] = (x[w, surface.edges[e, 0]] + x[w, surface.edges[e, 1]]) * wp.float64(0.5)
-        sort_points(edges, w)
+            edge_grid.point[w, k] = (nodes.x[w, surface.edges[e, 0]] + nodes.x[w, surface.edges[e, 1]]) * wp.float64(
+                0.5
+            )
+        sort_points(edge_grid, w)
 
 
 @wp.func
@@ -136,17 +132,7 @@ def list_pair(
 
 
 @wp.kernel
-def list_faces(
-    x: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    surface: Surface,
-    bounds: Bounds,
-    pairs: Pairs,
-    grid: Grid,
-    found: Found,
-) -> None:
+def list_faces(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs, grid: Grid, found: Found) -> None:
     """Nodes near each triangle, but for those that touch it in the unloaded shape."""
     w, t = wp.tid()
     if pairs.due[w] == 0:
@@ -154,8 +140,8 @@ def list_faces(
     n0 = surface.triangles[t, 0]
     n1 = surface.triangles[t, 1]
     n2 = surface.triangles[t, 2]
-    d = owner[n0]
-    if active[w, n0] == 0:
+    d = nodes.owner[n0]
+    if nodes.active[w, n0] == 0:
         return
     margin = pairs.margin[w]
     any_near = wp.int32(0)
@@ -164,9 +150,9 @@ def list_faces(
             any_near = 1
     if any_near == 0:
         return
-    a = x[w, n0]
-    b = x[w, n1]
-    c = x[w, n2]
+    a = nodes.x[w, n0]
+    b = nodes.x[w, n1]
+    c = nodes.x[w, n2]
     reach = margin + wp.float64(2.0) * pairs.thickest
     ball = reach + wp.max(wp.length(b - a), wp.length(c - a))
     ra = pairs.rest[n0]
@@ -183,14 +169,14 @@ def list_faces(
                 for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
                     item = grid.items[w, s]
                     n = pairs.node[item]
-                    o = owner[n]
+                    o = nodes.owner[n]
                     own = (n - n0) * (n - n1) * (n - n2) == 0
-                    if own or pairs.may[d, o] == 0 or active[w, n] == 0:
+                    if own or pairs.may[d, o] == 0 or nodes.active[w, n] == 0:
                         continue
-                    p = x[w, n]
+                    p = nodes.x[w, n]
                     if wp.length_sq(p - a) > ball * ball or not in_cell(grid, w, item, i, j, k):
                         continue
-                    sum = radius[n] + radius[n0]
+                    sum = nodes.radius[n] + nodes.radius[n0]
                     if o == d or pairs.bonded[d, o] == 1:
                         q = pairs.rest[n]
                         nearest = wp.min(wp.length_sq(ra - q), wp.min(wp.length_sq(rb - q), wp.length_sq(rc - q)))
@@ -206,25 +192,17 @@ def list_faces(
 
 
 @wp.kernel
-def list_sides(
-    x: wp.array2d[wp.vec3d],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    surface: Surface,
-    pairs: Pairs,
-    grid: Grid,
-    found: Found,
-) -> None:
+def list_sides(nodes: Nodes, surface: Surface, pairs: Pairs, grid: Grid, found: Found) -> None:
     """Nodes of other objects near each side of a slice."""
     w, t = wp.tid()
     if pairs.due[w] == 0:
         return
     n0 = surface.sides[t, 0]
-    d = owner[n0]
-    if active[w, n0] == 0:
+    d = nodes.owner[n0]
+    if nodes.active[w, n0] == 0:
         return
-    a = x[w, n0]
-    b = x[w, surface.sides[t, 1]]
+    a = nodes.x[w, n0]
+    b = nodes.x[w, surface.sides[t, 1]]
     reach = pairs.margin[w] + wp.float64(2.0) * pairs.thickest
     room = wp.vec3d(reach, reach, reach)
     low = wp.min(a, b) - room
@@ -236,34 +214,26 @@ def list_sides(
                 for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
                     item = grid.items[w, s]
                     n = pairs.node[item]
-                    o = owner[n]
-                    if o == d or pairs.may[d, o] == 0 or active[w, n] == 0 or not in_cell(grid, w, item, i, j, k):
+                    o = nodes.owner[n]
+                    if o == d or pairs.may[d, o] == 0 or nodes.active[w, n] == 0 or not in_cell(grid, w, item, i, j, k):
                         continue
-                    part = wp.clamp(wp.dot(x[w, n] - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0))
-                    if wp.length(x[w, n] - a - (b - a) * part) <= reach:
+                    part = wp.clamp(
+                        wp.dot(nodes.x[w, n] - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0)
+                    )
+                    if wp.length(nodes.x[w, n] - a - (b - a) * part) <= reach:
                         list_pair(pairs.sides, pairs.side_count, found.overflowed, w, n, t)
 
 
 @wp.kernel
-def list_crossings(
-    x: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    active: wp.array2d[wp.int32],
-    surface: Surface,
-    bounds: Bounds,
-    pairs: Pairs,
-    grid: Grid,
-    found: Found,
-) -> None:
+def list_crossings(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs, grid: Grid, found: Found) -> None:
     """Edges near each edge. Those of one rope count where the rope between them is longer than thick."""
     w, e = wp.tid()
     if pairs.due[w] == 0:
         return
     n0 = surface.edges[e, 0]
     n1 = surface.edges[e, 1]
-    d = owner[n0]
-    if active[w, n0] == 0:
+    d = nodes.owner[n0]
+    if nodes.active[w, n0] == 0:
         return
     margin = pairs.margin[w]
     any_near = wp.int32(0)
@@ -274,8 +244,8 @@ def list_crossings(
             any_near = 1
     if any_near == 0:
         return
-    a = x[w, n0]
-    b = x[w, n1]
+    a = nodes.x[w, n0]
+    b = nodes.x[w, n1]
     reach = margin + wp.float64(2.0) * pairs.thickest + pairs.longest * wp.float64(0.5)
     centre = (a + b) * wp.float64(0.5)
     rest = (pairs.rest[n0] + pairs.rest[n1]) * wp.float64(0.5)
@@ -293,15 +263,15 @@ def list_crossings(
                     if f <= e:
                         continue
                     m0 = surface.edges[f, 0]
-                    o = owner[m0]
-                    if pairs.cross[d, o] == 0 or active[w, m0] == 0:
+                    o = nodes.owner[m0]
+                    if pairs.cross[d, o] == 0 or nodes.active[w, m0] == 0:
                         continue
                     m1 = surface.edges[f, 1]
                     if wp.length_sq(grid.point[w, item] - centre) > ball * ball:
                         continue
                     if (n0 - m0) * (n0 - m1) * (n1 - m0) * (n1 - m1) == 0 or not in_cell(grid, w, item, i, j, k):
                         continue
-                    sum = radius[n0] + radius[m0]
+                    sum = nodes.radius[n0] + nodes.radius[m0]
                     if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:
                         longest = wp.max(pairs.segment[e], pairs.segment[f])
                         ring = wp.max(EDGE_RING * longest, sum + longest)
@@ -312,8 +282,8 @@ def list_crossings(
                         between = wp.float64(wp.abs(pairs.place_in_chain[e] - pairs.place_in_chain[f]) - 1)
                         if between * pairs.segment[e] < wp.float64(1.6) * sum or between < wp.float64(1.0):
                             continue
-                    st = closest_on_segments(a, b, x[w, m0], x[w, m1])
-                    apart = a + (b - a) * st[0] - x[w, m0] - (x[w, m1] - x[w, m0]) * st[1]
+                    st = closest_on_segments(a, b, nodes.x[w, m0], nodes.x[w, m1])
+                    apart = a + (b - a) * st[0] - nodes.x[w, m0] - (nodes.x[w, m1] - nodes.x[w, m0]) * st[1]
                     far = sum + margin
                     if wp.length_sq(apart) > far * far:
                         continue
@@ -328,22 +298,15 @@ def mixed(values: wp.array2d[wp.float64], w: int, a: int, b: int) -> wp.float64:
 
 
 @wp.kernel
-def take_pairs(
-    h: wp.array[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    radius: wp.array[wp.float64],
-    owner: wp.array[wp.int32],
-    friction: wp.array2d[wp.float64],
-    restitution: wp.array2d[wp.float64],
-    objects: int,
-    surface: Surface,
-    pairs: Pairs,
-    found: Found,
-) -> None:
-    """Add the listed pairs that may touch within the coupling step; objects: number of bodies, for events."""
+def take_pairs(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, bodies: int, found: Found) -> None:
+    """Add the listed pairs that may touch within the coupling step; bodies: their number, for events."""
     w = wp.tid()
-    if h[w] <= wp.float64(0.0):
+    h = clock.h[w]
+    x = nodes.x
+    v = nodes.v
+    radius = nodes.radius
+    owner = nodes.owner
+    if h <= wp.float64(0.0):
         return
     fastest = pairs.fastest[w]
     for k in range(pairs.face_count[w]):
@@ -360,7 +323,7 @@ def take_pairs(
         away = p - a * weights[0] - b * weights[1] - c * weights[2]
         u = v[w, n] - v[w, n0] * weights[0] - v[w, n1] * weights[1] - v[w, n2] * weights[2]
         sum = radius[n] + radius[n0]
-        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
+        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h
         face = wp.cross(b - a, c - a)
         size = wp.length(face)
         height = wp.dot(face, away) / wp.max(size, wp.float64(1.0e-300))
@@ -379,14 +342,14 @@ def take_pairs(
         z.body = -1
         z.part = one_sided
         z.owner = wp.min(owner[n], owner[n0])
-        z.other = objects + wp.max(owner[n], owner[n0])
+        z.other = bodies + wp.max(owner[n], owner[n0])
         z.weight = wp.vec4d(wp.float64(1.0), -weights[0], -weights[1], -weights[2])
         z.reach = sum
         z.side = wp.float64(1.0)
         if one_sided == 0 and height < wp.float64(0.0):
             z.side = wp.float64(-1.0)
-        z.friction = mixed(friction, w, owner[n], owner[n0])
-        z.restitution = mixed(restitution, w, owner[n], owner[n0])
+        z.friction = mixed(nodes.friction, w, owner[n], owner[n0])
+        z.restitution = mixed(nodes.restitution, w, owner[n], owner[n0])
         add(found, w, z)
     for k in range(pairs.side_count[w]):
         n = pairs.sides[w, k][0]
@@ -397,7 +360,7 @@ def take_pairs(
         away = x[w, n] - x[w, n0] - edge * t_side
         u = v[w, n] - v[w, n0] - (v[w, n1] - v[w, n0]) * t_side
         sum = radius[n] + radius[n0]
-        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
+        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h
         if wp.dot(wp.cross(edge, surface.across), away) < wp.float64(0.0):
             far = DEEPEST * wp.length(edge)
         if wp.length_sq(away) > far * far:
@@ -409,11 +372,11 @@ def take_pairs(
         z.n2 = n1
         z.body = -1
         z.owner = wp.min(owner[n], owner[n0])
-        z.other = objects + wp.max(owner[n], owner[n0])
+        z.other = bodies + wp.max(owner[n], owner[n0])
         z.weight = wp.vec4d(wp.float64(1.0), t_side - wp.float64(1.0), -t_side, wp.float64(0.0))
         z.reach = sum
-        z.friction = mixed(friction, w, owner[n], owner[n0])
-        z.restitution = mixed(restitution, w, owner[n], owner[n0])
+        z.friction = mixed(nodes.friction, w, owner[n], owner[n0])
+        z.restitution = mixed(nodes.restitution, w, owner[n], owner[n0])
         add(found, w, z)
     for k in range(pairs.crossing_count[w]):
         e = pairs.crossings[w, k][0]
@@ -426,7 +389,7 @@ def take_pairs(
         away = x[w, n0] + (x[w, n1] - x[w, n0]) * st[0] - x[w, m0] - (x[w, m1] - x[w, m0]) * st[1]
         u = v[w, n0] + (v[w, n1] - v[w, n0]) * st[0] - v[w, m0] - (v[w, m1] - v[w, m0]) * st[1]
         sum = radius[n0] + radius[m0]
-        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h[w]
+        far = wp.float64(1.05) * sum + (MARGIN * wp.length(u) + wp.float64(0.3) * fastest) * h
         if wp.length_sq(away) > far * far:
             continue
         z = Contact()
@@ -437,9 +400,9 @@ def take_pairs(
         z.n3 = m1
         z.body = -1
         z.owner = wp.min(owner[n0], owner[m0])
-        z.other = objects + wp.max(owner[n0], owner[m0])
+        z.other = bodies + wp.max(owner[n0], owner[m0])
         z.reach = sum
         z.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        z.friction = mixed(friction, w, owner[n0], owner[m0])
-        z.restitution = mixed(restitution, w, owner[n0], owner[m0])
+        z.friction = mixed(nodes.friction, w, owner[n0], owner[m0])
+        z.restitution = mixed(nodes.restitution, w, owner[n0], owner[m0])
         add(found, w, z)

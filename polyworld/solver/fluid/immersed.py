@@ -7,6 +7,7 @@ gradient lifts their volume. Every exchange is pairwise: what nodes gain, the li
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, Stencil, gather, scatter, stencil
 
@@ -48,19 +49,8 @@ class Samples:
     solid_momentum: wp.array3d[wp.float64]
 
 
-@wp.struct
-class NodeArrays:
-    """The nodes' arrays that matter here: x, v (W, N), mass and inverse mass (R, N), active (W, N)."""
-
-    x: wp.array2d[wp.vec3d]
-    v: wp.array2d[wp.vec3d]
-    mass: wp.array2d[wp.float64]
-    inverse_mass: wp.array2d[wp.float64]
-    active: wp.array2d[wp.int32]
-
-
 @wp.func
-def _place(samples: Samples, nodes: NodeArrays, w: int, s: int) -> wp.vec3d:
+def _place(samples: Samples, nodes: Nodes, w: int, s: int) -> wp.vec3d:
     x = wp.vec3d()
     for n in range(4):
         x = x + samples.weight[s, n] * nodes.x[w, samples.node[s, n]]
@@ -76,7 +66,7 @@ def _inside(grid: Grid, x: wp.vec3d) -> int:
 
 
 @wp.kernel
-def widen_window(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+def widen_window(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, pace: Pace) -> None:
     """Widen the window of cells to the whole of the soft bodies that reach into it."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
@@ -108,7 +98,7 @@ def widen_window(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays
 
 
 @wp.kernel
-def immerse_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+def immerse_soft(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, pace: Pace) -> None:
     """Adds mass, volume and momentum of the soft bodies that touch liquid to the faces."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
@@ -172,7 +162,7 @@ def _in_window(grid: Grid, fields: Fields, w: int, x: wp.vec3d) -> int:
 
 
 @wp.kernel
-def lift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+def lift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, pace: Pace) -> None:
     """Soft bodies take the change of the grid's velocity, through the same weights as they gave."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
@@ -209,7 +199,7 @@ def lift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
 
 
 @wp.kernel
-def shift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+def shift_soft(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, pace: Pace) -> None:
     """Soft bodies take their part in the shift that evens out the content where they and liquid overlap or part."""
     w = wp.tid()
     if pace.dt[w] <= ZERO:
@@ -287,7 +277,7 @@ def _kick(grid: Grid, fields: Fields, w: int, a: int, at: Stencil, impulse: wp.f
 
 
 @wp.func(inline=False)
-def _direction(samples: Samples, nodes: NodeArrays, w: int, s: int, kind: int) -> wp.vec3d:
+def _direction(samples: Samples, nodes: Nodes, w: int, s: int, kind: int) -> wp.vec3d:
     """Normal of a sheet, or direction of a line, at a sample."""
     a = nodes.x[w, samples.node[s, 0]]
     b = nodes.x[w, samples.node[s, 1]]
@@ -297,7 +287,7 @@ def _direction(samples: Samples, nodes: NodeArrays, w: int, s: int, kind: int) -
 
 
 @wp.func(inline=False)
-def _exchange(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, w: int, dt: wp.float64) -> wp.vec3d:
+def _exchange(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, w: int, dt: wp.float64) -> wp.vec3d:
     """Momentum that sheets and lines get from the liquid around them, which loses it, sample by sample.
 
     Each impulse is at most what brings both to one velocity, with what nodes and faces weigh in it: never more energy
@@ -365,7 +355,7 @@ def _exchange(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, w
 
 
 @wp.kernel
-def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, pace: Pace) -> None:
     """Implicit exchange of momentum between sheets and lines and the liquid around them."""
     w = wp.tid()
     if pace.dt[w] > ZERO:
@@ -373,7 +363,7 @@ def drag_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, p
 
 
 @wp.func
-def _push_nodes(samples: Samples, nodes: NodeArrays, w: int, s: int, impulse: wp.vec3d) -> None:
+def _push_nodes(samples: Samples, nodes: Nodes, w: int, s: int, impulse: wp.vec3d) -> None:
     for n in range(4):
         node = samples.node[s, n]
         m = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], node]
@@ -381,7 +371,7 @@ def _push_nodes(samples: Samples, nodes: NodeArrays, w: int, s: int, impulse: wp
 
 
 @wp.kernel
-def lift_thin(grid: Grid, fields: Fields, samples: Samples, nodes: NodeArrays, pace: Pace) -> None:
+def lift_thin(grid: Grid, fields: Fields, samples: Samples, nodes: Nodes, pace: Pace) -> None:
     """Buoyancy of sheets and lines: the pressure gradient times their volume, its reaction on the liquid, and the
     exchange that follows across sheets."""
     w = wp.tid()

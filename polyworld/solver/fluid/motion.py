@@ -172,12 +172,13 @@ def _keep_out(
     bodies: wp.array2d[Body],
     wetted: Wetted,
     w: int,
-    x: wp.vec3d,
-    v: wp.vec3d,
+    particle: Motion,
     mass: wp.float64,
     last: int,
 ) -> Motion:
-    """Position and velocity of a particle at x, v once solids [0, last) have pushed it out; bodies feel its impulse."""
+    """Position and velocity of a particle once solids [0, last) have pushed it out; bodies feel its impulse."""
+    x = particle.x
+    v = particle.v
     skin = SKIN * grid.cell
     for s in range(last):
         b = solids.solids[s].body
@@ -282,7 +283,7 @@ def move_particles(
             last = solids.solids.shape[0]
         if last > 0:
             for _ in range(2):
-                kept = _keep_out(grid, solids, bodies, wetted, w, x, v, mass, last)
+                kept = _keep_out(grid, solids, bodies, wetted, w, _motion(x, v), mass, last)
                 x = kept.x
                 v = kept.v
         whole += mass

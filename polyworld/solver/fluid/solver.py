@@ -10,20 +10,7 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
-from polyworld.solver.fluid import (
-    bodies,
-    covering,
-    drift,
-    immersed,
-    motion,
-    pressure,
-    sources,
-    storage,
-    surface,
-    tension,
-    transfer,
-    viscosity,
-)
+from polyworld.solver.fluid import covering, pressure, step, storage
 from polyworld.solver.fluid.sampling import build_samples
 from polyworld.solver.fluid.scene import build_grid, build_solids
 from polyworld.solver.fluid.seeding import fluid_particles
@@ -52,73 +39,72 @@ class FluidSolver:
         self.world, self.n_worlds, self.horizon = world, n_worlds, horizon
         self.fluids: tuple[Fluid, ...] = world.of_form("liquid")
         self.names = tuple(f.name for f in self.fluids)
-        self.grid = build_grid(world)
+        self.grid = g = build_grid(world)
         self.solids, self._meshes = build_solids(world)
         self._seeds = [fluid_particles(world, f) for f in self.fluids]
-        g, w = self.grid, n_worlds
         self._rates = {e.name: e.rate for e in world.emitters}
-        self._particles = storage.particle_arrays(g, w, 1)
-        self._fields = storage.field_arrays(g, w)
-        self._system = storage.system_arrays(g, w)
-        self._wetted = storage.wetted_arrays(g, self.solids, w)
-        self._viscous = storage.viscous_arrays(g, w)
-        self._pace = storage.pace_arrays(w)
-        self._tense = -1
-        self._has_viscosity = False
-        self._tension: Any = None
-        self._sources = build_sources(world, self.names, w, g.thin)
-        self._liquids = _liquids(self.fluids)
-        self._bodies: Any = storage.zeros((w, max(len(world.objects), 1)), Body)
-        self._samples: Any = None
-        self._nodes: Any = None
-        buffers.launch(covering.cover_by_statics, g.cells, [g, self.solids, self._fields])
+        w = n_worlds
+        self.records = storage.Records(
+            grid=g,
+            solids=self.solids,
+            particles=storage.particle_arrays(g, w, 1),
+            liquids=_liquids(self.fluids),
+            fields=storage.field_arrays(g, w),
+            system=storage.system_arrays(g, w),
+            wetted=storage.wetted_arrays(g, self.solids, w),
+            viscosity=storage.viscous_arrays(g, w),
+            tension=storage.tension_arrays(g, w, False),
+            pace=storage.pace_arrays(w),
+            sources=build_sources(world, self.names, w, g.thin),
+            bodies=storage.zeros((w, max(len(world.objects), 1)), Body),
+        )
+        buffers.launch(covering.cover_by_statics, g.cells, [g, self.solids, self.records.fields])
         self.write({})
         self.reset()
 
-    def bind(self, bodies: Any, nodes: Nodes | None = None) -> None:
-        """Take part with bodies (W, n + s) `spatial.layout.Body` (None where there are none) and nodes, in place."""
+    def bind(self, bodies: Any, nodes: Nodes | None = None, first: dict[str, int] | None = None) -> None:
+        """Take part with bodies (W, n + s) `spatial.layout.Body` (None where there are none) and nodes, in place.
+
+        first: the row of each object's first node.
+        """
         if bodies is not None:
-            self._bodies = bodies
-        if nodes is None or not nodes.first:
-            return
-        arrays = immersed.NodeArrays()
-        arrays.x, arrays.v, arrays.active = nodes.x, nodes.v, nodes.active
-        arrays.mass, arrays.inverse_mass = nodes.mass, nodes.inverse_mass
-        self._node_source, self._nodes = nodes, arrays
-        self._samples = build_samples(self.world, nodes.first, self.n_worlds, self.grid.cells, self.grid.thin)
+            self.records.bodies = bodies
+        if nodes is not None and first:
+            self.records.nodes = nodes
+            self.records.samples = build_samples(self.world, first, self.n_worlds, self.grid.cells, self.grid.thin)
 
     def write(self, fields: Fields) -> bool:
         """Take values (1,) or (W,): fluid -> density, viscosity, surface_tension; emitter -> rate; else the world's.
 
         Returns True where arrays were reallocated, so that a captured graph must be captured again.
         """
+        r = self.records
         recapture = False
         for parameter in FLUID_PARAMETERS:
             rows = [fields.get(f.name, {}).get(parameter, np.array([getattr(f, parameter)])) for f in self.fluids]
-            recapture |= _write(self._liquids, parameter, rows)
+            recapture |= _write(r.liquids, parameter, rows)
         rates = [fields.get(e.name, {}).get("rate", np.array([e.rate])) for e in self.world.emitters]
         if rates:
-            recapture |= _write(self._sources, "rate", rates)
-        self._rates = {e.name: float(np.max(r)) for e, r in zip(self.world.emitters, rates, strict=True)}
+            recapture |= _write(r.sources, "rate", rates)
+        self._rates = {e.name: float(np.max(rate)) for e, rate in zip(self.world.emitters, rates, strict=True)}
         seeded = sum(len(s.nodes) for s in self._seeds)
         needed = particles_needed(self.world, seeded, self._rates, self.particle_volume, self.horizon)
-        if needed > self._particles.x.shape[1]:
-            self._particles = storage.particle_arrays(self.grid, self.n_worlds, needed)
+        if needed > r.particles.x.shape[1]:
+            r.particles = storage.particle_arrays(self.grid, self.n_worlds, needed)
             self.reset()
             recapture = True
-        thickest = float((self._liquids.viscosity.numpy() / self._liquids.density.numpy()).max(initial=0.0))
+        thickest = float((r.liquids.viscosity.numpy() / r.liquids.density.numpy()).max(initial=0.0))
         viscous = self.world.time.substep * thickest / float(self.grid.cell) ** 2 > INVISCID
-        recapture |= viscous != self._has_viscosity
-        self._has_viscosity = viscous
-        tense = int(bool((self._liquids.surface_tension.numpy() > 0.0).any()))
-        if tense != self._tense:
-            self._tense, recapture = tense, True
-            self._tension = storage.tension_arrays(self.grid, self.n_worlds, bool(tense))
+        tense = bool((r.liquids.surface_tension.numpy() > 0.0).any())
+        recapture |= (viscous, tense) != (r.viscous, r.tense)
+        if tense != r.tense:
+            r.tension = storage.tension_arrays(self.grid, self.n_worlds, tense)
+        r.viscous, r.tense = viscous, tense
         return recapture
 
     def reset(self) -> None:
         """Back to the initial state."""
-        p = self._particles
+        p = self.records.particles
         counts = [len(s.nodes) for s in self._seeds]
         seeded = sum(counts)
         if p.x.shape[1] < seeded:
@@ -133,15 +119,15 @@ class FluidSolver:
             p.v.numpy()[:, :seeded] = v
             p.fluid.numpy()[:, :seeded] = np.repeat(np.arange(len(counts)), counts)
         p.used.fill_(seeded)
-        self._fields.pressure.zero_()
-        self._pace.diverged.fill_(-1)
-        wet, s = self._wetted, self._sources
+        self.records.fields.pressure.zero_()
+        self.records.pace.diverged.fill_(-1)
+        wet, s = self.records.wetted, self.records.sources
         arrays: list[Any] = [
             wet.forecast,
             wet.forecast_torque,
             wet.predicted_push,
             wet.predicted_spin,
-            self._system.overflow,
+            self.records.system.overflow,
         ]
         arrays += [s.due, s.allowed, s.emitted, s.drained, s.full]
         for array in arrays:
@@ -153,26 +139,15 @@ class FluidSolver:
         Joints and contacts then bear the weight of the fluid. Without it a light body held under a heavy fluid
         gives way.
         """
-        if self.solids.bodies:
-            self._launch(bodies.apply_prediction, self.grid, self.solids, self._wetted, self._bodies, clock.h)
+        step.apply_prediction(self.records, clock)
 
     def step(self, clock: Clock) -> None:
         """Advance by clock.h, in sub-steps; bodies and nodes take the fluid's impulses."""
-        self._liquids.gravity = clock.gravity
-        self._h = clock.h
-        if self._nodes is not None:  # their masses may have been reallocated
-            self._nodes.mass, self._nodes.inverse_mass = self._node_source.mass, self._node_source.inverse_mass
-        if self._sources.emitters or self._sources.drains:
-            inputs = (self.grid, self._particles, self._sources, clock.time, clock.h)
-            self._launch(sources.emit_and_drain, *inputs)
-        if self.solids.bodies:
-            self._launch(bodies.remove_prediction, self.solids, self._wetted, self._bodies)
-        self._launch(transfer.begin_step, self._pace, clock.h)
-        wp.capture_while(self._pace.go, self._substep)
+        step.advance(self.records, clock)
 
     def particles(self) -> tuple[Array, Array, NDArray[np.int32]]:
         """Positions (W, P, 3), velocities (W, P, 3), nan where absent, and fluid (W, P), -1 where absent."""
-        p = self._particles
+        p = self.records.particles
         fluid = p.fluid.numpy().copy()
         x, v = p.x.numpy().copy(), p.v.numpy().copy()
         x[fluid < 0], v[fluid < 0] = np.nan, np.nan
@@ -190,22 +165,22 @@ class FluidSolver:
 
     def flow(self) -> dict[str, Array]:
         """Volume (W,) that each emitter has sent, and each drain has taken, so far [m^3]; [m^2] in a plane."""
-        sent = self._sources.emitted.numpy() * self.particle_volume
-        taken = self._sources.drained.numpy() * self.particle_volume
+        sent = self.records.sources.emitted.numpy() * self.particle_volume
+        taken = self.records.sources.drained.numpy() * self.particle_volume
         flows = {e.name: sent[:, i].copy() for i, e in enumerate(self.world.emitters)}
         flows.update({d.name: taken[:, i].copy() for i, d in enumerate(self.world.drains)})
         return flows
 
     def pressure_at(self, points: Array) -> Array:
         """Pressure (W, k) above the air's at points (k, 3) [Pa], linear between the centres of cells."""
-        return self._read(self._fields.pressure, points)
+        return self._read(self.records.fields.pressure, points)
 
     def level_at(self, points: Array) -> Array:
         """Signed distance (W, k) of points (k, 3) from the free surface, negative in the liquid [m].
 
         As the last sub-step began, linear between the centres of cells, at most one cell either way.
         """
-        return self._read(self._fields.level, points)
+        return self._read(self.records.fields.level, points)
 
     def _read(self, rows: Any, points: Array) -> Array:
         out = storage.zeros((self.n_worlds, len(points)), wp.float64)
@@ -217,69 +192,24 @@ class FluidSolver:
     @property
     def particle_volume(self) -> float:
         """Volume of a particle [m^3]; per metre in a plane [m^2]."""
-        return float(self._particles.volume)
+        return float(self.records.particles.volume)
 
     @property
     def substeps(self) -> NDArray[np.int32]:
         """Sub-steps (W,) that the last coupling step took."""
-        result: NDArray[np.int32] = self._pace.steps.numpy()
+        result: NDArray[np.int32] = self.records.pace.steps.numpy()
         return result
 
     @property
     def diverged(self) -> Any:
         """Warp array (W,) int32: the first particle that was not a number or too fast, -1 for none; its world stops."""
-        return self._pace.diverged
+        return self.records.pace.diverged
 
     @property
     def full(self) -> NDArray[np.bool_]:
         """Worlds (W,) in which an emitter found no room for a particle."""
-        result: NDArray[np.bool_] = self._sources.full.numpy() > 0
+        result: NDArray[np.bool_] = self.records.sources.full.numpy() > 0
         return result
-
-    def _substep(self) -> None:
-        g, f, s, pace, b = self.grid, self._fields, self.solids, self._pace, self._bodies
-        p, q, wet, rows = self._particles, self._liquids, self._wetted, self._system
-        go = self._launch
-        go(transfer.choose_step, g, p, q, f, pace, b, len(self.world.objects))
-        immersed_soft = self._samples is not None and self._samples.solid_mass.shape[2] > 1
-        if immersed_soft:
-            go(immersed.widen_window, g, f, self._samples, self._nodes, pace)
-        go(transfer.clear, g, f, pace)
-        go(transfer.particles_to_grid, g, p, q, f, pace)
-        if immersed_soft:
-            go(immersed.immerse_soft, g, f, self._samples, self._nodes, pace)
-        go(transfer.momentum_to_velocity, g, f, pace)
-        go(covering.cover_by_bodies, g, s, f, b, pace, wet)
-        if self._samples is not None:
-            go(immersed.drag_thin, g, f, self._samples, self._nodes, pace)
-        go(surface.find_surface, g, f, pace)
-        if self._tense:
-            go(tension.find_tension, g, p, q, f, self._tension, pace)
-        if self._has_viscosity:
-            go(viscosity.gather_viscosity, g, p, q, s, f, self._viscous, b, pace)
-            go(viscosity.diffuse, g, f, self._viscous, pace)
-        go(pressure.build_pressure, g, f, rows, wet, self._tension, self._tense, pace)
-        go(pressure.solve_pressure, g, s, f, rows, wet, b, pace)
-        go(pressure.push_liquid, g, f, self._tension, self._tense, pace)
-        if s.bodies:
-            go(bodies.push_bodies, g, s, rows, wet, b, self._h, pace)
-        if immersed_soft:
-            go(immersed.lift_soft, g, f, self._samples, self._nodes, pace)
-        if self._samples is not None:
-            go(immersed.lift_thin, g, f, self._samples, self._nodes, pace)
-        go(motion.continue_velocity, g, f, pace)
-        go(motion.slide_along_solids, g, s, f, wet, b, pace)
-        if self._has_viscosity:
-            go(viscosity.mirror_at_walls, g, s, f, self._viscous, b, pace)
-        go(drift.find_shift, g, f, rows, int(immersed_soft), pace)
-        if immersed_soft:
-            go(immersed.shift_soft, g, f, self._samples, self._nodes, pace)
-        go(motion.move_particles, g, s, p, q, f, wet, b, pace)
-        if s.bodies:
-            go(bodies.bump_bodies, g, s, wet, b, pace)
-
-    def _launch(self, kernel: Any, *inputs: Any) -> None:
-        buffers.launch(kernel, self.n_worlds, list(inputs))
 
 
 def _liquids(fluids: tuple[Fluid, ...]) -> Any:

@@ -1,14 +1,49 @@
-"""Arrays of the fluid solver, allocated once."""
+"""Records of the fluid solver: their arrays, allocated once."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from polyworld.core import buffers
+from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.fluid import layout
+from polyworld.solver.fluid.immersed import Samples
+from polyworld.solver.fluid.sources import Sources
+
+
+@dataclass
+class Records:
+    """All that the kernels of W worlds read and write, as `fluid.layout` describes it.
+
+    bodies (W, n + s): the rigid solver's. nodes, samples: of ropes, cloth and soft bodies, None where there are none.
+    viscous, tense: whether any fluid has viscosity or surface tension that counts.
+    """
+
+    grid: layout.Grid
+    solids: layout.Solids
+    particles: layout.Particles
+    liquids: layout.Liquids
+    fields: layout.Fields
+    system: layout.System
+    wetted: layout.Wetted
+    viscosity: layout.Viscous
+    tension: layout.Tension
+    pace: layout.Pace
+    sources: Sources
+    bodies: Any
+    nodes: Nodes | None = None
+    samples: Samples | None = None
+    viscous: bool = False
+    tense: bool = False
+
+    @property
+    def immersed_soft(self) -> bool:
+        """Whether soft bodies share the grid's momentum."""
+        return self.samples is not None and self.samples.solid_mass.shape[2] > 1
 
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:

@@ -7,9 +7,10 @@ angle between two segments. The energy EI |kappa b|^2 / (2 l) depends on c = cos
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.ends import end_node, twist_body
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.spatial.layout import OPTIONS, Body
+from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
@@ -50,20 +51,15 @@ def damping_torque(
 
 
 @wp.kernel
-def bend(
-    ropes: Ropes,
-    state: RopeState,
-    dt: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    f: wp.array2d[wp.vec3d],
-) -> None:
+def bend(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Add bending forces of one rope; segments next to a wheel bend freely."""
     w, r = wp.tid()
-    h = dt[w]
+    x = nodes.x
+    v = nodes.v
+    f = nodes.f
+    h = clock.dt[w]
     stiffness = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
-    if h <= wp.float64(0.0) or stiffness <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    if h <= wp.float64(0.0) or stiffness <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     if ropes.curved[r] == 1:
         return
@@ -110,22 +106,12 @@ def bend(
 
 
 @wp.kernel
-def bend_clamped_ends(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    f: wp.array2d[wp.vec3d],
-) -> None:
+def bend_clamped_ends(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Add the forces that hold the direction of clamped ends, and the moments on the bodies that hold them."""
     w, r = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     stiffness = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
-    if h <= wp.float64(0.0) or stiffness <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    if h <= wp.float64(0.0) or stiffness <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     damping = ropes.bending_damping[w % ropes.bending_damping.shape[0], r]
     cell = wp.float64(0.5) * ropes.segment_length[r]
@@ -137,11 +123,11 @@ def bend_clamped_ends(
         spin = wp.vec3d()
         if b >= 0 and state.attached[w, r, end] == 0:
             continue
-        if b < 0 and inverse_mass[w % inverse_mass.shape[0], end_node(ropes, r, end)] > wp.float64(0.0):
+        if b < 0 and nodes.inverse_mass[w % nodes.inverse_mass.shape[0], end_node(ropes, r, end)] > wp.float64(0.0):
             continue  # the world has released it
         if b >= 0:
-            held = bodies[w, b].rotation * held
-            spin = bodies[w, b].w
+            held = state.bodies[w, b].rotation * held
+            spin = state.bodies[w, b].w
         first = ropes.first_link[r] + r
         tail = state.order[w, first]
         head = state.order[w, first + 1]
@@ -152,15 +138,15 @@ def bend_clamped_ends(
             continue
         i = ropes.first_node[r] + tail
         j = ropes.first_node[r] + head
-        span = x[w, j] - x[w, i]
+        span = nodes.x[w, j] - nodes.x[w, i]
         length = wp.max(wp.length(span), ropes.segment_length[r] * wp.float64(0.1))
         t = wp.normalize(span)
         c = wp.dot(held, t)
         force = (held - t * c) * (bend_slope(stiffness, cell, c) / length)
         if damping > wp.float64(0.0):
-            turning = wp.cross(t, v[w, j] - v[w, i]) / length - (spin - t * wp.dot(t, spin))
+            turning = wp.cross(t, nodes.v[w, j] - nodes.v[w, i]) / length - (spin - t * wp.dot(t, spin))
             force -= couple(turning * (stiffness * damping / cell), t, length)
-        f[w, i] = f[w, i] - force
-        f[w, j] = f[w, j] + force
+        nodes.f[w, i] = nodes.f[w, i] - force
+        nodes.f[w, j] = nodes.f[w, j] + force
         if b >= 0:
-            twist_body(bodies, w, b, wp.cross(t, force) * (-length * h))
+            twist_body(state.bodies, w, b, wp.cross(t, force) * (-length * h))

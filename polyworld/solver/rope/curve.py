@@ -11,11 +11,12 @@ Gauss-Newton step in every inner step.
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.bending import couple, damping_torque
 from polyworld.solver.rope.ends import twist_body
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.rope.twist import FOLDED, TURN, binormal, carried, end_vector, is_clamped
-from polyworld.solver.spatial.layout import OPTIONS, Body
+from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
@@ -41,14 +42,7 @@ def material(state: RopeState, w: int, k: int) -> wp.vec3d:
 
 @wp.func
 def carry_frames(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    x: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    start: bool,
-    end: bool,
+    ropes: Ropes, state: RopeState, x: wp.array2d[wp.vec3d], w: int, r: int, start: bool, end: bool
 ) -> None:
     """Bring the reference directions along with the segments, and see how they turn from one to the next."""
     first = ropes.first_link[r]
@@ -57,8 +51,8 @@ def carry_frames(
     t = wp.vec3d()
     u = wp.vec3d()
     if start:
-        t = end_vector(ropes, bodies, w, r, 0, ropes.end_direction)
-        u = end_vector(ropes, bodies, w, r, 0, ropes.end_director)
+        t = end_vector(ropes, state.bodies, w, r, 0, ropes.end_direction)
+        u = end_vector(ropes, state.bodies, w, r, 0, ropes.end_director)
     for j in range(count):
         k = first + j
         following = wp.normalize(x[w, base + j + 1] - x[w, base + j])
@@ -74,8 +68,8 @@ def carry_frames(
         t = following
         u = d
     if end:
-        held = end_vector(ropes, bodies, w, r, 1, ropes.end_direction)
-        director = end_vector(ropes, bodies, w, r, 1, ropes.end_director)
+        held = end_vector(ropes, state.bodies, w, r, 1, ropes.end_direction)
+        director = end_vector(ropes, state.bodies, w, r, 1, ropes.end_director)
         state.twist[w, r] = angle_between(held, carried(t, held, u), director, state.twist[w, r])
 
 
@@ -151,21 +145,13 @@ def push_edge(f: wp.array2d[wp.vec3d], w: int, tail: int, force: wp.vec3d) -> No
 
 
 @wp.kernel
-def bend_curved(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    f: wp.array2d[wp.vec3d],
-) -> None:
+def bend_curved(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Add bending and twist forces of one rope that is curved at rest."""
     w, r = wp.tid()
-    h = dt[w]
-    if ropes.curved[r] == 0 or h <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    x = nodes.x
+    v = nodes.v
+    h = clock.dt[w]
+    if ropes.curved[r] == 0 or h <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     cell = ropes.segment_length[r]
     stiffness = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
@@ -174,9 +160,9 @@ def bend_curved(
     twisting = ropes.twist_stiffness[w % ropes.twist_stiffness.shape[0], r] / cell + LEAST_TWIST * bending
     if bending <= wp.float64(0.0):
         return
-    start = is_clamped(ropes, state, inverse_mass, w, r, 0)
-    end = is_clamped(ropes, state, inverse_mass, w, r, 1)
-    carry_frames(ropes, state, bodies, x, w, r, start, end)
+    start = is_clamped(ropes, state, nodes.inverse_mass, w, r, 0)
+    end = is_clamped(ropes, state, nodes.inverse_mass, w, r, 1)
+    carry_frames(ropes, state, x, w, r, start, end)
     turn_frames(ropes, state, w, r, bending, twisting, start, end)
     first = ropes.first_link[r]
     base = ropes.first_node[r]
@@ -185,12 +171,12 @@ def bend_curved(
     one = wp.float64(1.0)
     shortest = wp.float64(0.1) * cell
     if start:
-        held = end_vector(ropes, bodies, w, r, 0, ropes.end_direction)
+        held = end_vector(ropes, state.bodies, w, r, 0, ropes.end_direction)
         moment = wp.float64(2.0) * twisting * (state.theta[w, first] + state.reference_twist[w, first])
         kb = binormal(held, state.direction[w, first]) * (half * moment)
-        push_edge(f, w, base, -kb / wp.max(wp.length(x[w, base + 1] - x[w, base]), shortest))
+        push_edge(nodes.f, w, base, -kb / wp.max(wp.length(x[w, base + 1] - x[w, base]), shortest))
         if ropes.end_body[r, 0] >= 0:
-            twist_body(bodies, w, ropes.end_body[r, 0], (held * moment - wp.cross(held, kb)) * h)
+            twist_body(state.bodies, w, ropes.end_body[r, 0], (held * moment - wp.cross(held, kb)) * h)
     for j in range(1, count):
         k = first + j
         i = base + j - 1
@@ -217,14 +203,14 @@ def bend_curved(
             torque = damping_torque(damping, t1, t2, v[w, i + 1] - v[w, i], v[w, i + 2] - v[w, i + 1], length1, length2)
             slope1 = slope1 - couple(torque, t1, length1)
             slope2 = slope2 + couple(torque, t2, length2)
-        push_edge(f, w, i, -slope1)
-        push_edge(f, w, i + 1, -slope2)
+        push_edge(nodes.f, w, i, -slope1)
+        push_edge(nodes.f, w, i + 1, -slope2)
     if end:
         k = first + count - 1
-        held = end_vector(ropes, bodies, w, r, 1, ropes.end_direction)
+        held = end_vector(ropes, state.bodies, w, r, 1, ropes.end_direction)
         moment = wp.float64(2.0) * twisting * (state.twist[w, r] - ropes.twist_at_start[r] - state.theta[w, k])
         kb = binormal(state.direction[w, k], held) * (half * moment)
         i = base + count - 1
-        push_edge(f, w, i, -kb / wp.max(wp.length(x[w, i + 1] - x[w, i]), shortest))
+        push_edge(nodes.f, w, i, -kb / wp.max(wp.length(x[w, i + 1] - x[w, i]), shortest))
         if ropes.end_body[r, 1] >= 0:
-            twist_body(bodies, w, ropes.end_body[r, 1], -(held * moment + wp.cross(held, kb)) * h)
+            twist_body(state.bodies, w, ropes.end_body[r, 1], -(held * moment + wp.cross(held, kb)) * h)

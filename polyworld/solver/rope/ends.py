@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
@@ -62,14 +63,7 @@ def end_node(ropes: Ropes, r: int, end: int) -> int:
 
 @wp.func
 def prepare_end(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    inverse_mass: wp.array2d[wp.float64],
-    half_fall: wp.vec3d,
-    w: int,
-    r: int,
-    end: int,
+    ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float64], half_fall: wp.vec3d, w: int, r: int, end: int
 ) -> None:
     """Mobility of an end node: alone, or together with the body whose point it is; how its motion lags its velocity.
 
@@ -86,79 +80,55 @@ def prepare_end(
             state.end_lag[w, r, end] = half_fall
         return
     b = ropes.end_body[r, end]
-    state.end_lag[w, r, end] = (bodies[w, b].v - state.end_kept[w, r, end]) * wp.float64(0.5)
-    mobility = point_mobility(bodies, w, b, end_arm(ropes, bodies, w, r, end)) * ropes.end_share[r, end]
+    state.end_lag[w, r, end] = (state.bodies[w, b].v - state.end_kept[w, r, end]) * wp.float64(0.5)
+    mobility = point_mobility(state.bodies, w, b, end_arm(ropes, state.bodies, w, r, end)) * ropes.end_share[r, end]
     split = wp.inverse(unit + mobility * (wp.float64(1.0) / share))
     state.end_split[w, r, end] = split
     state.end_mobility[w, r, end] = mobility * split
 
 
 @wp.func
-def join_end(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    inverse_mass: wp.array2d[wp.float64],
-    v: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    end: int,
-) -> None:
+def join_end(ropes: Ropes, state: RopeState, nodes: Nodes, w: int, r: int, end: int) -> None:
     """Give the end node and the body's point one velocity, by equal and opposite impulses."""
     i = end_node(ropes, r, end)
-    share = inverse_mass[w % inverse_mass.shape[0], i]
+    share = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i]
     if state.attached[w, r, end] == 0 or share <= wp.float64(0.0):
         return
     b = ropes.end_body[r, end]
-    arm = end_arm(ropes, bodies, w, r, end)
-    apart = point_velocity(bodies, w, b, arm) - v[w, i]
+    arm = end_arm(ropes, state.bodies, w, r, end)
+    apart = point_velocity(state.bodies, w, b, arm) - nodes.v[w, i]
     impulse = state.end_split[w, r, end] * apart * (wp.float64(1.0) / share)
-    v[w, i] = v[w, i] + impulse * share
-    push_body(bodies, w, b, arm, -impulse)
+    nodes.v[w, i] = nodes.v[w, i] + impulse * share
+    push_body(state.bodies, w, b, arm, -impulse)
 
 
 @wp.func
 def push_end(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    v: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    end: int,
-    impulse: wp.vec3d,
+    ropes: Ropes, state: RopeState, v: wp.array2d[wp.vec3d], w: int, r: int, end: int, impulse: wp.vec3d
 ) -> None:
     """Apply an impulse to an end node, and to the body that holds it."""
     i = end_node(ropes, r, end)
     v[w, i] = v[w, i] + state.end_mobility[w, r, end] * impulse
     if state.attached[w, r, end] == 1:
         b = ropes.end_body[r, end]
-        push_body(bodies, w, b, end_arm(ropes, bodies, w, r, end), state.end_split[w, r, end] * impulse)
+        push_body(state.bodies, w, b, end_arm(ropes, state.bodies, w, r, end), state.end_split[w, r, end] * impulse)
 
 
 @wp.kernel
-def hold_ends(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    time: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    x: wp.array2d[wp.vec3d],
-) -> None:
+def hold_ends(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Free the released ends, put the others where their bodies are, and store the bodies' velocities."""
     w, r = wp.tid()
-    if dt[w] <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    if clock.dt[w] <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     for end in range(2):
         if state.attached[w, r, end] == 1:
             k = ropes.first_link[r] + end * (state.elements[w, r] - 2)
-            if time[w] >= ropes.end_release[r, end] or state.tension[w, k] > ropes.end_strength[r, end]:
+            if clock.time[w] >= ropes.end_release[r, end] or state.tension[w, k] > ropes.end_strength[r, end]:
                 state.attached[w, r, end] = 0
             else:
                 b = ropes.end_body[r, end]
-                state.end_kept[w, r, end] = bodies[w, b].v
-                x[w, end_node(ropes, r, end)] = bodies[w, b].x + end_arm(ropes, bodies, w, r, end)
+                state.end_kept[w, r, end] = state.bodies[w, b].v
+                nodes.x[w, end_node(ropes, r, end)] = state.bodies[w, b].x + end_arm(ropes, state.bodies, w, r, end)
     for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
         if ropes.wheel_body[p] >= 0:
-            state.wheels[w, p].kept = bodies[w, ropes.wheel_body[p]].v
+            state.wheels[w, p].kept = state.bodies[w, ropes.wheel_body[p]].v

@@ -7,6 +7,8 @@ e + 1) is first_link[r] + e, its wheel p is first_wheel[r] + p.
 
 import warp as wp
 
+from polyworld.solver.spatial.layout import Body
+
 NO_BODY = -1  # an end that is free, or held by another stage; a wheel on the world
 
 
@@ -91,11 +93,13 @@ class Wheel:
 class RopeState:
     """All that changes while a world runs, (W, ...), and room to work in.
 
+    bodies (W, n + s): the rigid solver's, which hold ends and carry wheels.
     order: elements as in `Threading.order`. elements (W, n): how many there are. rest, tension: of links; held: 1
     where a link's tension is at its lower bound. elongation: in the step before, NaN where there was none. attached
     (W, n, 2): 1 while an end is held by its body. before (W, n): length of the inner step before [s].
     """
 
+    bodies: wp.array2d[Body]
     order: wp.array2d[wp.int32]
     elements: wp.array2d[wp.int32]
     rest: wp.array2d[wp.float64]

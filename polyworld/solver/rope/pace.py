@@ -7,6 +7,7 @@ for each world alone, and never falls below the number the world began with.
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS
 
@@ -53,27 +54,20 @@ def fastest_swing(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.fl
 
 
 @wp.kernel
-def choose_inner_steps(
-    ropes: Ropes,
-    state: RopeState,
-    h: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    inner_steps: wp.array[wp.int32],
-) -> None:
+def choose_inner_steps(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Before a coupling step: how many inner steps it has."""
     w = wp.tid()
-    if h[w] <= wp.float64(0.0):
+    if clock.h[w] <= wp.float64(0.0):
         return
     if state.least_steps[w] == 0:
-        state.least_steps[w] = inner_steps[w]
+        state.least_steps[w] = clock.inner_steps[w]
     square = wp.float64(0.0)
     for r in range(ropes.nodes.shape[0]):
-        if active[w, ropes.first_node[r]] == 1:
-            square = wp.max(square, fastest_swing(ropes, state, inverse_mass, w, r))
-    wanted = wp.min(h[w] * wp.sqrt(square) * STEPS_PER_RADIAN, wp.float64(MOST_STEPS))
-    kept = state.need[w] * wp.exp(-h[w] / REMEMBERED)
+        if nodes.active[w, ropes.first_node[r]] == 1:
+            square = wp.max(square, fastest_swing(ropes, state, nodes.inverse_mass, w, r))
+    wanted = wp.min(clock.h[w] * wp.sqrt(square) * STEPS_PER_RADIAN, wp.float64(MOST_STEPS))
+    kept = state.need[w] * wp.exp(-clock.h[w] / REMEMBERED)
     if wanted > kept:
         kept = wanted
     state.need[w] = kept
-    inner_steps[w] = wp.max(state.least_steps[w], wp.int32(wp.ceil(kept)))
+    clock.inner_steps[w] = wp.max(state.least_steps[w], wp.int32(wp.ceil(kept)))

@@ -2,9 +2,10 @@
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.rope.wheels import NEAREST, push_wheel
-from polyworld.solver.spatial.layout import OPTIONS, Body
+from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
@@ -60,19 +61,7 @@ def run_off(ropes: Ropes, state: RopeState, w: int, r: int, p: int) -> None:
 
 
 @wp.func
-def pass_node(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    h: wp.float64,
-    w: int,
-    r: int,
-    p: int,
-    side: int,
-) -> None:
+def pass_node(ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: int, r: int, p: int, side: int) -> None:
     """Bring the node next to a wheel (before it: side -1, after it: 1) to the other side.
 
     Its velocity turns by the wrap about the axis, and the carrier takes the change of momentum.
@@ -102,29 +91,20 @@ def pass_node(
         state.rest[w, k + 2] = state.rest[w, k + 2] + state.rest[w, k + 1]
         state.rest[w, k] = state.rest[w, k] - near
         state.rest[w, k + 1] = near
-    x[w, i] = tangent + wheel.velocity * h + away * beyond
-    before = v[w, i]
-    v[w, i] = wheel.velocity + wp.quat_rotate(rotation, before - wheel.velocity)
-    share = inverse_mass[w % inverse_mass.shape[0], i]
-    push_wheel(ropes, state, bodies, w, p, (before - v[w, i]) * (wp.float64(1.0) / share))
+    nodes.x[w, i] = tangent + wheel.velocity * h + away * beyond
+    before = nodes.v[w, i]
+    nodes.v[w, i] = wheel.velocity + wp.quat_rotate(rotation, before - wheel.velocity)
+    share = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i]
+    push_wheel(ropes, state, w, p, (before - nodes.v[w, i]) * (wp.float64(1.0) / share))
     swap(ropes, state, w, r, p, side)
 
 
 @wp.kernel
-def pass_wheels(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-) -> None:
+def pass_wheels(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Let rope flow past the wheels of one rope, after its nodes have moved."""
     w, r = wp.tid()
-    h = dt[w]
-    if h <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    h = clock.dt[w]
+    if h <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     first = ropes.first_link[r]
     stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
@@ -149,18 +129,18 @@ def pass_wheels(
             if node < 0:
                 continue
             i = ropes.first_node[r] + node
-            if inverse_mass[w % inverse_mass.shape[0], i] <= wp.float64(0.0):
+            if nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i] <= wp.float64(0.0):
                 continue
             n = state.direction[w, link] * wp.float64(-side)  # towards the wheel
             tangent = state.wheels[w, p].arrives
             if side > 0:
                 tangent = state.wheels[w, p].leaves
-            left = wp.dot(n, tangent + state.wheels[w, p].velocity * h - x[w, i])
+            left = wp.dot(n, tangent + state.wheels[w, p].velocity * h - nodes.x[w, i])
             if left >= NEAREST * ropes.segment_length[r]:
                 continue
             if node == 0 or node == ropes.nodes[r] - 1:
                 if state.attached[w, r, half] == 0:
                     run_off(ropes, state, w, r, p)
             else:
-                pass_node(ropes, state, bodies, inverse_mass, x, v, h, w, r, p, side)
+                pass_node(ropes, state, nodes, h, w, r, p, side)
             break

@@ -50,7 +50,6 @@ class RopeStage:
         self.items = tuple(items)
         self.n_worlds = n_worlds
         self.threads = [threading(world, rope) for rope in self.items]
-        self._bodies: Any = buffers.zeros((1, 1), Body)
         self._ropes = self._describe(nodes_first)
         self._state = self._allocate()
         self._sweeps = SHARED_SWEEPS if self._shares_bodies() else 1
@@ -60,7 +59,7 @@ class RopeStage:
 
     def bind(self, bodies: Any) -> None:
         """Take the array (W, n + s) of rigid bodies, before the first launch."""
-        self._bodies = bodies
+        self._state.bodies = bodies
 
     # --- set-up --------------------------------------------------------------------------------
 
@@ -178,6 +177,7 @@ class RopeStage:
         links = sum(len(t.rest) for t in self.threads)
         pulleys = sum(len(t.pulleys) for t in self.threads)
         state = RopeState()
+        state.bodies = buffers.zeros((1, 1), Body)
         state.order = buffers.zeros((w, links + n), wp.int32)
         state.need = buffers.zeros((w,), wp.float64)
         state.least_steps = buffers.zeros((w,), wp.int32)
@@ -320,41 +320,31 @@ class RopeStage:
 
     def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
         """See `Paced.launch_begin`."""
-        inputs = [self._ropes, self._state, clock.h, nodes.active, nodes.inverse_mass, clock.inner_steps]
-        buffers.launch(pace.choose_inner_steps, self.n_worlds, inputs)
+        buffers.launch(pace.choose_inner_steps, self.n_worlds, [clock, nodes, self._ropes, self._state])
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_forces`."""
-        state = [self._ropes, self._state, self._bodies, clock.dt]
-        self._launch(hold_ends, [*state, clock.time, nodes.active, nodes.x])
-        self._launch(bending.bend, [self._ropes, self._state, clock.dt, nodes.active, nodes.x, nodes.v, nodes.f])
+        self._launch(hold_ends, nodes, clock)
+        self._launch(bending.bend, nodes, clock)
         if self._clamped:
-            arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.v, nodes.f]
-            self._launch(bending.bend_clamped_ends, [*state, *arrays])
+            self._launch(bending.bend_clamped_ends, nodes, clock)
         if any(rope.curved_at_rest for rope in self.items):
-            arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.v, nodes.f]
-            self._launch(curve.bend_curved, [*state, *arrays])
+            self._launch(curve.bend_curved, nodes, clock)
         if self._twists:
-            arrays = [nodes.active, nodes.inverse_mass, nodes.x, nodes.f]
-            self._launch(twist.twist, [*state, *arrays])
+            self._launch(twist.twist, nodes, clock)
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_velocities`."""
-        inputs = [self._ropes, self._state, self._bodies, clock.dt, clock.gravity, nodes.active, nodes.inverse_mass]
-        self._launch(stretch.prepare_links, [*inputs, nodes.x, nodes.v])
+        self._launch(stretch.prepare_links, nodes, clock)
         for _ in range(self._sweeps):
-            self._launch(stretch.solve_tensions, [*inputs, nodes.v])
+            self._launch(stretch.solve_tensions, nodes, clock)
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_positions`."""
-        buffers.launch(
-            stretch.average_tensions,
-            self._state.tension.shape,
-            [clock.dt, clock.inner, self._state.tension, self._state.mean_tension],
-        )
+        tensions = [self._state.tension, self._state.mean_tension]
+        buffers.launch(stretch.average_tensions, self._state.tension.shape, [clock, *tensions])
         if self._state.wheels.shape[1] > 0:
-            inputs = [self._ropes, self._state, self._bodies, clock.dt, nodes.active]
-            self._launch(passing.pass_wheels, [*inputs, nodes.inverse_mass, nodes.x, nodes.v])
+            self._launch(passing.pass_wheels, nodes, clock)
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """{rope: {"tension": (W, segments), "curvature": (W, segments - 1)}}.
@@ -387,7 +377,8 @@ class RopeStage:
         """The ropes' `layout.Ropes` and `layout.RopeState`, for what holds their nodes."""
         return self._ropes, self._state
 
-    def _launch(self, kernel: Any, inputs: list[Any]) -> None:
+    def _launch(self, kernel: Any, nodes: Nodes, clock: Clock) -> None:
+        inputs = [clock, nodes, self._ropes, self._state]
         buffers.launch(kernel, (self.n_worlds, len(self.items)), inputs)
 
 

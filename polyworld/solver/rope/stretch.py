@@ -12,6 +12,7 @@ buckled, and a rope without bending stiffness goes slack.
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.ends import end_node, join_end, prepare_end, push_end
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.rope.wheels import (
@@ -21,7 +22,7 @@ from polyworld.solver.rope.wheels import (
     place_wheels,
     push_wheel,
 )
-from polyworld.solver.spatial.layout import OPTIONS, Body
+from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
@@ -49,30 +50,21 @@ def speed_of(ropes: Ropes, state: RopeState, v: wp.array2d[wp.vec3d], w: int, r:
 
 
 @wp.kernel
-def prepare_links(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-) -> None:
+def prepare_links(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Directions, lengths and what the tension will be made of; wheels and ends where the rope meets them."""
     w, r = wp.tid()
-    h = dt[w]
-    if h <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    inverse_mass = nodes.inverse_mass
+    h = clock.dt[w]
+    if h <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     one = wp.float64(1.0)
     first = ropes.first_link[r]
     order = first + r
-    half_fall = gravity[w % gravity.shape[0]] * (wp.float64(0.5) * h)
+    half_fall = clock.gravity[w % clock.gravity.shape[0]] * (wp.float64(0.5) * h)
     for end in range(2):
-        prepare_end(ropes, state, bodies, inverse_mass, half_fall, w, r, end)
+        prepare_end(ropes, state, inverse_mass, half_fall, w, r, end)
     if ropes.wheels[r] > 0:
-        place_wheels(ropes, state, bodies, gravity, inverse_mass, x, w, r, h)
+        place_wheels(ropes, state, nodes, clock.gravity, w, r, h)
     stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
     damping = ropes.stretch_damping[w % ropes.stretch_damping.shape[0], r]
     shortest = SHORTEST * ropes.segment_length[r]
@@ -81,7 +73,7 @@ def prepare_links(
     row = w % inverse_mass.shape[0]
     final = ropes.nodes[r] - 1
     a = state.order[w, order]
-    xa = x[w, base]
+    xa = nodes.x[w, base]
     ma = wp.float64(0.0)
     last = wp.vec3d()
     for k in range(state.elements[w, r] - 1):
@@ -89,7 +81,7 @@ def prepare_links(
         xb = wp.vec3d()
         mb = wp.float64(0.0)
         if b >= 0:
-            xb = x[w, base + b]
+            xb = nodes.x[w, base + b]
             mb = inverse_mass[row, base + b]
         else:
             xb = state.wheels[w, ropes.first_wheel[r] - 1 - b].arrives
@@ -115,7 +107,7 @@ def prepare_links(
         beta = one / wp.float64(12.0) + stiff * wp.float64(11.0 / 12.0)
         past = state.elongation[w, first + k]
         if wp.isnan(past):
-            rate = wp.dot(n, speed_of(ropes, state, v, w, r, b) - speed_of(ropes, state, v, w, r, a))
+            rate = wp.dot(n, speed_of(ropes, state, nodes.v, w, r, b) - speed_of(ropes, state, nodes.v, w, r, a))
         else:
             rate = (elongation - past) / before
         gain = h * ((beta + UNRESOLVED * stiff) * h + damping)
@@ -144,14 +136,7 @@ def lowest_tension(bending: wp.float64, rest: wp.float64, a: int, b: int) -> wp.
 
 @wp.func
 def find_rates(
-    ropes: Ropes,
-    state: RopeState,
-    inverse_mass: wp.array2d[wp.float64],
-    v: wp.array2d[wp.vec3d],
-    half_fall: wp.vec3d,
-    h: wp.float64,
-    w: int,
-    r: int,
+    ropes: Ropes, state: RopeState, nodes: Nodes, half_fall: wp.vec3d, h: wp.float64, w: int, r: int
 ) -> None:
     """Right-hand sides at the present velocities; the turning of wheels is added where the system is solved.
 
@@ -160,20 +145,20 @@ def find_rates(
     first = ropes.first_link[r]
     order = first + r
     base = ropes.first_node[r]
-    row = w % inverse_mass.shape[0]
+    row = w % nodes.inverse_mass.shape[0]
     final = ropes.nodes[r] - 1
     a = state.order[w, order]
-    va = v[w, base] - state.end_lag[w, r, 0]
+    va = nodes.v[w, base] - state.end_lag[w, r, 0]
     for k in range(state.elements[w, r] - 1):
         b = state.order[w, order + k + 1]
         vb = wp.vec3d()
         if b < 0:
             vb = state.wheels[w, ropes.first_wheel[r] - 1 - b].velocity
         elif b == final:
-            vb = v[w, base + b] - state.end_lag[w, r, 1]
+            vb = nodes.v[w, base + b] - state.end_lag[w, r, 1]
         else:
-            vb = v[w, base + b]
-            if inverse_mass[row, base + b] > wp.float64(0.0):
+            vb = nodes.v[w, base + b]
+            if nodes.inverse_mass[row, base + b] > wp.float64(0.0):
                 vb = vb - half_fall
         apart = vb - va
         rate = wp.dot(state.direction[w, first + k], apart)
@@ -286,33 +271,24 @@ def base_speed(state: RopeState, w: int, p: int, k: int, h: wp.float64) -> wp.fl
 
 
 @wp.kernel
-def solve_tensions(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    gravity: wp.array[wp.vec3d],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    v: wp.array2d[wp.vec3d],
-) -> None:
+def solve_tensions(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Bring the tensions of one rope into agreement with the velocities, and the velocities with the tensions."""
     w, r = wp.tid()
-    h = dt[w]
-    if h <= wp.float64(0.0) or active[w, ropes.first_node[r]] == 0:
+    h = clock.dt[w]
+    if h <= wp.float64(0.0) or nodes.active[w, ropes.first_node[r]] == 0:
         return
     first = ropes.first_link[r]
     links = state.elements[w, r] - 1
     first_wheel = ropes.first_wheel[r]
     last_wheel = first_wheel + ropes.wheels[r]
-    half_fall = gravity[w % gravity.shape[0]] * (wp.float64(0.5) * h)
+    half_fall = clock.gravity[w % clock.gravity.shape[0]] * (wp.float64(0.5) * h)
     for end in range(2):
-        join_end(ropes, state, bodies, inverse_mass, v, w, r, end)
+        join_end(ropes, state, nodes, w, r, end)
     for p in range(first_wheel, last_wheel):
-        move_carrier(ropes, state, bodies, w, p)
+        move_carrier(ropes, state, w, p)
         if state.wheels[w, p].blocked != 0:
-            stop_load(ropes, state, bodies, v, w, r, p)
-    find_rates(ropes, state, inverse_mass, v, half_fall, h, w, r)
+            stop_load(ropes, state, nodes.v, w, r, p)
+    find_rates(ropes, state, nodes, half_fall, h, w, r)
     bending = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
     order = first + r
     for k in range(links):
@@ -332,30 +308,17 @@ def solve_tensions(
         if search < SEARCHES - 4:
             for p in range(first_wheel, last_wheel):
                 if state.wheels[w, p].index >= 0:
-                    k = first + state.wheels[w, p].index - 1
-                    changed += judge_wheel(
-                        ropes,
-                        state,
-                        gravity,
-                        w,
-                        r,
-                        p,
-                        state.tension[w, k] + state.change[w, k],
-                        state.tension[w, k + 1] + state.change[w, k + 1],
-                        h,
-                    )
+                    changed += judge_wheel(ropes, state, clock.gravity, w, r, p, h)
         search += 1
     for p in range(first_wheel, last_wheel):
         if state.wheels[w, p].index >= 0:
             state.wheels[w, p].speed = wheel_speed(state, w, p, first + state.wheels[w, p].index - 1, h)
-    apply_tensions(ropes, state, bodies, inverse_mass, v, w, r, h)
-    calm_overloaded(ropes, state, inverse_mass, v, w, r, h)
+    apply_tensions(ropes, state, nodes, w, r, h)
+    calm_overloaded(ropes, state, nodes, w, r, h)
 
 
 @wp.func
-def stop_load(
-    ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], v: wp.array2d[wp.vec3d], w: int, r: int, p: int
-) -> None:
+def stop_load(ropes: Ropes, state: RopeState, v: wp.array2d[wp.vec3d], w: int, r: int, p: int) -> None:
     """Stop an end that has come to a wheel with what it carries, without rebound."""
     k = ropes.first_link[r] + state.wheels[w, p].index - 1
     n = state.direction[w, k]
@@ -367,27 +330,18 @@ def stop_load(
     mobility = wp.dot(n, state.end_mobility[w, r, end] * n) + wp.dot(n, state.wheels[w, p].mobility * n)
     if approach > wp.float64(0.0) and mobility > wp.float64(0.0):
         impulse = n * (approach / mobility)
-        push_end(ropes, state, bodies, v, w, r, end, -impulse)
-        push_wheel(ropes, state, bodies, w, p, impulse)
-        move_carrier(ropes, state, bodies, w, p)
+        push_end(ropes, state, v, w, r, end, -impulse)
+        push_wheel(ropes, state, w, p, impulse)
+        move_carrier(ropes, state, w, p)
 
 
 @wp.func
-def apply_tensions(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    inverse_mass: wp.array2d[wp.float64],
-    v: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    h: wp.float64,
-) -> None:
+def apply_tensions(ropes: Ropes, state: RopeState, nodes: Nodes, w: int, r: int, h: wp.float64) -> None:
     """Add the changes to the tensions, and their impulses to nodes, bodies and carriers."""
     first = ropes.first_link[r]
     order = first + r
     links = state.elements[w, r] - 1
-    row = w % inverse_mass.shape[0]
+    row = w % nodes.inverse_mass.shape[0]
     base = ropes.first_node[r]
     before = wp.vec3d()
     for k in range(links):
@@ -397,34 +351,27 @@ def apply_tensions(
         impulse = after - before
         element = state.order[w, order + k]
         if element < 0:
-            push_wheel(ropes, state, bodies, w, ropes.first_wheel[r] - 1 - element, impulse)
+            push_wheel(ropes, state, w, ropes.first_wheel[r] - 1 - element, impulse)
         elif k == 0:
-            push_end(ropes, state, bodies, v, w, r, 0, impulse)
+            push_end(ropes, state, nodes.v, w, r, 0, impulse)
         else:
             i = base + element
-            v[w, i] = v[w, i] + impulse * inverse_mass[row, i]
+            nodes.v[w, i] = nodes.v[w, i] + impulse * nodes.inverse_mass[row, i]
         before = after
-    push_end(ropes, state, bodies, v, w, r, 1, -before)
+    push_end(ropes, state, nodes.v, w, r, 1, -before)
 
 
 @wp.func
-def calm_overloaded(
-    ropes: Ropes,
-    state: RopeState,
-    inverse_mass: wp.array2d[wp.float64],
-    v: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    h: wp.float64,
-) -> None:
+def calm_overloaded(ropes: Ropes, state: RopeState, nodes: Nodes, w: int, r: int, h: wp.float64) -> None:
     """Take away swing across links whose tension has just become more than the inner step resolves.
 
     After a snatch the next coupling step has more inner steps (`pace`); until then the nodes of a link whose swing is
     unstable, z^2 = h^2 T/l (1/m + 1/m') > 1, give up 1 - 1/z^2 of their relative velocity across it.
     """
+    v = nodes.v
     first = ropes.first_link[r]
     order = first + r
-    row = w % inverse_mass.shape[0]
+    row = w % nodes.inverse_mass.shape[0]
     base = ropes.first_node[r]
     limit = ropes.segment_length[r] / (h * h)
     one = wp.float64(1.0)
@@ -432,8 +379,8 @@ def calm_overloaded(
     for k in range(state.elements[w, r] - 1):
         b = state.order[w, order + k + 1]
         if a >= 0 and b >= 0:
-            ma = inverse_mass[row, base + a]
-            mb = inverse_mass[row, base + b]
+            ma = nodes.inverse_mass[row, base + a]
+            mb = nodes.inverse_mass[row, base + b]
             z = state.tension[w, first + k] * (ma + mb)
             if z > limit:
                 n = state.direction[w, first + k]
@@ -447,13 +394,8 @@ def calm_overloaded(
 
 
 @wp.kernel
-def average_tensions(
-    dt: wp.array[wp.float64],
-    inner: wp.array[wp.int32],
-    tension: wp.array2d[wp.float64],
-    mean: wp.array2d[wp.float64],
-) -> None:
+def average_tensions(clock: Clock, tension: wp.array2d[wp.float64], mean: wp.array2d[wp.float64]) -> None:
     """Mean tension over the inner steps of a coupling step."""
     w, k = wp.tid()
-    if dt[w] > wp.float64(0.0):
-        mean[w, k] = mean[w, k] + (tension[w, k] - mean[w, k]) / wp.float64(inner[0] + 1)
+    if clock.dt[w] > wp.float64(0.0):
+        mean[w, k] = mean[w, k] + (tension[w, k] - mean[w, k]) / wp.float64(clock.inner[0] + 1)

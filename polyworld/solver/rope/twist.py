@@ -9,6 +9,7 @@ edges e1, e2 at a node and their curvature binormal kappa b, it is kappa b/(2 |e
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.ends import end_node, twist_body
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS, Body
@@ -55,75 +56,66 @@ def is_clamped(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.float
 
 
 @wp.func
-def twist_angle(
-    ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], x: wp.array2d[wp.vec3d], w: int, r: int
-) -> wp.float64:
+def twist_angle(ropes: Ropes, state: RopeState, x: wp.array2d[wp.vec3d], w: int, r: int) -> wp.float64:
     """Angle from the carried director to that of the far end, nearest to the angle before [rad]."""
     first = ropes.first_node[r]
-    t = end_vector(ropes, bodies, w, r, 0, ropes.end_direction)
-    u = end_vector(ropes, bodies, w, r, 0, ropes.end_director)
+    t = end_vector(ropes, state.bodies, w, r, 0, ropes.end_direction)
+    u = end_vector(ropes, state.bodies, w, r, 0, ropes.end_director)
     for k in range(ropes.nodes[r] - 1):
         following = wp.normalize(x[w, first + k + 1] - x[w, first + k])
         u = carried(t, following, u)
         t = following
-    held = end_vector(ropes, bodies, w, r, 1, ropes.end_direction)
+    held = end_vector(ropes, state.bodies, w, r, 1, ropes.end_direction)
     u = carried(t, held, u)
-    director = end_vector(ropes, bodies, w, r, 1, ropes.end_director)
+    director = end_vector(ropes, state.bodies, w, r, 1, ropes.end_director)
     angle = wp.atan2(wp.dot(held, wp.cross(u, director)), wp.dot(u, director))
     before = state.twist[w, r]
     return angle + TURN * wp.round((before - angle) / TURN)
 
 
 @wp.kernel
-def twist(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    dt: wp.array[wp.float64],
-    active: wp.array2d[wp.int32],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    f: wp.array2d[wp.vec3d],
-) -> None:
+def twist(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
     """Add the forces of the twist of one rope, and its moments on the bodies at its ends."""
     w, r = wp.tid()
-    h = dt[w]
+    h = clock.dt[w]
     stiffness = ropes.twist_stiffness[w % ropes.twist_stiffness.shape[0], r]
     if (
         h <= wp.float64(0.0)
         or stiffness <= wp.float64(0.0)
         or ropes.wheels[r] > 0
-        or active[w, ropes.first_node[r]] == 0
+        or nodes.active[w, ropes.first_node[r]] == 0
     ):
         return
     if ropes.curved[r] == 1:
         return
-    if not (is_clamped(ropes, state, inverse_mass, w, r, 0) and is_clamped(ropes, state, inverse_mass, w, r, 1)):
+    if not (
+        is_clamped(ropes, state, nodes.inverse_mass, w, r, 0) and is_clamped(ropes, state, nodes.inverse_mass, w, r, 1)
+    ):
         return
-    angle = twist_angle(ropes, state, bodies, x, w, r)
+    angle = twist_angle(ropes, state, nodes.x, w, r)
     state.twist[w, r] = angle
     count = ropes.nodes[r] - 1
     moment = stiffness * (angle - ropes.twist_at_start[r]) / (ropes.segment_length[r] * wp.float64(count))
     first = ropes.first_node[r]
     half = wp.float64(0.5) * moment
-    start = end_vector(ropes, bodies, w, r, 0, ropes.end_direction)
-    finish = end_vector(ropes, bodies, w, r, 1, ropes.end_direction)
+    start = end_vector(ropes, state.bodies, w, r, 0, ropes.end_direction)
+    finish = end_vector(ropes, state.bodies, w, r, 1, ropes.end_direction)
     t = start
     before = wp.vec3d()  # what the node behind an edge gives it
     for k in range(count + 1):
         following = finish
         if k < count:
-            following = wp.normalize(x[w, first + k + 1] - x[w, first + k])
+            following = wp.normalize(nodes.x[w, first + k + 1] - nodes.x[w, first + k])
         bend = binormal(t, following) * half
         if k == 0:
             if ropes.end_body[r, 0] >= 0:
-                twist_body(bodies, w, ropes.end_body[r, 0], (start * moment - wp.cross(start, bend)) * h)
+                twist_body(state.bodies, w, ropes.end_body[r, 0], (start * moment - wp.cross(start, bend)) * h)
         else:
-            length = wp.length(x[w, first + k] - x[w, first + k - 1])
+            length = wp.length(nodes.x[w, first + k] - nodes.x[w, first + k - 1])
             force = (before + bend) / length
-            f[w, first + k] = f[w, first + k] - force
-            f[w, first + k - 1] = f[w, first + k - 1] + force
+            nodes.f[w, first + k] = nodes.f[w, first + k] - force
+            nodes.f[w, first + k - 1] = nodes.f[w, first + k - 1] + force
         if k == count and ropes.end_body[r, 1] >= 0:
-            twist_body(bodies, w, ropes.end_body[r, 1], -(finish * moment + wp.cross(finish, bend)) * h)
+            twist_body(state.bodies, w, ropes.end_body[r, 1], -(finish * moment + wp.cross(finish, bend)) * h)
         before = bend
         t = following

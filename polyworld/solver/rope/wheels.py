@@ -9,9 +9,10 @@ the square of the difference in strain between two neighbouring links.
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.rope.ends import end_node, point_mobility, point_velocity, push_body
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.spatial.layout import OPTIONS, Body
+from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
@@ -62,15 +63,7 @@ def turned_by(axis: wp.vec3d, a: wp.vec3d, b: wp.vec3d) -> wp.float64:
 
 @wp.func
 def place_wheels(
-    ropes: Ropes,
-    state: RopeState,
-    bodies: wp.array2d[Body],
-    gravity: wp.array[wp.vec3d],
-    inverse_mass: wp.array2d[wp.float64],
-    x: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    h: wp.float64,
+    ropes: Ropes, state: RopeState, nodes: Nodes, gravity: wp.array[wp.vec3d], w: int, r: int, h: wp.float64
 ) -> None:
     """Bring the wheels to where their carriers are, and their tangent points to where the rope now meets them."""
     first = ropes.first_link[r]
@@ -83,11 +76,11 @@ def place_wheels(
         state.wheels[w, p].axis = ropes.wheel_axis[p]
         state.wheels[w, p].mobility = wp.mat33d()
         if b >= 0:
-            arm = bodies[w, b].rotation * ropes.wheel_centre[p]
-            state.wheels[w, p].lag = (bodies[w, b].v - state.wheels[w, p].kept) * wp.float64(0.5)
-            state.wheels[w, p].centre = bodies[w, b].x + arm
-            state.wheels[w, p].axis = bodies[w, b].rotation * ropes.wheel_axis[p]
-            state.wheels[w, p].mobility = point_mobility(bodies, w, b, arm) * ropes.wheel_share[p]
+            arm = state.bodies[w, b].rotation * ropes.wheel_centre[p]
+            state.wheels[w, p].lag = (state.bodies[w, b].v - state.wheels[w, p].kept) * wp.float64(0.5)
+            state.wheels[w, p].centre = state.bodies[w, b].x + arm
+            state.wheels[w, p].axis = state.bodies[w, b].rotation * ropes.wheel_axis[p]
+            state.wheels[w, p].mobility = point_mobility(state.bodies, w, b, arm) * ropes.wheel_share[p]
     for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
         index = state.wheels[w, p].index
         if index < 0:
@@ -99,11 +92,11 @@ def place_wheels(
         begin = wp.vec3d()
         end = wp.vec3d()
         if previous >= 0:
-            begin = x[w, ropes.first_node[r] + previous]
+            begin = nodes.x[w, ropes.first_node[r] + previous]
         else:
             begin = state.wheels[w, ropes.first_wheel[r] - 1 - previous].leaves
         if following >= 0:
-            end = x[w, ropes.first_node[r] + following]
+            end = nodes.x[w, ropes.first_node[r] + following]
         else:
             end = state.wheels[w, ropes.first_wheel[r] - 1 - following].arrives
         radius = ropes.wheel_radius[p]
@@ -130,9 +123,9 @@ def place_wheels(
         wheel.blocked = 0
         near = NEAREST * ropes.segment_length[r]
         if previous == 0 and wp.length(wheel.arrives - begin) < near:
-            wheel.blocked = is_held(ropes, state, inverse_mass, w, r, 0)
+            wheel.blocked = is_held(ropes, state, nodes.inverse_mass, w, r, 0)
         if following == ropes.nodes[r] - 1 and wp.length(wheel.leaves - end) < near:
-            wheel.blocked = -is_held(ropes, state, inverse_mass, w, r, 1)
+            wheel.blocked = -is_held(ropes, state, nodes.inverse_mass, w, r, 1)
         wheel.begin = wheel.speed
         state.wheels[w, p] = wheel
         turn_wheel(ropes, state, gravity, w, r, p, h)
@@ -210,17 +203,12 @@ def dry_force(ropes: Ropes, w: int, p: int) -> wp.float64:
 
 @wp.func
 def judge_wheel(
-    ropes: Ropes,
-    state: RopeState,
-    gravity: wp.array[wp.vec3d],
-    w: int,
-    r: int,
-    p: int,
-    before: wp.float64,
-    after: wp.float64,
-    h: wp.float64,
+    ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w: int, r: int, p: int, h: wp.float64
 ) -> int:
     """Check whether the wheel must stick or turn otherwise than assumed, given the tensions on both sides of it."""
+    k = ropes.first_link[r] + state.wheels[w, p].index - 1
+    before = state.tension[w, k] + state.change[w, k]
+    after = state.tension[w, k + 1] + state.change[w, k + 1]
     mode = state.wheels[w, p].mode
     zero = wp.float64(0.0)
     density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
@@ -263,18 +251,18 @@ def judge_wheel(
 
 
 @wp.func
-def move_carrier(ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], w: int, p: int) -> None:
+def move_carrier(ropes: Ropes, state: RopeState, w: int, p: int) -> None:
     """Velocity at which the wheel's centre moves in this inner step."""
     b = ropes.wheel_body[p]
     state.wheels[w, p].velocity = wp.vec3d()
     if b >= 0:
-        arm = state.wheels[w, p].centre - bodies[w, b].x
-        state.wheels[w, p].velocity = point_velocity(bodies, w, b, arm) - state.wheels[w, p].lag
+        arm = state.wheels[w, p].centre - state.bodies[w, b].x
+        state.wheels[w, p].velocity = point_velocity(state.bodies, w, b, arm) - state.wheels[w, p].lag
 
 
 @wp.func
-def push_wheel(ropes: Ropes, state: RopeState, bodies: wp.array2d[Body], w: int, p: int, impulse: wp.vec3d) -> None:
+def push_wheel(ropes: Ropes, state: RopeState, w: int, p: int, impulse: wp.vec3d) -> None:
     """Apply an impulse to the carrier at the wheel's centre."""
     b = ropes.wheel_body[p]
     if b >= 0:
-        push_body(bodies, w, b, state.wheels[w, p].centre - bodies[w, b].x, impulse)
+        push_body(state.bodies, w, b, state.wheels[w, p].centre - state.bodies[w, b].x, impulse)

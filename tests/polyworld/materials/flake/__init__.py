@@ -106,7 +106,7 @@ class Stage:
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, NDArray[np.float64]]]:
         """Lengths of the springs [m]."""
         x = nodes.x.numpy()
-        corners = [x[:, nodes.first[item.name] : nodes.first[item.name] + 3] for item in self._items]
+        corners = [x[:, k : k + 3] for k in self._first.numpy()]
         return {
             item.name: {"spring_length": np.linalg.norm(c - np.roll(c, -1, axis=1), axis=2)}
             for item, c in zip(self._items, corners, strict=True)

@@ -30,30 +30,18 @@ class ClothLoop:
         self.mesh = mesh_of(world, item)
         self.mass = self.mesh.measure * item.areal_density
         count = len(self.mass)
-        self.nodes = Nodes(
-            x=_array(self.mesh.nodes[None], wp.vec3d),
-            v=_array(np.zeros((1, count, 3)), wp.vec3d),
-            f=_array(np.zeros((1, count, 3)), wp.vec3d),
-            mass=_array(self.mass[None], wp.float64),
-            inverse_mass=_array(1.0 / self.mass[None], wp.float64),
-            radius=_array(self.mesh.radius, wp.float64),
-            owner=_array(np.zeros(count, dtype=np.int32), wp.int32),
-            friction=None,
-            restitution=None,
-            active=_array(np.ones((1, count), dtype=np.int32), wp.int32),
-            first={"cloth": 0},
-            count={"cloth": count},
-        )
+        self.nodes = Nodes()
+        self.nodes.x = _array(self.mesh.nodes[None], wp.vec3d)
+        self.nodes.v = _array(np.zeros((1, count, 3)), wp.vec3d)
+        self.nodes.f = _array(np.zeros((1, count, 3)), wp.vec3d)
+        self.nodes.mass = _array(self.mass[None], wp.float64)
+        self.nodes.inverse_mass = _array(1.0 / self.mass[None], wp.float64)
+        self.nodes.active = _array(np.ones((1, count), dtype=np.int32), wp.int32)
         self.stage = ClothStage(world, [item], {"cloth": 0}, 1)
         self.dt = float(self.stage.stable_step()[0])
-        self.clock = Clock(
-            time=None,
-            h=None,
-            dt=_array(np.array([self.dt]), wp.float64),
-            inner_steps=None,
-            inner=None,
-            gravity=_array(np.zeros((1, 3)), wp.vec3d),
-        )
+        self.clock = Clock()
+        self.clock.dt = _array(np.array([self.dt]), wp.float64)
+        self.clock.gravity = _array(np.zeros((1, 3)), wp.vec3d)
         self.x: Array = self.nodes.x.numpy()[0]
         self.v: Array = self.nodes.v.numpy()[0]
 

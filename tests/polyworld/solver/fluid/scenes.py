@@ -106,14 +106,10 @@ def _clock(step: float, n_worlds: int, gravity: Array) -> Clock:
     def seconds(value: float) -> Any:
         return wp.array(np.full(n_worlds, value), dtype=wp.float64, device="cpu")
 
-    return Clock(
-        time=seconds(0.0),
-        h=seconds(step),
-        dt=seconds(step),
-        inner_steps=wp.zeros(n_worlds, dtype=wp.int32, device="cpu"),
-        inner=wp.zeros(1, dtype=wp.int32, device="cpu"),
-        gravity=wp.array([gravity], dtype=wp.vec3d, device="cpu"),
-    )
+    clock = Clock()
+    clock.time, clock.h = seconds(0.0), seconds(step)
+    clock.gravity = wp.array([gravity], dtype=wp.vec3d, device="cpu")
+    return clock
 
 
 def _bodies(world: World, n_worlds: int) -> Any:

@@ -62,7 +62,7 @@ def test_reset_starts_again_from_the_same_bytes() -> None:
 def test_world_with_a_lost_particle_stops_and_says_which() -> None:
     run = Run(_world(), n_worlds=2)
     run.run(0.01)
-    run.fluid._particles.v.numpy()[1, 7] = np.nan
+    run.fluid.records.particles.v.numpy()[1, 7] = np.nan
     run.run(0.01)
     assert run.fluid.diverged.numpy().tolist() == [-1, 7]
     x, _, _ = run.fluid.particles()

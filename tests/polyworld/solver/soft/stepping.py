@@ -76,13 +76,10 @@ class Bench:
         def scalars(values: Array) -> wp.array:
             return wp.array(np.ascontiguousarray(values), dtype=wp.float64, device="cpu")
 
-        self.nodes = Nodes(
-            x=vectors(), v=vectors(), f=vectors(), mass=scalars(mass), inverse_mass=scalars(1.0 / mass),
-            radius=scalars(np.zeros(count)), owner=wp.zeros(count, dtype=wp.int32, device="cpu"),
-            friction=scalars(np.zeros((1, 1))), restitution=scalars(np.zeros((1, 1))),
-            active=wp.ones((worlds, count), dtype=wp.int32, device="cpu"),
-            first=self.first, count={n: len(m.nodes) for n, m in self.mesh.items()},
-        )  # fmt: skip
+        self.nodes = Nodes()
+        self.nodes.x, self.nodes.v, self.nodes.f = vectors(), vectors(), vectors()
+        self.nodes.mass, self.nodes.inverse_mass = scalars(mass), scalars(1.0 / mass)
+        self.nodes.active = wp.ones((worlds, count), dtype=wp.int32, device="cpu")
         self._load = vectors()
         self.x, self.v, self.load = self.nodes.x.numpy(), self.nodes.v.numpy(), self._load.numpy()
         self.mass, self.inverse_mass = self.nodes.mass.numpy(), self.nodes.inverse_mass.numpy()
@@ -91,10 +88,8 @@ class Bench:
         self.dt = np.broadcast_to(self.stage.stable_step(), (worlds,)).copy()
         dt = scalars(self.dt)
         self.rate = scalars(np.zeros(worlds))
-        self.clock = Clock(
-            time=scalars(np.zeros(worlds)), h=dt, dt=dt, inner_steps=wp.ones(worlds, dtype=wp.int32, device="cpu"),
-            inner=wp.zeros(1, dtype=wp.int32, device="cpu"), gravity=wp.zeros(1, dtype=wp.vec3d, device="cpu"),
-        )  # fmt: skip
+        self.clock = Clock()
+        self.clock.dt = dt
         self._graph = None
 
     def hold(self, chosen: NDArray[np.bool_]) -> None:
