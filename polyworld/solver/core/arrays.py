@@ -271,6 +271,12 @@ class Overriding:
         return next((i for i, part in enumerate(named[parts[0]]) if part.name == parts[1]), -1)
 
 
+def dot(a: Array, b: Array) -> Array:
+    """Return scalar products (...,) of vectors (..., 3), summed term by term: the same in a batch of any size."""
+    result: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return result
+
+
 @dataclass(frozen=True)
 class _Destinations:
     """Destinations of P parameters.

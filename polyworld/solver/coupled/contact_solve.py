@@ -6,6 +6,7 @@ momentum is conserved to rounding; against a body they act at the same point, so
 
 import warp as wp
 
+from polyworld.solver.core.friction import friction_impulse
 from polyworld.solver.coupled.contact_bodies import Carried
 from polyworld.solver.coupled.contact_layout import (
     CORNER,
@@ -237,31 +238,13 @@ def weigh(
 
 
 @wp.func
-def friction_impulse(c: Contact, u: wp.vec3d, bound: wp.float64) -> wp.vec3d:
-    """Return the tangential impulse that stops the sliding velocity u, or as much of it as friction can.
-
-    Where it slides, a step along the velocity by the same factor in both directions, projected on the disc: its
-    fixed point opposes the velocity.
-    """
+def tangential_impulse(c: Contact, u: wp.vec3d, bound: wp.float64) -> wp.vec3d:
+    """Return the tangential impulse that stops the sliding velocity u, or as much of it as friction can."""
     t2 = wp.cross(c.normal, c.t1)
-    x = wp.dot(c.tangential, c.t1)
-    y = wp.dot(c.tangential, t2)
-    ux = wp.dot(u, c.t1)
-    uy = wp.dot(u, t2)
-    det = c.k11 * c.k22 - c.k12 * c.k12
-    sx = x - (c.k22 * ux - c.k12 * uy) / det
-    sy = y - (c.k11 * uy - c.k12 * ux) / det
-    if sx * sx + sy * sy > bound * bound:
-        mean = wp.float64(0.5) * (c.k11 + c.k22)
-        half = wp.float64(0.5) * (c.k11 - c.k22)
-        largest = mean + wp.sqrt(half * half + c.k12 * c.k12)
-        sx = x - ux / largest
-        sy = y - uy / largest
-        size = wp.sqrt(sx * sx + sy * sy)
-        if size > bound:
-            sx = sx * bound / size
-            sy = sy * bound / size
-    return c.t1 * sx + t2 * sy
+    before = wp.vec2d(wp.dot(c.tangential, c.t1), wp.dot(c.tangential, t2))
+    slip = wp.vec2d(wp.dot(u, c.t1), wp.dot(u, t2))
+    impulse = friction_impulse(before, slip, wp.vec3d(c.k11, c.k12, c.k22), bound)
+    return c.t1 * impulse[0] + t2 * impulse[1]
 
 
 @wp.func(inline=False)
@@ -289,7 +272,7 @@ def solve(
                     push(c, change, nodes.inverse_mass, inverse_inertia, bodies, nodes.v, w)
                     u = relative_velocity(c, bodies, nodes.v, w)
                     change = wp.vec3d()
-                tangential = friction_impulse(c, u, c.step_friction * normal)
+                tangential = tangential_impulse(c, u, c.step_friction * normal)
                 slip = tangential - c.tangential
                 worst = wp.max(worst, wp.length(slip) * c.k11)
                 found.contacts[w, found.acting[w, a]].tangential = tangential

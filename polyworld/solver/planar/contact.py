@@ -341,10 +341,10 @@ def limit_restitution_energy(
     if plastic < ZERO:
         share = -wp.float64(2.0) * plastic / (linear + wp.sqrt(linear * linear - wp.float64(4.0) * bend * plastic))
     for i in range(scene.bodies):
-        bodies.next_rate[w, i] = bodies.next_rate[w, i] * (ONE - share) + bodies.shift[w, i] * share
+        bodies.next_rate[w, i] = wp.lerp(bodies.next_rate[w, i], bodies.shift[w, i], share)
     for k in range(rows):
         row = contacts.rows[w, half, k]
-        row.round_impulse = row.round_impulse * (ONE - share) + row.newton_impulse * share
+        row.round_impulse = wp.lerp(row.round_impulse, row.newton_impulse, share)
         contacts.rows[w, half, k] = row
 
 
@@ -442,7 +442,7 @@ def resolve_impacts(
         if scene.contact_laws > 0:
             if mix > ZERO:
                 for i in range(scene.bodies):
-                    bodies.next_rate[w, i] = bodies.mixed[w, i] * (ONE - mix) + bodies.next_rate[w, i] * mix
+                    bodies.next_rate[w, i] = wp.lerp(bodies.mixed[w, i], bodies.next_rate[w, i], mix)
             apply_tangential_loss(references.scene, references.bodies, references.contacts, w, half, rows)
 
 

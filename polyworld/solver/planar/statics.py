@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.solver.core.arrays import RigidArrays, dot
 from polyworld.world import World, geometry
 from polyworld.world.shapes import Plane
 
@@ -28,7 +28,7 @@ def static_poses(world: World, arrays: RigidArrays, own: Array) -> Array:
         axes[2],
         "statics",
     )
-    if np.abs(_along(arrays.static_position - base, axes[2])).max(initial=0.0) > SLACK:
+    if np.abs(dot(arrays.static_position - base, axes[2])).max(initial=0.0) > SLACK:
         raise ValueError(
             "statics of planar worlds move only within the motion plane, across its normal "
             f"{tuple(np.round(axes[2], 6).tolist())}: override the position in the plane alone"
@@ -36,8 +36,8 @@ def static_poses(world: World, arrays: RigidArrays, own: Array) -> Array:
     rows = max(len(arrays.static_position), len(angle))
     poses = np.broadcast_to(own, (rows, *own.shape)).copy()
     c, s = np.cos(angle), np.sin(angle)
-    was = np.stack([_along(base, a) for a in axes[:2]], axis=-1)
-    now = np.stack([_along(arrays.static_position, a) for a in axes[:2]], axis=-1)
+    was = np.stack([dot(base, a) for a in axes[:2]], axis=-1)
+    now = np.stack([dot(arrays.static_position, a) for a in axes[:2]], axis=-1)
     for k, static in enumerate(world.statics):
         x, y = own[k, :2]
         if isinstance(static.shape, Plane):
@@ -66,9 +66,3 @@ def rotation_in_plane(orientation: Array, base: Array, normal: Array, what: str)
         )
     angle: Array = 2.0 * np.arctan2(along, rotation[..., 0])
     return angle
-
-
-def _along(vectors: Array, axis: Array) -> Array:
-    """Components (...,) of vectors (..., 3) along an axis, summed term by term: the same in a batch of any size."""
-    result: Array = vectors[..., 0] * axis[0] + vectors[..., 1] * axis[1] + vectors[..., 2] * axis[2]
-    return result

@@ -260,7 +260,7 @@ def rollout(
                             bodies.rate[w, i] = bodies.next_rate[w, i]
                         else:
                             bodies.pose[w, i] = pose_at(scene, bodies, w, i, part, h)
-                            bodies.rate[w, i] = bodies.rate[w, i] * (ONE - share) + bodies.next_rate[w, i] * share
+                            bodies.rate[w, i] = wp.lerp(bodies.rate[w, i], bodies.next_rate[w, i], share)
                         now = bodies.pose[w, i]
                         moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
                 if joints.count > 0:

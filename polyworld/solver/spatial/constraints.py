@@ -9,6 +9,7 @@ from typing import Any
 
 import warp as wp
 
+from polyworld.solver.core.friction import friction_impulse
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rows import make_row, push, velocity_along, world_inverse_inertia
@@ -89,8 +90,7 @@ def solve_disc(
 ) -> wp.float64:
     """Bring the two-dimensional velocity of rows r, r + 1 towards `target_velocity` with an impulse of at most `bound`.
 
-    Sticks if it can. Else steps along the velocity by the same factor in both directions and projects on the
-    disc: at the fixed point the impulse then opposes the velocity. Returns the velocity changed.
+    Returns the velocity changed.
     """
     x = state[0].rows[w, r].impulse
     y = state[0].rows[w, r + 1].impulse
@@ -100,22 +100,10 @@ def solve_disc(
     vy = velocity_along(state, w, a, b, r + 1) - target_velocity[1]
     kx = state[0].rows[w, r].k
     ky = state[0].rows[w, r + 1].k
-    det = kx * ky - coupling * coupling
-    sx = x - (ky * vx - coupling * vy) / det
-    sy = y - (kx * vy - coupling * vx) / det
-    if sx * sx + sy * sy > bound * bound:
-        mean = wp.float64(0.5) * (kx + ky)
-        half = wp.float64(0.5) * (kx - ky)
-        largest = mean + wp.sqrt(half * half + coupling * coupling)
-        sx = x - vx / largest
-        sy = y - vy / largest
-        size = wp.sqrt(sx * sx + sy * sy)
-        if size > bound:
-            sx = sx * bound / size
-            sy = sy * bound / size
-    push(state, w, a, b, r, sx - x)
-    push(state, w, a, b, r + 1, sy - y)
-    return wp.max(wp.abs(sx - x) * kx, wp.abs(sy - y) * ky)
+    impulse = friction_impulse(wp.vec2d(x, y), wp.vec2d(vx, vy), wp.vec3d(kx, coupling, ky), bound)
+    push(state, w, a, b, r, impulse[0] - x)
+    push(state, w, a, b, r + 1, impulse[1] - y)
+    return wp.max(wp.abs(impulse[0] - x) * kx, wp.abs(impulse[1] - y) * ky)
 
 
 @wp.func

@@ -168,13 +168,13 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
                     state[0].bodies[w, k].w_free = state[0].bodies[w, k].w
                 undo(joints, state, w, i, last, offset)
             stuck = rebound(joints, state, w, i, last, offset, e, law[1])
-            impulse = impulse * (one - stick_fraction) + stuck * stick_fraction
+            impulse = wp.lerp(impulse, stuck, stick_fraction)
             if stick_fraction < one:
                 for k in range(state[0].objects):
-                    v = state[0].bodies[w, k].v_free * (one - stick_fraction)
-                    spin = state[0].bodies[w, k].w_free * (one - stick_fraction)
-                    state[0].bodies[w, k].v = v + state[0].bodies[w, k].v * stick_fraction
-                    state[0].bodies[w, k].w = spin + state[0].bodies[w, k].w * stick_fraction
+                    v = wp.lerp(state[0].bodies[w, k].v_free, state[0].bodies[w, k].v, stick_fraction)
+                    spin = wp.lerp(state[0].bodies[w, k].w_free, state[0].bodies[w, k].w, stick_fraction)
+                    state[0].bodies[w, k].v = v
+                    state[0].bodies[w, k].w = spin
         if law[0] > zero:
             ma = state[0].bodies[w, a].inverse_mass
             mb = state[0].bodies[w, b].inverse_mass

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.solver.core.arrays import RigidArrays, dot
 from polyworld.solver.spatial.scene import box_orientation
 from polyworld.world import World, geometry
 from polyworld.world.shapes import Plane, Wall
@@ -44,10 +44,4 @@ def rotated(orientation: Array, vector: Array) -> Array:
     """
     matrix = geometry.quaternion_matrix(orientation)
     result: Array = matrix[..., 0] * vector[0] + matrix[..., 1] * vector[1] + matrix[..., 2] * vector[2]
-    return result
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Scalar products (R,) of vectors (R, 3), summed term by term."""
-    result: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return result
