@@ -15,9 +15,10 @@ from atw_mcp.cases.cases import path_hash
 from atw_mcp.observation.observing import keep_calibration, keep_image_observation, video_file
 from atw_mcp.observation.track_records import TrackRecord, at_rate, read_record, to_document
 from atw_mcp.perception.calibration import Calibration
+from atw_mcp.perception.import_files import ImportDataError, read_json
 from atw_mcp.perception.import_images import import_camera, import_depth, import_masks, import_mesh
 from atw_mcp.perception.import_shapes import ImportedShapes, PointsAre, import_points, import_series
-from atw_mcp.perception.import_tracks import ImportDataError, clevrer_appearances, import_tracks, read_json
+from atw_mcp.perception.import_tracks import clevrer_appearances, import_tracks
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.worlds.building import ObservedObject
 from evidence_store import Case, Content

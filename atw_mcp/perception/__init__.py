@@ -29,6 +29,7 @@ from atw_mcp.perception.corrections import (
     Stay,
     correction_of,
 )
+from atw_mcp.perception.import_files import ImportDataError
 from atw_mcp.perception.import_images import (
     DepthMaps,
     ImportedMesh,
@@ -37,7 +38,7 @@ from atw_mcp.perception.import_images import (
     import_masks,
     import_mesh,
 )
-from atw_mcp.perception.import_tracks import ImportDataError, clevrer_appearances, import_tracks
+from atw_mcp.perception.import_tracks import clevrer_appearances, import_tracks
 from atw_mcp.perception.masks import MaskError, RunLengthMask
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.observe import observe

@@ -13,7 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from atw_mcp.perception.calibration import CalibrationError, calibrate_from_homography
-from atw_mcp.perception.import_tracks import ImportDataError, read_json
+from atw_mcp.perception.import_files import ImportDataError, read_arrays, read_json
 from atw_mcp.perception.masks import Mask, MaskError, RunLengthMask
 from atw_mcp.perception.naming import slug, unique
 from atw_mcp.perception.observation import ImageObservation
@@ -207,16 +207,11 @@ def import_depth(path: str | Path, *, metres_per_unit: float | None = None) -> D
         frames = tuple(n for n, _ in images)
     elif source.suffix.lower() == ".npz":
         file = existing_file(source)
-        try:
-            with np.load(file, allow_pickle=False) as archive:
-                if "depth" not in archive.files:
-                    raise ImportDataError(f"{file.name}: no array depth (T, H, W); it holds {sorted(archive.files)}")
-                depth = archive["depth"].astype(np.float32) * (1.0 if metres_per_unit is None else metres_per_unit)
-                frames = tuple(int(f) for f in (archive["frames"] if "frames" in archive.files else range(len(depth))))
-        except (OSError, ValueError) as error:
-            if isinstance(error, ImportDataError):
-                raise
-            raise ImportDataError(f"{file.name}: not an npz archive of plain arrays: {error}") from error
+        arrays = read_arrays(file)
+        if "depth" not in arrays:
+            raise ImportDataError(f"{file.name}: no array depth (T, H, W); it holds {sorted(arrays)}")
+        depth = arrays["depth"].astype(np.float32) * (1.0 if metres_per_unit is None else metres_per_unit)
+        frames = tuple(int(f) for f in arrays.get("frames", range(len(depth))))
     else:
         raise ImportDataError(f"{source}: depth comes as an npz file or a folder of 16-bit PNGs")
     if depth.ndim != 3 or len(frames) != len(depth):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,21 +10,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.import_tracks import (
-    DEFAULT_SIGMA,
-    ImportDataError,
-    confidence_in,
-    existing_table,
-    number_in,
-    time_base,
-)
+from atw_mcp.perception.import_files import ImportDataError, MeasuredTable, existing_table, read_measured_table
+from atw_mcp.perception.import_tracks import DEFAULT_SIGMA, confidence_in, time_base
 from polyworld.data.shape_series import ShapeSeries
+from polyworld.data.table import Line
 from polyworld.probing.readouts import Amount, Centreline, Curve, Front, Markers, Readout, Tension
 from polyworld.probing.readouts.centreline import resampled
 
 Floats = NDArray[np.float64]
 PointsAre = Literal["markers", "centreline"]
-Rows = list[dict[str, str]]
 
 QUANTITIES = {
     "amount": "in a container, given in a column container [m^3; planar m^2]",
@@ -61,16 +54,17 @@ def import_points(
     mark not seen then is left out. centreline: an object's points are numbered along it, from end to end; in frames
     where one is missing the others are taken for a part of the curve. Raises ImportDataError.
     """
-    file = existing_table(path)
-    rows, columns = _table(file, ("object", "point", "x", "y"))
+    table = _table(path, ("object", "point", "x", "y"))
+    file, columns = table.file, list(table.columns)
     by_object: dict[str, dict[str, list[dict[str, float]]]] = defaultdict(lambda: defaultdict(list))
-    for line, row in enumerate(rows, start=2):
-        keys = [k for k in ("frame", "t", "x", "y", "z", "confidence", "sigma") if k in columns]
-        name, point = ((row[c] or "").strip() for c in ("object", "point"))
+    keys = [k for k in ("frame", "t", "x", "y", "z", "confidence", "sigma") if k in columns]
+    for row in table.rows:
+        name, point = table.text(row, "object"), table.text(row, "point")
         if not name or not point:
-            raise ImportDataError(f"{file.name}: line {line}: the {'point' if name else 'object'} has no name")
-        by_object[name][point].append({k: number_in(row[k], file, line, k) for k in keys})
-    key = "frame" if "frame" in columns else "t"
+            raise ImportDataError(f"{file.name}: line {row.number}: the {'point' if name else 'object'} has no name")
+        by_object[name][point].append({k: table.number(row, k) for k in keys})
+    table.check()
+    key = table.clock
     records = {f"{name}.{point}": r for name, points in by_object.items() for point, r in points.items()}
     moments = _moments(file, records, key)
     frames, step = time_base(file, columns, records, moments, seconds_per_frame)
@@ -115,13 +109,14 @@ def import_series(
     quantity: `QUANTITIES`. sigma is the accuracy of values that state none, in their own unit. Raises ImportDataError,
     also where no accuracy is given: a fit weighs by it.
     """
-    file = existing_table(path)
-    rows, columns = _table(file, ("object", "quantity", "value"))
+    table = _table(path, ("object", "quantity", "value"))
+    file, columns = table.file, list(table.columns)
     found: dict[Readout, list[dict[str, float]]] = defaultdict(list)
-    for line, row in enumerate(rows, start=2):
-        keys = [k for k in ("frame", "t", "value", "sigma", "confidence") if k in columns]
-        found[_quantity(file, line, row)].append({k: number_in(row[k], file, line, k) for k in keys})
-    key = "frame" if "frame" in columns else "t"
+    keys = [k for k in ("frame", "t", "value", "sigma", "confidence") if k in columns]
+    for row in table.rows:
+        found[_quantity(table, row)].append({k: table.number(row, k) for k in keys})
+    table.check()
+    key = table.clock
     records = {f"{r.kind} of {r.object}": rows for r, rows in found.items()}
     if len(records) < len(found):
         records = {f"{i}. {r.kind} of {r.object}": rows for i, (r, rows) in enumerate(found.items())}
@@ -150,22 +145,11 @@ def import_series(
     return ImportedShapes(frames, step, tuple(series), ())
 
 
-def _table(file: Path, needed: tuple[str, ...]) -> tuple[Rows, list[str]]:
+def _table(path: str | Path, needed: tuple[str, ...]) -> MeasuredTable:
+    file = existing_table(path)
     if file.suffix.lower() != ".csv":
         raise ImportDataError(f"{file.name}: points and series come as .csv")
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        reader = csv.DictReader(stream)
-        columns = [c.strip() for c in (reader.fieldnames or [])]
-        reader.fieldnames = columns
-        missing = [c for c in needed if c not in columns]
-        if "frame" not in columns and "t" not in columns:
-            missing.insert(0, "frame or t")
-        if missing:
-            raise ImportDataError(f"{file.name}: columns missing: {missing}; it has {columns or 'no header'}")
-        rows = list(reader)
-    if not rows:
-        raise ImportDataError(f"{file.name}: a header but no rows")
-    return rows, columns
+    return read_measured_table(file, needed)
 
 
 def _moments(file: Path, records: dict[str, list[dict[str, float]]], key: str) -> Floats:
@@ -202,23 +186,25 @@ def _centrelines(name: str, values: Floats, sigma: Floats, confidence: Floats) -
     return made
 
 
-def _quantity(file: Path, line: int, row: dict[str, str]) -> Readout:
+def _quantity(table: MeasuredTable, row: Line) -> Readout:
+    where = f"{table.file.name}: line {row.number}"
+
     def text(column: str) -> str | None:
-        return (row.get(column) or "").strip() or None
+        return table.text(row, column) or None
 
     def share(column: str) -> float | None:
-        value = number_in(row.get(column), file, line, column)
+        value = table.number(row, column)
         if np.isfinite(value) and not 0.0 <= value <= 1.0:
-            raise ImportDataError(f"{file.name}: line {line}: {column} must lie in 0..1, got {value:g}")
+            raise ImportDataError(f"{where}: {column} must lie in 0..1, got {value:g}")
         return value if np.isfinite(value) else None
 
     name, quantity = text("object"), text("quantity")
     if name is None:
-        raise ImportDataError(f"{file.name}: line {line}: the object has no name")
+        raise ImportDataError(f"{where}: the object has no name")
     if quantity == "amount":
         container = text("container")
         if container is None:
-            raise ImportDataError(f"{file.name}: line {line}: an amount needs a column container with its name")
+            raise ImportDataError(f"{where}: an amount needs a column container with its name")
         return Amount(object=name, container=container)
     if quantity in _FRONTS:
         most = share("share")
@@ -226,4 +212,4 @@ def _quantity(file: Path, line: int, row: dict[str, str]) -> Readout:
     if quantity == "tension":
         return Tension(object=name, at=share("at"))
     choices = "; ".join(f"{k}: {v}" for k, v in QUANTITIES.items())
-    raise ImportDataError(f"{file.name}: line {line}: unknown quantity {quantity!r}; quantities: {choices}")
+    raise ImportDataError(f"{where}: unknown quantity {quantity!r}; quantities: {choices}")

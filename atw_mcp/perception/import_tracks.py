@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -12,16 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from atw_mcp.perception.import_files import ImportDataError, existing_table, read_arrays, read_json, read_measured_table
 from atw_mcp.perception.naming import unique
-from atw_mcp.perception.observation import ObservationError
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world.description import Appearance
 
 Floats = NDArray[np.float64]
-
-
-class ImportDataError(ObservationError):
-    """A file that does not hold what is asked of it; the message names what is missing or wrong."""
 
 
 DEFAULT_SIGMA = 0.01  # m; stated in the result's tracks where a file gives no accuracy
@@ -133,30 +127,21 @@ def continuous(quaternions: Floats) -> Floats:
 
 
 def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float | None) -> ObservedTracks:
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        reader = csv.DictReader(stream)
-        columns = [c.strip() for c in (reader.fieldnames or [])]
-        reader.fieldnames = columns
-        missing = [c for c in ("object", "x", "y") if c not in columns]
-        if "frame" not in columns and "t" not in columns:
-            missing.insert(0, "frame or t")
-        if missing:
-            raise ImportDataError(f"{file.name}: columns missing: {missing}; it has {columns or 'no header'}")
-        rows = list(reader)
-    if not rows:
-        raise ImportDataError(f"{file.name}: a header but no rows")
+    table = read_measured_table(file, ("object", "x", "y"))
+    columns = list(table.columns)
     quaternion = [c for c in ("qw", "qx", "qy", "qz") if c in columns]
     if quaternion and len(quaternion) < 4:
         raise ImportDataError(f"{file.name}: a quaternion needs qw, qx, qy, qz; it has only {quaternion}")
     if quaternion and "yaw" in columns:
         raise ImportDataError(f"{file.name}: give a quaternion or yaw, not both")
     by_object: dict[str, list[dict[str, float]]] = defaultdict(list)
-    for line, row in enumerate(rows, start=2):
-        name = (row["object"] or "").strip()
+    for row in table.rows:
+        name = table.text(row, "object")
         if not name:
-            raise ImportDataError(f"{file.name}: line {line}: the object has no name")
-        by_object[name].append({c: number_in(row[c], file, line, c) for c in columns if c in _NUMBERS})
-    key = "frame" if "frame" in columns else "t"
+            raise ImportDataError(f"{file.name}: line {row.number}: the object has no name")
+        by_object[name].append({c: table.number(row, c) for c in columns if c in _NUMBERS})
+    table.check()
+    key = table.clock
     for name, records in by_object.items():
         moments = [r[key] for r in records]
         if not np.all(np.isfinite(moments)):
@@ -251,11 +236,7 @@ def _from_dict(data: dict[str, Any], file: Path, seconds_per_frame: float | None
 
 
 def _from_npz(file: Path, seconds_per_frame: float | None, position_sigma: float | None) -> ObservedTracks:
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = {k: archive[k] for k in archive.files}
-    except (OSError, ValueError) as error:
-        raise ImportDataError(f"{file.name}: not an npz archive of plain arrays: {error}") from error
+    arrays = read_arrays(file)
     if "positions" not in arrays:
         raise ImportDataError(f"{file.name}: no array positions (T, n, 3); it holds {sorted(arrays)}")
     positions = np.asarray(arrays["positions"], dtype=float)
@@ -334,30 +315,3 @@ def confidence_in(value: float, file: Path, name: str) -> float:
     if not 0 <= value <= 1:
         raise ImportDataError(f"{file.name}: object {name!r}: confidence must lie in 0..1, got {value:g}")
     return value
-
-
-def number_in(text: str | None, file: Path, line: int, column: str) -> float:
-    """Return the number in a cell, NaN where it is empty; raises ImportDataError naming the line."""
-    if text is None or not text.strip():
-        return float("nan")
-    try:
-        return float(text)
-    except ValueError:
-        raise ImportDataError(f"{file.name}: line {line}: {column} is not a number: {text!r}") from None
-
-
-def existing_table(path: str | Path) -> Path:
-    """Return the path of a file that is there; raises ImportDataError naming what is near."""
-    file = Path(path).expanduser()
-    if not file.is_file():
-        near = sorted(p.name for p in file.parent.iterdir())[:8] if file.parent.is_dir() else []
-        raise ImportDataError(f"no file {file}; in its folder: {near or 'nothing'}")
-    return file
-
-
-def read_json(file: Path) -> Any:
-    """Return the content of a JSON file; raises ImportDataError with the place of a syntax error."""
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ImportDataError(f"{file.name}: not JSON: {error}") from error

@@ -1,4 +1,5 @@
 """Measured data: tracks of a video, recordings of runs, series of shapes, and the initial states they show.
 
-Read `tracks` and `recording` first; `recording_csv` reads tables, `initial_states` starts a world as its tracks begin.
+Read `tracks` and `recording` first; `table` reads tables, `recording_csv` recordings from them, `initial_states` starts
+a world as its tracks begin.
 """

@@ -16,7 +16,7 @@ from polyworld.data.recording import Recording, Run
 from polyworld.data.recording_columns import LABELS, MEASURED, PIXELS, PLACE, QUANTITIES, SPIN, THETA, TURN, Column
 from polyworld.data.recording_header import Header, RecordingForm, read_header, without_units_row
 from polyworld.data.recording_rows import Row, merge_rows
-from polyworld.data.recording_table import MISSING, Line, Numbers, Problems, read_table
+from polyworld.data.table import MISSING, Line, Numbers, Problems, file_text, in_file, read_table
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -37,15 +37,9 @@ def read_recording(
 ) -> Recording:
     """Return the recording in a CSV file; see `parse_recording`. Raises ValueError that names file and line."""
     try:
-        content = path.read_bytes()
-        utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-        text = content.decode("utf-16" if utf16 else "utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path.name}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from error
-    try:
-        return parse_recording(text, objects, form=form, world=world)
+        return parse_recording(file_text(path), objects, form=form, world=world)
     except ValueError as error:
-        raise ValueError("\n".join(f"{path.name}: {line}" for line in str(error).splitlines())) from error
+        raise ValueError(in_file(path, error)) from error
 
 
 def parse_recording(

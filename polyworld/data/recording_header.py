@@ -18,7 +18,7 @@ from polyworld.data.recording_columns import (
     Units,
     name_columns,
 )
-from polyworld.data.recording_table import Line, Table, short
+from polyworld.data.table import Line, Table, short
 from polyworld.world.units import find_unit
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording_columns import MEASURED, TURN
 from polyworld.data.recording_header import Clock
-from polyworld.data.recording_table import Problems
+from polyworld.data.table import Problems
 
 Array = NDArray[np.float64]
 

@@ -65,6 +65,8 @@ def test_csv_with_times_finds_its_time_base(tmp_path: Path) -> None:
         ("frame,object,x,y\n0,a,1,1\n1,a,1,1\n", "seconds_per_frame"),
         ("t,object,x,y\n0,a,1,1\n0,a,1,1\n", "does not increase after 0"),
         ("t,object,x,y\n0,a,one,1\n", "line 2: x is not a number"),
+        ("t,object,x,y\n0,a,one,1\n1,a,1,two\n", "line 2: x is not a number: 'one'; line 3: y is not a number: 'two'"),
+        ("t,object,x,y\n0,a,1\n", "line 2: 3 cells, expected 4 as in the header"),
         ("t,object,x,y\n0,,1,1\n", "no name"),
         ("t,object,x,y,qw,qx\n0,a,1,1,1,0\n", r"only \['qw', 'qx'\]"),
         ("t,object,x,y,confidence\n0,a,1,1,7\n", r"0\.\.1"),
@@ -74,6 +76,12 @@ def test_csv_with_times_finds_its_time_base(tmp_path: Path) -> None:
 def test_csv_that_does_not_hold_tracks_is_refused(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ImportDataError, match=says):
         import_tracks(written(tmp_path / "t.csv", text))
+
+
+def test_tables_of_spreadsheets_are_read_alike(tmp_path: Path) -> None:
+    plain = import_tracks(written(tmp_path / "t.csv", "t,object,x,y\n0,a,0.5,1\n0.1,a,,1\n"))
+    foreign = "sep=;\nt;object;x;y\n0;a;0,5;1\n0,1;a;NA;1\n"
+    assert import_tracks(written(tmp_path / "u.csv", foreign)).to_dict() == plain.to_dict()
 
 
 def test_json_tracks_come_back_as_they_were_written(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Text of a table: its lines, cells and numbers, in the variants that spreadsheets and trackers write."""
+"""The reader of all tables: lines, cells and numbers, in the variants that spreadsheets and trackers write."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -52,6 +53,21 @@ class Problems:
         lines = self._found[kind]
         more = [f"and {len(lines) - SHOWN} more"] if len(lines) > SHOWN else []
         return "; ".join([*lines[:SHOWN], *more, *filter(None, [self._cures[kind]])])
+
+
+def file_text(path: Path) -> str:
+    """Return the text of a file in UTF-8 or, if it says so, UTF-16; raises ValueError."""
+    content = path.read_bytes()
+    utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    try:
+        return content.decode("utf-16" if utf16 else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from error
+
+
+def in_file(path: Path, error: ValueError) -> str:
+    """Return an error's message with the file's name before every line."""
+    return "\n".join(f"{path.name}: {line}" for line in str(error).splitlines())
 
 
 def read_table(text: str) -> Table:
