@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -40,6 +42,7 @@ class CameraMotionSettings:
     agreeing: share of corners that agree at least: bodies have corners too.
     agrees: pixels from the common motion up to which a corner agrees.
     like: correlation below which two images were not aligned.
+    remembered: clips whose motion is kept, so that each correction of a clip does not measure it again.
     """
 
     moves: float = 0.4
@@ -61,9 +64,12 @@ class CameraMotionSettings:
     agreeing: float = 0.4
     agrees: float = 1.0
     like: float = 0.5
+    remembered: int = 64
 
 
 SETTINGS = CameraMotionSettings()
+_remembered: dict[bytes, Floats | None] = {}
+_remembering = threading.Lock()
 
 
 def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Floats | None:
@@ -71,9 +77,25 @@ def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Flo
 
     Rigid motions in the image: of corners followed from the first frame (Lucas & Kanade; most of them agree on one
     motion), and where those leave the image unsteady, by maximal correlation of whole images (ECC: Evangelidis &
-    Psarakis 2008, IEEE TPAMI 30, 1858). A frame that cannot be aligned has the map of the frame before.
+    Psarakis 2008, IEEE TPAMI 30, 1858). A frame that cannot be aligned has the map of the frame before. Measured once
+    per content of a clip.
     """
-    stop = tick or (lambda: None)
+    digest = hashlib.blake2b(repr(frames.shape).encode())
+    digest.update(np.ascontiguousarray(frames).data)
+    key = digest.digest()
+    with _remembering:
+        known = key in _remembered
+        found = _remembered.get(key)
+    if not known:
+        found = _measured(frames, tick or (lambda: None))
+        with _remembering:
+            _remembered[key] = found
+            while len(_remembered) > SETTINGS.remembered:
+                del _remembered[next(iter(_remembered))]
+    return None if found is None else found.copy()
+
+
+def _measured(frames: Frames, stop: Callable[[], None]) -> Floats | None:
     found = _of_corners(frames, stop)
     if found is None:
         found = _of_images(frames, stop)
