@@ -1,6 +1,7 @@
 """Rhythms above the low modes: how seldom noise shows one, and that a table which shakes is found and named."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -72,6 +73,7 @@ def test_what_was_rounded_coarsely_is_not_asked_for_lines() -> None:
     assert line_of(coarse).p == 1.0
 
 
+@cache
 def found(frequency: float, seconds: float) -> GapReport:
     return find_gap(TABLE, shaken(frequency, seconds), settings=GapSettings(null_control=False))
 

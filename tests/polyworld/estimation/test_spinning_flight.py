@@ -88,7 +88,7 @@ def test_a_force_outside_the_catalogue_is_described_beside_the_torque_that_is_in
             lambda x, _v, _w: MASS * 1.2 * x[2] * np.array([0.8, 0.6, 0.0]),
             lambda _x, _v, omega: -0.6 * INERTIA * omega,
         ),
-        candidates=named(["spin_damping", "linear_drag", "quadratic_drag"]),
+        candidates=named(["spin_damping", "linear_drag"]),
         settings=QUICK,
     )
     summary = report.to_dict()

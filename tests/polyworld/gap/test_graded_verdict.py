@@ -31,8 +31,18 @@ def judged(recording: Recording, *effects: str, **more: Recording) -> GapReport:
     return find_gap(ball_world(), recording, candidates=named(effects), settings=QUIET, **more)
 
 
-def test_drag_of_another_exponent_is_named_with_a_remainder_and_wider_intervals() -> None:
-    report = judged(recorded(power_drag(1.75), 2), "quadratic_drag", "tilt", "fan", "gravity_error")
+def judged_power_drag() -> GapReport:
+    return judged(recorded(power_drag(1.75), 2, count=5), "quadratic_drag", "tilt", "gravity_error")
+
+
+@pytest.fixture(scope="module")
+def between_exponents() -> GapReport:
+    """The report on drag of an exponent between those of the catalogue."""
+    return judged_power_drag()
+
+
+def test_drag_of_another_exponent_is_named_with_a_remainder_and_wider_intervals(between_exponents: GapReport) -> None:
+    report = between_exponents
     assert report.verdict.kind == "identified_with_remainder"
     assert "quadratic_drag" in report.names
     assert report.verdict.stability is not None
@@ -47,14 +57,14 @@ def test_drag_of_another_exponent_is_named_with_a_remainder_and_wider_intervals(
 
 
 def test_a_law_of_the_catalogue_is_identified_without_remainder() -> None:
-    report = judged(recorded(power_drag(2.0), 2), "quadratic_drag", "linear_drag", "tilt")
+    report = judged(recorded(power_drag(2.0), 2, count=5), "quadratic_drag", "linear_drag", "tilt")
     assert report.verdict.kind == "identified"
     assert report.names == ("quadratic_drag",)
     assert report.remainder is None
 
 
 def test_no_name_is_given_where_held_out_data_get_worse() -> None:
-    dragged, still = recorded(power_drag(2.0), 4), recorded(Bouncing(), 5, count=2)
+    dragged, still = recorded(power_drag(2.0), 4, count=4), recorded(Bouncing(), 5, count=2)
     report = judged(dragged, "quadratic_drag", held_out=still)
     assert report.verdict.kind == "unexplained"
     assert "held_out" in [c.name for c in report.checks]
@@ -71,10 +81,8 @@ def test_checks_leave_what_names_nothing() -> None:
     assert lowered("unexplained", [Check("runner_up", "")]) == "unexplained"
 
 
-def test_the_same_data_and_seed_give_the_same_answer() -> None:
-    recording = recorded(power_drag(1.75), 2, count=5)
-    first, second = (judged(recording, "quadratic_drag", "linear_drag").to_dict() for _ in range(2))
-    assert first == second
+def test_the_same_data_and_seed_give_the_same_answer(between_exponents: GapReport) -> None:
+    assert judged_power_drag().to_dict() == between_exponents.to_dict()
 
 
 def test_a_search_ends_at_its_time_limit_with_a_verdict() -> None:
@@ -121,7 +129,7 @@ def test_settings_must_be_positive_and_shares_at_most_one() -> None:
 def test_a_wind_that_imitates_two_plain_laws_is_not_named_alone() -> None:
     """Linear and quadratic drag together: wind takes up most of what either leaves."""
     mixed = Bouncing(acceleration=lambda _t, _x, v, _w: -(0.04 + 0.05 * np.linalg.norm(v)) / MASS * v)
-    report = judged(recorded(mixed, 3, sigma=0.002), "quadratic_drag", "linear_drag", "wind", "tilt")
+    report = judged(recorded(mixed, 3, count=5, sigma=0.002), "quadratic_drag", "linear_drag", "wind", "tilt")
     named = {frozenset(t.hypothesis.names) for t in report.verdict.credible}
     assert report.verdict.kind in ("identified", "identified_with_remainder", "ambiguous")
     assert named & {frozenset({"quadratic_drag"}), frozenset({"quadratic_drag", "linear_drag"})}
@@ -130,7 +138,7 @@ def test_a_wind_that_imitates_two_plain_laws_is_not_named_alone() -> None:
 def test_a_wind_that_blows_is_named() -> None:
     air = np.array([-4.0, 1.0, 0.0])
     blown = Bouncing(acceleration=lambda _t, _x, v, _w: -0.05 / MASS * np.linalg.norm(v - air) * (v - air))
-    report = judged(recorded(blown, 4, sigma=0.001), "quadratic_drag", "linear_drag", "wind", "tilt")
+    report = judged(recorded(blown, 4, count=5, sigma=0.001), "quadratic_drag", "linear_drag", "wind", "tilt")
     assert report.verdict.kind == "identified"
     assert report.names == ("wind",)
 

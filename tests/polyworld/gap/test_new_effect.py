@@ -85,8 +85,8 @@ candidate = catalogue()["half_space_push"]
 report = find_gap(
     world,
     Recording(tuple(runs)),
-    candidates=named(["tilt", "linear_drag", "quadratic_drag", "half_space_push"]),
-    settings=GapSettings(null_control=False),
+    candidates=named(["tilt", "linear_drag", "half_space_push"]),
+    settings=GapSettings(null_control=False, experiment=False),
 ).to_dict()
 print(json.dumps({
     "group": candidate.group,

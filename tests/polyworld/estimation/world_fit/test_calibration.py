@@ -24,6 +24,7 @@ from polyworld.world.shapes import Cylinder
 from tests.polyworld.sliding_block import fitted_block, stopping_distance
 
 FRAMES, FRAME, SIGMA, MEMBERS = 16, 0.04, 0.004, 40
+LATER = 2.0  # [s] when it is asked where the pucks are
 NEAR = 1.3  # standard deviations of the prediction within which the lines are drawn
 # Of how many standard errors a share may depart, and the Brier score from that of a calibrated forecast.
 ERRORS, BRIER = 3.0, 0.05
@@ -57,11 +58,11 @@ class Claims:
 def test_where_a_block_stops_is_answered_as_surely_as_claimed() -> None:
     """Against v^2 / (2 mu g), from 0.3 s of a slide that goes on for longer."""
     rng, claims = np.random.default_rng(11), Claims()
-    for _ in range(100):
+    for _ in range(60):
         friction, speed = rng.uniform(0.1, 0.3), rng.uniform(0.8, 1.4)
         start, fitted, sample = fitted_block(friction, speed, rng)
         values = sample.overrides(MEMBERS)
-        rollouts = roll_out_members(fitted, member_worlds(start, values, ()), values, 2.0)
+        rollouts = roll_out_members(fitted, member_worlds(start, values, ()), values, 1.5)
         ends = np.array([r.trajectory.positions[-1, 0, 0] for r in rollouts])
         claims.ask(ends, stopping_distance(friction, speed), rng)
     claims.check()
@@ -82,7 +83,7 @@ def two_pucks() -> World:
 def test_where_a_struck_puck_ends_is_answered_as_surely_as_claimed() -> None:
     """The collision is seen, the slide after it is not: speed, friction, restitution, mass and offset are unknown."""
     rng, claims = np.random.default_rng(3), Claims()
-    for _ in range(40):
+    for _ in range(24):
         ranges = {
             "a.velocity.x": (1.2, 1.8),
             "a.friction": (0.05, 0.3),
@@ -93,7 +94,7 @@ def test_where_a_struck_puck_ends_is_answered_as_surely_as_claimed() -> None:
             "b.position.y": (-0.12, 0.12),
         }
         drawn = {f"objects.{name}": rng.uniform(*limits) for name, limits in ranges.items()}
-        true = rollout(with_parameters(two_pucks(), drawn), 3.0).trajectory
+        true = rollout(with_parameters(two_pucks(), drawn), LATER).trajectory
         places = true.positions[:FRAMES] + SIGMA * rng.normal(size=(FRAMES, 2, 3)) * np.array([1.0, 1.0, 0.0])
         tracks = ObservedTracks(
             names=("a", "b"),
@@ -109,11 +110,11 @@ def test_where_a_struck_puck_ends_is_answered_as_surely_as_claimed() -> None:
         start = with_parameters(two_pucks(), {"objects.b.position.y": float(places[:5, 1, 1].mean())})
         unknowns = default_unknowns(start, tracks, shared=(), each=("friction", "restitution", "mass"))
         problem = FitProblem(start, tracks, unknowns)
-        results = [found.best for found in multistart(problem, SearchSettings(generations=12, seed=1), 2)]
+        results = [found.best for found in multistart(problem, SearchSettings(generations=8, seed=1), 2)]
         sample = sample_posterior(problem, results, count=MEMBERS, seed=int(rng.integers(2**31)))
         assert sample is not None
         values = sample.overrides(MEMBERS)
-        rollouts = roll_out_members(results[0].world, member_worlds(start, values, ()), values, 3.0)
+        rollouts = roll_out_members(results[0].world, member_worlds(start, values, ()), values, LATER)
         ends = np.array([r.trajectory.positions[-1, 1] for r in rollouts])
         for axis in (0, 1):
             claims.ask(ends[:, axis], float(true.positions[-1, 1, axis]), rng)
