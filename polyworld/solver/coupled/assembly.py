@@ -30,15 +30,11 @@ def allocate_nodes(world: World, solids: Sequence[Deformable], meshes: dict[str,
     number = {d.name: i for i, d in enumerate(world.deformables)}
     owner = np.concatenate([np.full(len(meshes[d.name].nodes), number[d.name]) for d in solids] or [np.zeros(0)])
     nodes = Nodes()
-    for name in ("x", "v", "before", "f"):
+    for name in ("x", "v", "f"):
         setattr(nodes, name, buffers.zeros((w, len(owner)), wp.vec3d))
     nodes.mass = buffers.zeros((1, len(owner)), wp.float64)
     nodes.inverse_mass = buffers.zeros((1, len(owner)), wp.float64)
-    nodes.radius = buffers.doubles(np.concatenate([meshes[d.name].radius for d in solids] or [np.zeros(0)]))
     nodes.owner = buffers.ints(owner)
-    for name in ("friction", "restitution", "damping"):
-        setattr(nodes, name, buffers.zeros((1, len(number)), wp.float64))
-    nodes.start = buffers.doubles([getattr(d, "start_time", 0.0) for d in world.deformables])
     nodes.active = buffers.zeros((w, len(owner)), wp.int32)
     normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
     nodes.across = wp.vec3d(*(normal / np.linalg.norm(normal))) if world.planar else wp.vec3d()
@@ -52,7 +48,6 @@ def clock_of(w: int) -> Clock:
         setattr(clock, name, buffers.zeros((w,), wp.float64))
     clock.inner_steps = buffers.zeros((w,), wp.int32)
     clock.inner = buffers.zeros((1,), wp.int32)
-    clock.scale = buffers.full((1,), 1.0, wp.float64)
     clock.gravity = buffers.zeros((1,), wp.vec3d)
     return clock
 

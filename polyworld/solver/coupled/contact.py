@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from polyworld.core import buffers
 from polyworld.model import DeformableMesh
 from polyworld.solver.coupled import contact_layout as layout
+from polyworld.solver.coupled.assembly import write_in_place
 from polyworld.solver.coupled.contact_bodies import CarriedBodies, carried_arrays
 from polyworld.solver.coupled.contact_events import DeformableContactLog
 from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies, no_obstacles
@@ -25,7 +26,7 @@ from polyworld.solver.coupled.contact_search import (
     search_nodes,
 )
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
-from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.coupled.surface import SurfacePairs
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
@@ -50,16 +51,17 @@ class Contacts:
         self.world = world
         self.n_worlds = nodes.x.shape[0]
         w, n = nodes.x.shape
+        self.surface = build_surface(world, meshes, first, n)
         if carried is None or rigid is None:
             self.obstacles = no_obstacles(w)
             self._carried = carried_arrays((w, 1))
-            excluded = np.zeros((n, 1), dtype=np.int32)
+            excluded = buffers.zeros((n, 1), wp.int32)
         else:
             self.obstacles = build_obstacles(rigid.geometry, carried.bodies)
             self._carried = carried.carried
             rigid.reset()
-            excluded = excluded_bodies(world, meshes, first, nodes, self.obstacles)
-        self.surface = build_surface(world, meshes, first, excluded)
+            excluded = excluded_bodies(world, meshes, first, nodes, self.surface, self.obstacles)
+        self.surface.excluded = excluded
         parts = self.obstacles.parts.shape[0]
         d = len(world.deformables)
         self.bounds = layout.Bounds()
@@ -84,6 +86,13 @@ class Contacts:
         names = [d.name for d in world.deformables]
         self.tally = _tally(w, d, len(bodies), record_events)
         self._log = DeformableContactLog(w, self.tally, names, [*bodies, *names])
+
+    def write(self, fields: Fields) -> bool:
+        """Write the coefficients of contacts in place; return True where arrays were reallocated."""
+        names = tuple(d.name for d in self.world.deformables)
+        recapture = write_in_place(self.surface, "friction", parameter_row(fields, names, "friction"))
+        recapture |= write_in_place(self.surface, "restitution", parameter_row(fields, names, "restitution"))
+        return recapture
 
     def reset(self) -> None:
         """Forget all contacts."""
@@ -124,11 +133,12 @@ class Contacts:
         buffers.launch(keep_acting, self.n_worlds, [clock, self.found])
         self._pairs.launch(nodes, clock, self.bounds, self.found)
         if parts > 0:
-            near = [clock, nodes, self.obstacles, self.surface, self.bounds]
-            buffers.launch(near_parts, (w, d, parts), near)
-            buffers.launch(search_nodes, (w, _blocks(nodes.x.shape[1])), [*near, self.found])
-            buffers.launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), [*near, self.found])
-            buffers.launch(search_corners, (w, _blocks(self.surface.triangles.shape[0])), [*near, self.found])
+            near = [self.obstacles, self.surface, self.bounds]
+            buffers.launch(near_parts, (w, d, parts), [clock, *near])
+            search = [clock, nodes, *near, self.found]
+            buffers.launch(search_nodes, (w, _blocks(nodes.x.shape[1])), search)
+            buffers.launch(search_edges, (w, _blocks(self.surface.edges.shape[0])), search)
+            buffers.launch(search_corners, (w, _blocks(self.surface.triangles.shape[0])), search)
         buffers.launch(recall_acting, self.n_worlds, [clock, self.found])
 
     def launch_push(self, nodes: Nodes, clock: Clock) -> None:
@@ -137,7 +147,7 @@ class Contacts:
 
     def launch_solve(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the impulses of one inner step."""
-        inputs = [clock, nodes, self.obstacles, self._carried, self.surface, self.found, self.tally]
+        inputs = [clock, nodes, self.obstacles, self._carried, self.surface.across, self.found, self.tally]
         buffers.launch(solve_contacts, self.n_worlds, inputs)
 
 

@@ -91,15 +91,19 @@ class Surface:
     """Nodes and faces that may touch: edges (E, 2), triangles (T, 3) as node rows; sides (S, 2): outlines of slices in
     a plane, their inside on the left seen against the plane's unit normal `across`.
 
-    exposed (N,): 1 for nodes that may touch. one_sided (D,): 1 for a deformable object with an inside. yielding
-    (D,): share of its radius by which an edge may be pressed in between its nodes. excluded
-    (N, B): 1 where a node must not touch a body. first, count (D,): nodes of each deformable object.
+    radius (N,) [m]. friction, restitution (R, D), R is 1 or W. exposed (N,): 1 for nodes that may touch. one_sided
+    (D,): 1 for a deformable object with an inside. yielding (D,): share of its radius by which an edge may be pressed
+    in between its nodes. excluded (N, B): 1 where a node must not touch a body. first, count (D,): nodes of each
+    deformable object.
     """
 
     edges: wp.array2d[wp.int32]
     triangles: wp.array2d[wp.int32]
     sides: wp.array2d[wp.int32]
     across: wp.vec3d
+    radius: wp.array[wp.float64]
+    friction: wp.array2d[wp.float64]
+    restitution: wp.array2d[wp.float64]
     exposed: wp.array[wp.int32]
     one_sided: wp.array[wp.int32]
     yielding: wp.array[wp.float64]

@@ -84,9 +84,8 @@ def _corners(shape: Any, vertices: Array) -> tuple[list[Array], float]:
     return [], 0.0
 
 
-def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[str, int], excluded: Ints) -> Surface:
-    """Build the nodes, edges and faces that may touch. excluded (N, B): 1 where a node must not touch a body."""
-    nodes = excluded.shape[0]
+def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[str, int], nodes: int) -> Surface:
+    """Build the nodes, edges and faces that may touch, but for `excluded`. first: each object's first node."""
     exposed = np.zeros(nodes, dtype=np.int32)
     edges: list[Ints] = [np.zeros((0, 2), dtype=np.int32)]
     sides: list[Ints] = [np.zeros((0, 2), dtype=np.int32)]
@@ -115,10 +114,12 @@ def build_surface(world: World, meshes: dict[str, DeformableMesh], first: dict[s
     surface.sides = buffers.array(np.concatenate(sides).astype(np.int32), wp.int32)
     normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
     surface.across = wp.vec3d(*(normal / np.linalg.norm(normal)))
+    surface.radius = buffers.doubles(np.concatenate([meshes[name].radius for name in first] or [np.zeros(0)]))
+    surface.friction = buffers.zeros((1, len(world.deformables)), wp.float64)
+    surface.restitution = buffers.zeros((1, len(world.deformables)), wp.float64)
     surface.exposed = buffers.array(exposed, wp.int32)
     surface.one_sided = buffers.array(one_sided, wp.int32)
     surface.yielding = buffers.array(yielding, wp.float64)
-    surface.excluded = buffers.array(np.ascontiguousarray(excluded), wp.int32)
     surface.first = buffers.array(begin, wp.int32)
     surface.count = buffers.array(count, wp.int32)
     return surface
@@ -140,8 +141,9 @@ def excluded_bodies(
     meshes: dict[str, DeformableMesh],
     first: dict[str, int],
     nodes: Nodes,
+    surface: Surface,
     obstacles: Obstacles,
-) -> Ints:
+) -> Any:
     """Find which nodes must not touch which bodies (N, B): those held to a body, those that lie in it at the start and
     belong to an object that is fastened to it, and ropes that run over a pulley it carries.
 
@@ -160,14 +162,13 @@ def excluded_bodies(
         if pulley.object is not None:
             own = np.arange(len(meshes[pulley.rope].nodes)) + first[pulley.rope]
             excluded[own, names.index(pulley.object)] = 1
+    marked = buffers.ints(excluded)
     if not linked.any():
-        return excluded
+        return marked
     positions = np.concatenate([meshes[name].nodes for name in first])
-    marked: Any = buffers.array(excluded, wp.int32)
     buffers.launch(
         mark_overlaps,
         (nodes.x.shape[1], obstacles.parts.shape[0]),
-        [buffers.array(positions, wp.vec3d), buffers.ints(linked), nodes, obstacles, marked],
+        [buffers.array(positions, wp.vec3d), buffers.ints(linked), nodes, surface, obstacles, marked],
     )
-    found: Ints = marked.numpy()
-    return found
+    return marked

@@ -62,7 +62,7 @@ def swept(bodies: wp.array2d[Body], w: int, part: Part, h: wp.float64) -> wp.flo
 
 
 @wp.kernel
-def near_parts(clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surface, bounds: Bounds) -> None:
+def near_parts(clock: Clock, obstacles: Obstacles, surface: Surface, bounds: Bounds) -> None:
     """Find which pieces come near the box around each deformable object."""
     w, d, s = wp.tid()
     h = clock.h[w]
@@ -70,7 +70,7 @@ def near_parts(clock: Clock, nodes: Nodes, obstacles: Obstacles, surface: Surfac
     part = obstacles.parts[s]
     if h <= wp.float64(0.0) or obstacles.bodies[w, part.body].active == 0 or surface.count[d] == 0:
         return
-    thickness = nodes.radius[surface.first[d]]
+    thickness = surface.radius[surface.first[d]]
     fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
     reach = thickness * wp.float64(1.1) + swept(obstacles.bodies, w, part, h) + fall
     reach += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h + wp.float64(1.0e-5)
@@ -114,14 +114,16 @@ def add(found: Found, w: int, c: Contact) -> None:
 
 
 @wp.func
-def against_body(nodes: Nodes, bodies: wp.array2d[Body], w: int, owner: int, body: int) -> Contact:
+def against_body(surface: Surface, bodies: wp.array2d[Body], w: int, owner: int, body: int) -> Contact:
     """Add a contact of a deformable object with a body, its coefficients filled in."""
     c = Contact()
     c.body = body
     c.other = body
     c.owner = owner
-    c.friction = of_contact(nodes.friction[w % nodes.friction.shape[0], owner], bodies[w, body].friction)
-    c.restitution = of_contact(nodes.restitution[w % nodes.restitution.shape[0], owner], bodies[w, body].restitution)
+    c.friction = of_contact(surface.friction[w % surface.friction.shape[0], owner], bodies[w, body].friction)
+    c.restitution = of_contact(
+        surface.restitution[w % surface.restitution.shape[0], owner], bodies[w, body].restitution
+    )
     return c
 
 
@@ -137,7 +139,7 @@ def touch_node(
         return
     p = nodes.x[w, i]
     fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
-    slack = nodes.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack = surface.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
     slack += (OWN_SHARE * wp.length(nodes.v[w, i]) + OBJECT_SHARE * bounds.speed[w, d]) * h
     for s in range(obstacles.parts.shape[0]):
         if bounds.near[w, d, s] == 0:
@@ -151,12 +153,12 @@ def touch_node(
         if kind == PLANE:
             n = obstacles.geometry[0].shapes[part.shape].size
             if wp.dot(n, p) - obstacles.geometry[0].shapes[part.shape].bound <= reach:
-                c = against_body(nodes, obstacles.bodies, w, d, b)
+                c = against_body(surface, obstacles.bodies, w, d, b)
                 c.kind = ON_SHAPE
                 c.n0 = i
                 c.weight[0] = wp.float64(1.0)
                 c.part = s
-                c.reach = nodes.radius[i]
+                c.reach = surface.radius[i]
                 add(found, w, c)
             continue
         local = wp.transpose(obstacles.bodies[w, b].rotation) * (p - obstacles.bodies[w, b].x)
@@ -171,12 +173,12 @@ def touch_node(
                 first_vertex = obstacles.geometry[0].shapes[part.shape].first_vertex + 3 * triangle
                 found_at = triangle_distance(obstacles.geometry, first_vertex, face, local)
                 if wp.abs(found_at[3]) <= reach:
-                    c = against_body(nodes, obstacles.bodies, w, d, b)
+                    c = against_body(surface, obstacles.bodies, w, d, b)
                     c.kind = ON_TRIANGLE
                     c.n0 = i
                     c.weight[0] = wp.float64(1.0)
                     c.part = face
-                    c.reach = nodes.radius[i]
+                    c.reach = surface.radius[i]
                     add(found, w, c)
             continue
         local = wp.transpose(part.rotation) * (local - part.position)
@@ -184,12 +186,12 @@ def touch_node(
         if wp.length_sq(local) > far * far:
             continue
         if shape_distance(obstacles.geometry, kind, obstacles.geometry[0].shapes[part.shape], local)[3] <= reach:
-            c = against_body(nodes, obstacles.bodies, w, d, b)
+            c = against_body(surface, obstacles.bodies, w, d, b)
             c.kind = ON_SHAPE
             c.n0 = i
             c.weight[0] = wp.float64(1.0)
             c.part = s
-            c.reach = nodes.radius[i]
+            c.reach = surface.radius[i]
             add(found, w, c)
 
 
@@ -217,7 +219,7 @@ def touch_edge(
     if nothing_near(bounds, w, d):
         return
     fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
-    slack = nodes.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack = surface.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
     fastest = wp.max(wp.length(nodes.v[w, i]), wp.length(nodes.v[w, j]))
     slack += (OWN_SHARE * fastest + OBJECT_SHARE * bounds.speed[w, d]) * h
     half = wp.length(nodes.x[w, j] - nodes.x[w, i]) * wp.float64(0.5)
@@ -260,17 +262,17 @@ def touch_edge(
                 low = t
         nearest = shape_distance(obstacles.geometry, kind, shape, begin + displacement * t)[3]
         sagitta = wp.min(at_begin[3], at_end[3]) - nearest
-        least = wp.max(LEAST_SAGITTA * wp.float64(2.0) * half, surface.yielding[d] * nodes.radius[i])
+        least = wp.max(LEAST_SAGITTA * wp.float64(2.0) * half, surface.yielding[d] * surface.radius[i])
         if nearest > reach or sagitta < least:
             continue
-        c = against_body(nodes, obstacles.bodies, w, d, b)
+        c = against_body(surface, obstacles.bodies, w, d, b)
         c.kind = ON_SHAPE
         c.n0 = i
         c.n1 = j
         c.weight[0] = wp.float64(1.0) - t
         c.weight[1] = t
         c.part = s
-        c.reach = nodes.radius[i] * (wp.float64(1.0) - surface.yielding[d])
+        c.reach = surface.radius[i] * (wp.float64(1.0) - surface.yielding[d])
         add(found, w, c)
 
 
@@ -302,7 +304,7 @@ def touch_triangle(
     p1 = nodes.x[w, surface.triangles[k, 1]]
     p2 = nodes.x[w, surface.triangles[k, 2]]
     fall = wp.length(clock.gravity[w % clock.gravity.shape[0]]) * h * h
-    slack = nodes.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
+    slack = surface.radius[i] * wp.float64(1.05) + fall + wp.float64(1.0e-5)
     slack += (OWN_SHARE + OBJECT_SHARE) * bounds.speed[w, d] * h
     size = wp.max(wp.length(p1 - p0), wp.length(p2 - p0))
     normal = wp.normalize(wp.cross(p1 - p0, p2 - p0))
@@ -324,13 +326,13 @@ def touch_triangle(
             away = p0 * weights[0] + p1 * weights[1] + p2 * weights[2] - point
             if wp.length(away) - obstacles.corner_radius[m] > reach:
                 continue
-            c = against_body(nodes, obstacles.bodies, w, d, b)
+            c = against_body(surface, obstacles.bodies, w, d, b)
             c.kind = CORNER
             c.n0 = i
             c.n1 = surface.triangles[k, 1]
             c.n2 = surface.triangles[k, 2]
             c.part = m
-            c.reach = nodes.radius[i] + obstacles.corner_radius[m]
+            c.reach = surface.radius[i] + obstacles.corner_radius[m]
             c.side = wp.float64(-1.0)  # a surface with an inside is pushed inwards
             if surface.one_sided[d] == 0 and wp.dot(normal, p0 - centre) > wp.float64(0.0):
                 c.side = wp.float64(1.0)
@@ -352,6 +354,7 @@ def mark_overlaps(
     positions: wp.array[wp.vec3d],
     linked: wp.array2d[wp.int32],
     nodes: Nodes,
+    surface: Surface,
     obstacles: Obstacles,
     excluded: wp.array2d[wp.int32],
 ) -> None:
@@ -366,7 +369,7 @@ def mark_overlaps(
     )
     local = wp.transpose(part.rotation) * local
     kind = obstacles.geometry[0].shapes[part.shape].kind
-    if shape_distance(obstacles.geometry, kind, obstacles.geometry[0].shapes[part.shape], local)[3] < nodes.radius[i]:
+    if shape_distance(obstacles.geometry, kind, obstacles.geometry[0].shapes[part.shape], local)[3] < surface.radius[i]:
         excluded[i, part.body] = 1
 
 

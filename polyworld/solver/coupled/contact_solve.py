@@ -17,7 +17,6 @@ from polyworld.solver.coupled.contact_layout import (
     Contact,
     Found,
     Obstacles,
-    Surface,
     Tally,
 )
 from polyworld.solver.coupled.contact_shapes import FAR, shape_distance, triangle_distance
@@ -252,9 +251,10 @@ def solve(
     found: Found,
     count: int,
     sweeps: int,
-    nodes: Nodes,
-    bodies: wp.array2d[Body],
+    inverse_mass: wp.array2d[wp.float64],
     inverse_inertia: wp.array2d[wp.mat33d],
+    bodies: wp.array2d[Body],
+    v: wp.array2d[wp.vec3d],
     w: int,
 ) -> None:
     """Sweep over the acting contacts until no velocity changes any more."""
@@ -262,15 +262,15 @@ def solve(
         worst = wp.float64(0.0)
         for a in range(count):
             c = found.contacts[w, found.acting[w, a]]
-            u = relative_velocity(c, bodies, nodes.v, w)
+            u = relative_velocity(c, bodies, v, w)
             before = c.impulse
             normal = wp.max(before + (c.target - wp.dot(c.normal, u)) / c.k, wp.float64(0.0))
             change = c.normal * (normal - before)
             worst = wp.max(worst, wp.abs(normal - before) * c.k)
             if c.step_friction > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
                 if c.body >= 0:
-                    push(c, change, nodes.inverse_mass, inverse_inertia, bodies, nodes.v, w)
-                    u = relative_velocity(c, bodies, nodes.v, w)
+                    push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
+                    u = relative_velocity(c, bodies, v, w)
                     change = wp.vec3d()
                 tangential = tangential_impulse(c, u, c.step_friction * normal)
                 slip = tangential - c.tangential
@@ -278,7 +278,7 @@ def solve(
                 found.contacts[w, found.acting[w, a]].tangential = tangential
                 change += slip
             found.contacts[w, found.acting[w, a]].impulse = normal
-            push(c, change, nodes.inverse_mass, inverse_inertia, bodies, nodes.v, w)
+            push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
         if worst < CONVERGED:
             break
 
@@ -417,7 +417,7 @@ def push_on(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], carried: Carri
 
 @wp.kernel
 def solve_contacts(
-    clock: Clock, nodes: Nodes, obstacles: Obstacles, carried: Carried, surface: Surface, found: Found, tally: Tally
+    clock: Clock, nodes: Nodes, obstacles: Obstacles, carried: Carried, across: wp.vec3d, found: Found, tally: Tally
 ) -> None:
     """Change the nodes' and bodies' velocities so that nothing overlaps at the end of the inner step."""
     w = wp.tid()
@@ -434,7 +434,7 @@ def solve_contacts(
         if found.contacts[w, k].wait > 0:
             found.contacts[w, k].wait -= 1
             continue
-        c = follow(found.contacts[w, k], obstacles, surface.across, nodes.x, w)
+        c = follow(found.contacts[w, k], obstacles, across, nodes.x, w)
         if c.gap < FAR:
             c = act(c, dt, threshold, pull, nodes, obstacles.bodies, carried, w)
         if c.gap < FAR:
@@ -458,7 +458,7 @@ def solve_contacts(
             c = found.contacts[w, found.acting[w, a]]
             lack = c.normal * c.impulse + c.tangential - c.given
             push(c, lack, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
-    solve(found, count, sweeps, nodes, obstacles.bodies, carried.inverse_inertia, w)
+    solve(found, count, sweeps, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
     now = clock.time[w] + wp.float64(clock.inner[0]) * dt
     for a in range(count):
         k = found.acting[w, a]

@@ -36,14 +36,14 @@ def advance_time(clock: Clock) -> None:
 
 
 @wp.kernel
-def external_forces(clock: Clock, nodes: Nodes) -> None:
+def external_forces(clock: Clock, nodes: Nodes, damping: wp.array2d[wp.float64], before: wp.array2d[wp.vec3d]) -> None:
     """Set the force on each node to its weight and linear damping; the stages add theirs. Notes its velocity."""
     w, i = wp.tid()
     if clock.dt[w] <= wp.float64(0.0):
         return
-    nodes.before[w, i] = nodes.v[w, i]
+    before[w, i] = nodes.v[w, i]
     m = nodes.mass[w % nodes.mass.shape[0], i]
-    c = nodes.damping[w % nodes.damping.shape[0], nodes.owner[i]]
+    c = damping[w % damping.shape[0], nodes.owner[i]]
     nodes.f[w, i] = (clock.gravity[w % clock.gravity.shape[0]] - c * nodes.v[w, i]) * m
 
 
@@ -73,10 +73,10 @@ def move(clock: Clock, nodes: Nodes) -> None:
 
 
 @wp.kernel
-def activate(clock: Clock, nodes: Nodes) -> None:
+def activate(clock: Clock, nodes: Nodes, start: wp.array[wp.float64], scale: wp.array[wp.float64]) -> None:
     """Nodes take part from their object's start time on."""
     w, i = wp.tid()
-    begins = nodes.start[nodes.owner[i]] * clock.scale[w % clock.scale.shape[0]]
+    begins = start[nodes.owner[i]] * scale[w % scale.shape[0]]
     nodes.active[w, i] = wp.where(clock.time[w] >= begins - wp.float64(1.0e-9), 1, 0)
 
 

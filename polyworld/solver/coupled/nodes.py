@@ -16,27 +16,20 @@ Fields = dict[str, dict[str, Array]]  # deformable -> parameter -> values (1,) s
 
 @wp.struct
 class Nodes:
-    """State of N nodes of D deformables in W worlds; R is 1 or W for each array alone.
+    """State of N nodes in W worlds; R is 1 or W for each array alone.
 
-    x, v (W, N): position, velocity. before (W, N): velocity when the inner step began. f (W, N): force, gathered by
-    the stages, cleared before each inner step. mass, inverse_mass (R, N): inverse_mass is 0 for a node held to the
-    world. radius (N,). owner (N,): index among the world's deformables. friction, restitution, damping (R, D) by
-    deformable; start (D,): when it joins [s]; active (W, N): 0 before that. across: unit normal of the motion plane
-    that all stay in, zero in space.
+    x, v (W, N): position, velocity. f (W, N): force, gathered by the stages, cleared before each inner step. mass,
+    inverse_mass (R, N): inverse_mass is 0 for a node held to the world. owner (N,): index among the world's
+    deformables. active (W, N): 0 before the object's start_time. across: unit normal of the motion plane that all stay
+    in, zero in space.
     """
 
     x: wp.array2d[wp.vec3d]
     v: wp.array2d[wp.vec3d]
-    before: wp.array2d[wp.vec3d]
     f: wp.array2d[wp.vec3d]
     mass: wp.array2d[wp.float64]
     inverse_mass: wp.array2d[wp.float64]
-    radius: wp.array[wp.float64]
     owner: wp.array[wp.int32]
-    friction: wp.array2d[wp.float64]
-    restitution: wp.array2d[wp.float64]
-    damping: wp.array2d[wp.float64]
-    start: wp.array[wp.float64]
     active: wp.array2d[wp.int32]
     across: wp.vec3d
 
@@ -47,7 +40,7 @@ class Clock:
 
     time: now [s]. h: length of the coupling step [s]. dt: length of the inner step [s], 0 for a world that has taken
     all of this coupling step's inner steps (its kernels then do nothing). inner_steps: inner steps in a coupling step.
-    inner (1,): inner steps taken. scale (R,): of the times at which objects start. gravity (R,).
+    inner (1,): inner steps taken. gravity (R,).
     """
 
     time: wp.array[wp.float64]
@@ -55,7 +48,6 @@ class Clock:
     dt: wp.array[wp.float64]
     inner_steps: wp.array[wp.int32]
     inner: wp.array[wp.int32]
-    scale: wp.array[wp.float64]
     gravity: wp.array[wp.vec3d]
 
 

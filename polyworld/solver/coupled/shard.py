@@ -57,6 +57,10 @@ class Shard:
         self.first = first_nodes(self.solids, meshes)
         self.nodes = allocate_nodes(world, self.solids, meshes, n_worlds)
         self.clock = clock_of(n_worlds)
+        self.start = buffers.doubles([getattr(d, "start_time", 0.0) for d in world.deformables])
+        self.time_scale: Any = None  # (R,) of the start times
+        self.damping: Any = None  # (R, D) by deformable [1/s]
+        self.before = buffers.zeros(self.nodes.v.shape, wp.vec3d)  # velocities when the inner step began
         load_kernels(world)
         self.stages = stages_of(world, self.first, n_worlds)
         self.effects = MassEffects(world)
@@ -94,6 +98,7 @@ class Shard:
     def write(self, arrays: RigidArrays, fields: Fields) -> None:
         """Take parameters and go back to the initial state."""
         recapture = self._write_nodes(fields)
+        recapture |= self.contacts.write(fields)
         recapture |= self.effects.write(arrays)
         if self.fluid is not None:
             recapture |= self.fluid.write(fields)
@@ -101,7 +106,7 @@ class Shard:
             recapture |= stage.write(fields)
         gravity: Any = buffers.array(arrays.gravity, wp.vec3d)
         recapture |= write_in_place(self.clock, "gravity", gravity)
-        recapture |= write_in_place(self.clock, "scale", buffers.array(arrays.time_scale[:, 0], wp.float64))
+        recapture |= write_in_place(self, "time_scale", buffers.array(arrays.time_scale[:, 0], wp.float64))
         if self.rigid is not None:
             self.rigid.write(arrays)
         if recapture:
@@ -125,9 +130,7 @@ class Shard:
                 fields[name].setdefault(parameter, zero)
         recapture = write_in_place(nodes, "mass", buffers.array(mass, wp.float64))
         recapture |= write_in_place(nodes, "inverse_mass", buffers.array(inverse, wp.float64))
-        recapture |= write_in_place(nodes, "friction", parameter_row(fields, names, "friction"))
-        recapture |= write_in_place(nodes, "restitution", parameter_row(fields, names, "restitution"))
-        recapture |= write_in_place(nodes, "damping", parameter_row(fields, names, "linear_damping"))
+        recapture |= write_in_place(self, "damping", parameter_row(fields, names, "linear_damping"))
         return recapture
 
     def _reset(self, arrays: RigidArrays, fields: Fields) -> None:
@@ -170,7 +173,7 @@ class Shard:
         self.prepare()
         graphs = self._graphs
         assert graphs is not None
-        end = self.table.end[segment] * np.broadcast_to(self.clock.scale.numpy(), (self.n_worlds,))
+        end = self.table.end[segment] * np.broadcast_to(self.time_scale.numpy(), (self.n_worlds,))
         steps = int(self.table.steps[segment])
         time, h = self.clock.time.numpy(), self.clock.h.numpy()
         diverged = self.diverged_node.numpy()
@@ -253,7 +256,7 @@ class Shard:
         """Velocities (W, N, 3) of the nodes now. What they carry is half a step of gravity ahead of how they move (see
         `motion.move`) where gravity is held up, so that much is taken off; where they fall freely, it is right.
         """
-        now, before, gravity = self.nodes.v.numpy(), self.nodes.before.numpy(), self.clock.gravity.numpy()[:, None]
+        now, before, gravity = self.nodes.v.numpy(), self.before.numpy(), self.clock.gravity.numpy()[:, None]
         dt = self.clock.h.numpy() / np.maximum(self.clock.inner_steps.numpy(), 1)
         dt = np.where(self.clock.time.numpy() > 0.0, dt, 0.0)[:, None]
         moves = (self.nodes.inverse_mass.numpy() > 0.0) & (self.nodes.active.numpy() > 0)

@@ -24,7 +24,7 @@ def begin(shard: Shard) -> None:
     """Launch the start of a coupling step: what takes part, how many inner steps it needs, what may touch in it."""
     nodes, clock = shard.nodes, shard.clock
     buffers.launch(motion.begin_coupling_step, 1, [clock])
-    buffers.launch(motion.activate, nodes.x.shape, [clock, nodes])
+    buffers.launch(motion.activate, nodes.x.shape, [clock, nodes, shard.start, shard.time_scale])
     for stage in shard.stages:
         if isinstance(stage, Paced):
             stage.launch_begin(nodes, clock)
@@ -40,7 +40,7 @@ def inner(shard: Shard) -> None:
     buffers.launch(motion.begin_inner_step, shard.n_worlds, [clock])
 
     # Forces: weight and damping, effects, the materials' own.
-    buffers.launch(motion.external_forces, nodes.x.shape, [clock, nodes])
+    buffers.launch(motion.external_forces, nodes.x.shape, [clock, nodes, shard.damping, shard.before])
     shard.effects.launch(nodes, clock)
     for stage in shard.stages:
         stage.launch_forces(nodes, clock)

@@ -102,7 +102,7 @@ class SurfacePairs:
         pairs.longest = float(lengths[kept].max(initial=0.0))
         pairs.skin = SKIN * float(np.median(lengths))
         self._pairs = pairs
-        pairs.thickest = float(nodes.radius.numpy()[exposed].max())
+        pairs.thickest = float(surface.radius.numpy()[exposed].max())
         cell = 2.0 * float(np.median(lengths)) + 2.0 * pairs.thickest
         self._grid = make_grid(self._w, len(exposed), cell)
         self._edge_grid = make_grid(self._w, len(kept), max(cell, pairs.longest))

@@ -113,9 +113,8 @@ def sort_surfaces(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, no
     if pairs.edge.shape[0] > 0:
         for k in range(pairs.edge.shape[0]):
             e = pairs.edge[k]
-            edge_grid.point[w, k] = (nodes.x[w, surface.edges[e, 0]] + nodes.x[w, surface.edges[e, 1]]) * wp.float64(
-                0.5
-            )
+            ends = nodes.x[w, surface.edges[e, 0]] + nodes.x[w, surface.edges[e, 1]]
+            edge_grid.point[w, k] = ends * wp.float64(0.5)
         sort_points(edge_grid, w)
 
 
@@ -176,7 +175,7 @@ def list_faces(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs, gri
                     p = nodes.x[w, n]
                     if wp.length_sq(p - a) > ball * ball or not in_cell(grid, w, item, i, j, k):
                         continue
-                    sum = nodes.radius[n] + nodes.radius[n0]
+                    sum = surface.radius[n] + surface.radius[n0]
                     if o == d or pairs.bonded[d, o] == 1:
                         q = pairs.rest[n]
                         nearest = wp.min(wp.length_sq(ra - q), wp.min(wp.length_sq(rb - q), wp.length_sq(rc - q)))
@@ -217,10 +216,9 @@ def list_sides(nodes: Nodes, surface: Surface, pairs: Pairs, grid: Grid, found: 
                     o = nodes.owner[n]
                     if o == d or pairs.may[d, o] == 0 or nodes.active[w, n] == 0 or not in_cell(grid, w, item, i, j, k):
                         continue
-                    part = wp.clamp(
-                        wp.dot(nodes.x[w, n] - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0)
-                    )
-                    if wp.length(nodes.x[w, n] - a - (b - a) * part) <= reach:
+                    p = nodes.x[w, n]
+                    part = wp.clamp(wp.dot(p - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0))
+                    if wp.length(p - a - (b - a) * part) <= reach:
                         list_pair(pairs.sides, pairs.side_count, found.overflowed, w, n, t)
 
 
@@ -271,7 +269,7 @@ def list_crossings(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs,
                         continue
                     if (n0 - m0) * (n0 - m1) * (n1 - m0) * (n1 - m1) == 0 or not in_cell(grid, w, item, i, j, k):
                         continue
-                    sum = nodes.radius[n0] + nodes.radius[m0]
+                    sum = surface.radius[n0] + surface.radius[m0]
                     if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:
                         longest = wp.max(pairs.segment[e], pairs.segment[f])
                         ring = wp.max(EDGE_RING * longest, sum + longest)
@@ -304,7 +302,7 @@ def take_pairs(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, bodie
     h = clock.h[w]
     x = nodes.x
     v = nodes.v
-    radius = nodes.radius
+    radius = surface.radius
     owner = nodes.owner
     if h <= wp.float64(0.0):
         return
@@ -348,8 +346,8 @@ def take_pairs(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, bodie
         z.side = wp.float64(1.0)
         if one_sided == 0 and height < wp.float64(0.0):
             z.side = wp.float64(-1.0)
-        z.friction = mixed(nodes.friction, w, owner[n], owner[n0])
-        z.restitution = mixed(nodes.restitution, w, owner[n], owner[n0])
+        z.friction = mixed(surface.friction, w, owner[n], owner[n0])
+        z.restitution = mixed(surface.restitution, w, owner[n], owner[n0])
         add(found, w, z)
     for k in range(pairs.side_count[w]):
         n = pairs.sides[w, k][0]
@@ -375,8 +373,8 @@ def take_pairs(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, bodie
         z.other = bodies + wp.max(owner[n], owner[n0])
         z.weight = wp.vec4d(wp.float64(1.0), t_side - wp.float64(1.0), -t_side, wp.float64(0.0))
         z.reach = sum
-        z.friction = mixed(nodes.friction, w, owner[n], owner[n0])
-        z.restitution = mixed(nodes.restitution, w, owner[n], owner[n0])
+        z.friction = mixed(surface.friction, w, owner[n], owner[n0])
+        z.restitution = mixed(surface.restitution, w, owner[n], owner[n0])
         add(found, w, z)
     for k in range(pairs.crossing_count[w]):
         e = pairs.crossings[w, k][0]
@@ -403,6 +401,6 @@ def take_pairs(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, bodie
         z.other = bodies + wp.max(owner[n0], owner[m0])
         z.reach = sum
         z.normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        z.friction = mixed(nodes.friction, w, owner[n0], owner[m0])
-        z.restitution = mixed(nodes.restitution, w, owner[n0], owner[m0])
+        z.friction = mixed(surface.friction, w, owner[n0], owner[m0])
+        z.restitution = mixed(surface.restitution, w, owner[n0], owner[m0])
         add(found, w, z)
