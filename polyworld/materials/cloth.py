@@ -15,6 +15,8 @@ from polyworld.world.parameter_tables import COMMON, TAU, ParameterSpec
 from polyworld.world.representations.cloth import Cloth
 
 if TYPE_CHECKING:
+    from polyworld.pictures.deformable_pictures import View
+    from polyworld.pictures.scene import Surface
     from polyworld.solver.cloth.stage import ClothStage
 
 PARAMETERS = {
@@ -53,6 +55,12 @@ def _moved(item: dict[str, Any], place: Place, turn: Any) -> None:
             rest[edge] = (float(x), float(y), float(z))
 
 
+def _picture(world: World, item: Cloth, mesh: DeformableMesh, points: Any, view: View) -> Surface:
+    from polyworld.pictures.deformable_pictures import cloth_surface
+
+    return cloth_surface(world, item, mesh, points, view)
+
+
 MATERIAL = Material(
     kind="cloth",
     description=Cloth,
@@ -64,6 +72,7 @@ MATERIAL = Material(
     stage=_stage,
     kernels="polyworld.solver.cloth",
     moved=_moved,
+    picture=_picture,
     facts=lambda _world, item, _mesh: {"thickness": item.thickness},
     planar=False,
     opacity=0.75,

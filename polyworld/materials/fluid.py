@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,10 @@ from polyworld.world import World, geometry
 from polyworld.world.materials import Material, Place
 from polyworld.world.parameter_tables import ParameterSpec
 from polyworld.world.representations.fluid import Fluid
+
+if TYPE_CHECKING:
+    from polyworld.pictures.deformable_pictures import View
+    from polyworld.pictures.scene import Surface
 
 PARAMETERS = {
     "density": ParameterSpec("kg/m^3", 1e-2, 1e6, (300.0, 3e3), "density"),
@@ -38,6 +42,12 @@ def _facts(world: World, item: Fluid, _mesh: DeformableMesh) -> dict[str, Any]:
     return {"fed_by": emitters} if emitters else {}
 
 
+def _picture(world: World, item: Fluid, mesh: DeformableMesh, points: Any, view: View) -> Surface:
+    from polyworld.pictures.deformable_pictures import fluid_surface
+
+    return fluid_surface(world, item, mesh, points, view)
+
+
 MATERIAL = Material(
     kind="fluid",
     description=Fluid,
@@ -48,6 +58,7 @@ MATERIAL = Material(
     mesh=_mesh,
     kernels="polyworld.solver.fluid",
     moved=_moved,
+    picture=_picture,
     facts=_facts,
     color="#408cd2",
     opacity=0.75,

@@ -15,6 +15,8 @@ from polyworld.world.parameter_tables import COMMON, TAU, ParameterSpec
 from polyworld.world.representations.rope import Rope
 
 if TYPE_CHECKING:
+    from polyworld.pictures.deformable_pictures import View
+    from polyworld.pictures.scene import Rods
     from polyworld.solver.rope.stage import RopeStage
 
 PARAMETERS = {
@@ -56,6 +58,12 @@ def _reach(world: World, item: Rope, mesh: DeformableMesh) -> Any:
     return np.concatenate([mesh.nodes, round_wheels(threading(world, item))])
 
 
+def _picture(world: World, item: Rope, mesh: DeformableMesh, points: Any, view: View) -> Rods:
+    from polyworld.pictures.deformable_pictures import rope_rods
+
+    return rope_rods(world, item, mesh, points, view)
+
+
 MATERIAL = Material(
     kind="rope",
     description=Rope,
@@ -67,6 +75,7 @@ MATERIAL = Material(
     stage=_stage,
     kernels="polyworld.solver.rope",
     moved=_moved,
+    picture=_picture,
     facts=_facts,
     size=_size,
     reach=_reach,

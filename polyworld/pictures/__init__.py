@@ -1,4 +1,4 @@
-"""Pictures of a world: ray casting of solids, deformable surfaces and liquids on their camera.
+"""Pictures of a world: its forms at one moment, rays cast at them, liquids and shadows laid over.
 
-Read `render` first, then `raycast`, `rasterize` and what they shade.
+Read `render` first, then `scene` and `raycast`; each material's form is one function in `deformable_pictures`.
 """

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from polyworld.pictures.render import Picture
+from polyworld.pictures.rigid_pictures import frame_about
 from polyworld.world import World, geometry
 from polyworld.world.camera import Camera
 from polyworld.world.materials import material_of
@@ -46,7 +47,7 @@ def with_contact_shadows(
             continue
         places = _points(camera, rows, columns, picture.depth[rows, columns])
         light = np.ones(len(rows))
-        axes = _axes(normal)
+        axes = frame_about(normal).T
         for index, item in enumerate(world.objects):
             place = np.asarray(positions[index], dtype=float)
             if (visible is not None and not visible[index]) or not np.all(np.isfinite(place)):
@@ -109,14 +110,6 @@ def _points(camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64],
     rays = np.stack([columns, rows, np.ones_like(rows)], axis=1) @ np.linalg.inv(np.asarray(camera.intrinsics)).T
     seen: Array = camera.centre + (rays * depth[:, None].astype(float)) @ np.asarray(camera.rotation)
     return seen
-
-
-def _axes(normal: Array) -> Array:
-    """Rows x, y, normal (3, 3): a right-handed frame on a floor."""
-    helper = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    x = helper - (helper @ normal) * normal
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(normal, x), normal])
 
 
 def _depth_below(shape: geometry.Solid, rotation: Array, axes: Array) -> float:

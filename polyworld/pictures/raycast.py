@@ -1,8 +1,8 @@
-"""Exact ray casting: one kernel over the pixels, each ray against every shape whose rectangle holds the pixel.
+"""Ray casting: one kernel over the pixels, each ray against triangles, rods and floors.
 
-Rays are given in world axes from the camera centre; shapes in their own axes. A hit is a vec4
-(distance along the unit ray [m], surface normal); a negative distance is a miss. A ray that starts
-inside a solid misses it. float32: at a camera distance of 10 m a distance is good to some 10 um.
+All places are relative to the camera's centre, in world axes, float32: at a distance of 10 m a hit is good to some
+10 um. Triangles are met through Warp's mesh query. Spheres, capsules, cylinders and ropes are rods, met exactly:
+a tessellation fine enough for outlines correct to a pixel would need more triangles than all else.
 """
 
 from __future__ import annotations
@@ -11,210 +11,154 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-SPHERE = 0
-BOX = 1
-CYLINDER = 2
-CAPSULE = 3
-CONVEX = 4
-PLANE = 5
-
 _FAR = 1.0e30
 _AMBIENT = 0.35
+_BACK = 0.82  # brightness of the back of a sheet
 _TILE_CONTRAST = 0.06
 
 
-@wp.func
-def _miss() -> wp.vec4:
-    return wp.vec4(-1.0, 0.0, 0.0, 0.0)
+@wp.struct
+class Scene:
+    """Triangles of one mesh with normals at their vertices, rods in one bounding-volume hierarchy, and floors."""
+
+    mesh: wp.uint64
+    indices: wp.array2d[int]
+    normals: wp.array[wp.vec3]
+    triangle_label: wp.array[int]
+    triangle_color: wp.array[wp.vec3]
+    rods: wp.uint64
+    start: wp.array[wp.vec3]
+    end: wp.array[wp.vec3]
+    radius: wp.array[float]
+    flat: wp.array[int]
+    rod_label: wp.array[int]
+    rod_color: wp.array[wp.vec3]
+    floor_point: wp.array[wp.vec3]
+    floor_axes: wp.array[wp.mat33]
+    floor_label: wp.array[int]
+    floor_color: wp.array[wp.vec3]
 
 
 @wp.func
-def _sphere(o: wp.vec3, d: wp.vec3, radius: float) -> wp.vec4:
-    # Distance of the centre from the ray first: stable in float32 where b^2 - c cancels.
-    along = -wp.dot(o, d)
-    nearest = o + d * along
-    inside = radius * radius - wp.dot(nearest, nearest)
-    if inside < 0.0 or along <= 0.0:
-        return _miss()
-    distance = along - wp.sqrt(inside)
-    if distance <= 0.0:
-        return _miss()
-    normal = (o + d * distance) / radius
-    return wp.vec4(distance, normal[0], normal[1], normal[2])
-
-
-@wp.func
-def _box(o: wp.vec3, d: wp.vec3, half: wp.vec3) -> wp.vec4:
-    enter = float(-_FAR)
-    leave = float(_FAR)
-    face = wp.int32(0)
-    for axis in range(3):
-        if wp.abs(d[axis]) < 1.0e-9:
-            if wp.abs(o[axis]) > half[axis]:
-                return _miss()
+def _rod(d: wp.vec3, start: wp.vec3, end: wp.vec3, radius: float, flat: int) -> wp.vec4:
+    """Distance along the unit ray and normal where it meets a cylinder with round or flat ends; a negative distance
+    is a miss, as of a ray that starts inside."""
+    axis = end - start
+    length = wp.length(axis)
+    axis = axis / wp.max(length, 1.0e-9)
+    # From the point of the ray nearest to the start: small numbers keep float32 exact enough.
+    reach = wp.dot(start, d)
+    o = d * reach - start
+    rr = radius * radius
+    slope = wp.dot(d, axis)
+    best = float(_FAR)
+    normal = wp.vec3(0.0, 0.0, 0.0)
+    across = d - axis * slope
+    away = o - axis * wp.dot(o, axis)
+    aa = wp.dot(across, across)
+    if aa > 1.0e-12:
+        middle = -wp.dot(away, across) / aa
+        closest = away + across * middle
+        inside = rr - wp.dot(closest, closest)
+        if inside >= 0.0:
+            s = middle - wp.sqrt(inside / aa)
+            z = wp.dot(o + d * s, axis)
+            if z >= 0.0 and z <= length:
+                best = s
+                normal = o + d * s - axis * z
+    for tip in range(2):
+        shift = o - axis * (length * float(tip))
+        if flat > 0:
+            outward = axis * (2.0 * float(tip) - 1.0)
+            speed = wp.dot(outward, d)
+            if speed < -1.0e-9:
+                s = -wp.dot(shift, outward) / speed
+                place = shift + d * s
+                if s < best and wp.dot(place, place) <= rr:
+                    best = s
+                    normal = outward
         else:
-            near = (-wp.sign(d[axis]) * half[axis] - o[axis]) / d[axis]
-            far = (wp.sign(d[axis]) * half[axis] - o[axis]) / d[axis]
-            if near > enter:
-                enter = near
-                face = axis
-            leave = wp.min(leave, far)
-    if enter > leave or enter <= 0.0:
-        return _miss()
-    hit = wp.vec4(enter, 0.0, 0.0, 0.0)
-    hit[face + 1] = -wp.sign(d[face])
-    return hit
+            middle = -wp.dot(shift, d)
+            closest = shift + d * middle
+            inside = rr - wp.dot(closest, closest)
+            if inside >= 0.0:
+                s = middle - wp.sqrt(inside)
+                if s < best:
+                    best = s
+                    normal = shift + d * s
+    if best >= _FAR:
+        return wp.vec4(-1.0, 0.0, 0.0, 0.0)
+    normal = wp.normalize(normal)
+    return wp.vec4(best + reach, normal[0], normal[1], normal[2])
 
 
 @wp.func
-def _tube(o: wp.vec3, d: wp.vec3, radius: float, half_height: float) -> wp.vec4:
-    """The side of a cylinder about z, without its ends."""
-    across = d[0] * d[0] + d[1] * d[1]
-    if across < 1.0e-12:
-        return _miss()
-    along = -(o[0] * d[0] + o[1] * d[1]) / across
-    x = o[0] + d[0] * along
-    y = o[1] + d[1] * along
-    inside = radius * radius - x * x - y * y
-    if inside < 0.0:
-        return _miss()
-    distance = along - wp.sqrt(inside / across)
-    z = o[2] + d[2] * distance
-    if distance <= 0.0 or wp.abs(z) > half_height:
-        return _miss()
-    return wp.vec4(distance, (o[0] + d[0] * distance) / radius, (o[1] + d[1] * distance) / radius, 0.0)
-
-
-@wp.func
-def _cylinder(o: wp.vec3, d: wp.vec3, radius: float, half_height: float) -> wp.vec4:
-    if wp.abs(d[2]) > 1.0e-9:
-        end = -wp.sign(d[2])
-        distance = (end * half_height - o[2]) / d[2]
-        x = o[0] + d[0] * distance
-        y = o[1] + d[1] * distance
-        if distance > 0.0 and x * x + y * y <= radius * radius:
-            return wp.vec4(distance, 0.0, 0.0, end)
-    return _tube(o, d, radius, half_height)
-
-
-@wp.func
-def _capsule(o: wp.vec3, d: wp.vec3, radius: float, half_height: float) -> wp.vec4:
-    best = _tube(o, d, radius, half_height)
-    for end in range(2):
-        centre = wp.vec3(0.0, 0.0, half_height * (2.0 * float(end) - 1.0))
-        hit = _sphere(o - centre, d, radius)
-        if hit[0] > 0.0 and (best[0] < 0.0 or hit[0] < best[0]):
-            best = hit
-    return best
-
-
-@wp.func
-def _convex(o: wp.vec3, d: wp.vec3, faces: wp.array[wp.vec4], first: int, count: int) -> wp.vec4:
-    """Intersection of half spaces normal . p <= offset, stored as (normal, offset)."""
-    enter = float(-_FAR)
-    leave = float(_FAR)
-    nearest = wp.int32(0)
-    for i in range(first, first + count):
-        face = faces[i]
-        normal = wp.vec3(face[0], face[1], face[2])
-        speed = wp.dot(normal, d)
-        gap = face[3] - wp.dot(normal, o)
-        if wp.abs(speed) < 1.0e-9:
-            if gap < 0.0:
-                return _miss()
-        elif speed < 0.0:
-            if gap / speed > enter:
-                enter = gap / speed
-                nearest = i
-        else:
-            leave = wp.min(leave, gap / speed)
-    if enter > leave or enter <= 0.0:
-        return _miss()
-    face = faces[nearest]
-    return wp.vec4(enter, face[0], face[1], face[2])
-
-
-@wp.func
-def _plane(o: wp.vec3, d: wp.vec3, normal: wp.vec3, offset: float) -> wp.vec4:
-    speed = wp.dot(normal, d)
-    if speed > -1.0e-9:
-        return _miss()
-    distance = (offset - wp.dot(normal, o)) / speed
-    if distance <= 0.0:
-        return _miss()
-    return wp.vec4(distance, normal[0], normal[1], normal[2])
-
-
-@wp.func
-def _shaded(color: wp.vec3, normal: wp.vec3, light: wp.vec3) -> wp.vec3:
-    return color * (_AMBIENT + (1.0 - _AMBIENT) * wp.max(0.0, wp.dot(normal, light)))
-
-
-@wp.func
-def _tiled(point: wp.vec3, tile: float) -> float:
-    """Brightness of a chequered surface: without it a plane shows neither scale nor motion."""
-    cell = wp.floor(point[0] / tile) + wp.floor(point[1] / tile) + wp.floor(point[2] / tile + 0.5)
+def _tiled(place: wp.vec3, tile: float) -> float:
+    """Brightness of a chequered floor: without it a plane shows neither scale nor motion."""
+    cell = wp.floor(place[0] / tile) + wp.floor(place[1] / tile) + wp.floor(place[2] / tile + 0.5)
     return 1.0 - _TILE_CONTRAST * (cell - 2.0 * wp.floor(cell / 2.0))
 
 
 @wp.kernel
 def cast(
-    # camera
-    origin: wp.vec3,
+    scene: Scene,
+    # view
     pixel_to_ray: wp.mat33,
-    # shapes
-    label_of: wp.array[int],
-    kind: wp.array[int],
-    position: wp.array[wp.vec3],
-    rotation: wp.array[wp.mat33],
-    size: wp.array[wp.vec3],
-    face_first: wp.array[int],
-    face_count: wp.array[int],
-    faces: wp.array[wp.vec4],
-    color: wp.array[wp.vec3],
-    rectangle: wp.array[wp.vec4i],
-    # light
     light: wp.vec3,
+    background: wp.vec3,
     tile: float,
     # out
     labels_out: wp.array2d[int],
-    distance_out: wp.array2d[float],
+    depth_out: wp.array2d[float],
+    normals_out: wp.array2d[wp.vec3],
     color_out: wp.array2d[wp.vec3],
 ) -> None:
-    """Nearest shape along the ray of each pixel: label, distance and shaded colour."""
+    """Nearest thing along the ray of each pixel: label, depth along the camera's axis, normal and shaded colour."""
     row, column = wp.tid()
-    d = wp.normalize(pixel_to_ray @ wp.vec3(float(column), float(row), 1.0))
-    nearest = distance_out[row, column]
-    found = wp.int32(-1)
+    ray = pixel_to_ray @ wp.vec3(float(column), float(row), 1.0)
+    d = wp.normalize(ray)
+    nearest = float(_FAR)
+    label = wp.int32(-1)
     normal = wp.vec3(0.0, 0.0, 0.0)
-    for i in range(kind.shape[0]):
-        r = rectangle[i]
-        if column >= r[0] and column <= r[1] and row >= r[2] and row <= r[3]:
-            to_body = wp.transpose(rotation[i])
-            o = to_body @ (origin - position[i])
-            ray = to_body @ d
-            s = size[i]
-            hit = _miss()
-            if kind[i] == SPHERE:
-                hit = _sphere(o, ray, s[0])
-            elif kind[i] == BOX:
-                hit = _box(o, ray, s)
-            elif kind[i] == CYLINDER:
-                hit = _cylinder(o, ray, s[0], s[1])
-            elif kind[i] == CAPSULE:
-                hit = _capsule(o, ray, s[0], s[1])
-            elif kind[i] == CONVEX:
-                hit = _convex(o, ray, faces, face_first[i], face_count[i])
-            elif kind[i] == PLANE:
-                hit = _plane(o, ray, wp.vec3(0.0, 0.0, 1.0), 0.0)
-            if hit[0] > 0.0 and hit[0] < nearest:
-                nearest = hit[0]
-                found = i
-                normal = rotation[i] @ wp.vec3(hit[1], hit[2], hit[3])
-    if found >= 0:
-        surface = color[found]
-        if kind[found] == PLANE:
-            surface = surface * _tiled(wp.transpose(rotation[found]) @ (origin + d * nearest - position[found]), tile)
-        labels_out[row, column] = label_of[found]
-        distance_out[row, column] = nearest
-        color_out[row, column] = _shaded(surface, normal, light)
+    color = background
+    for i in range(scene.floor_label.shape[0]):
+        up = scene.floor_axes[i][2]
+        speed = wp.dot(up, d)
+        distance = wp.dot(up, scene.floor_point[i]) / speed
+        if speed < -1.0e-9 and distance > 0.0 and distance < nearest:
+            nearest = distance
+            label = scene.floor_label[i]
+            normal = up
+            color = scene.floor_color[i] * _tiled(scene.floor_axes[i] @ (d * distance - scene.floor_point[i]), tile)
+    if scene.rod_label.shape[0] > 0:
+        query = wp.bvh_query_ray(scene.rods, wp.vec3(0.0, 0.0, 0.0), d)
+        i = wp.int32(0)
+        while wp.bvh_query_next(query, i, nearest):
+            met = _rod(d, scene.start[i], scene.end[i], scene.radius[i], scene.flat[i])
+            if met[0] > 0.0 and met[0] < nearest:
+                nearest = met[0]
+                label = scene.rod_label[i]
+                normal = wp.vec3(met[1], met[2], met[3])
+                color = scene.rod_color[i]
+    if scene.triangle_label.shape[0] > 0:
+        hit = wp.mesh_query_ray(scene.mesh, wp.vec3(0.0, 0.0, 0.0), d, nearest)
+        if hit.result:
+            nearest = hit.t
+            label = scene.triangle_label[hit.face]
+            color = scene.triangle_color[hit.face]
+            normal = wp.normalize(
+                hit.u * scene.normals[scene.indices[hit.face, 0]]
+                + hit.v * scene.normals[scene.indices[hit.face, 1]]
+                + (1.0 - hit.u - hit.v) * scene.normals[scene.indices[hit.face, 2]]
+            )
+            if wp.dot(hit.normal, d) > 0.0:
+                normal = -normal
+                color = color * _BACK
+    labels_out[row, column] = label
+    normals_out[row, column] = normal
+    if label >= 0:
+        depth_out[row, column] = nearest / wp.length(ray)
+        color_out[row, column] = color * (_AMBIENT + (1.0 - _AMBIENT) * wp.max(0.0, wp.dot(normal, light)))
+    else:
+        depth_out[row, column] = wp.inf
+        color_out[row, column] = background

@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.pictures import raycast
-from polyworld.pictures.deformable_pictures import Raster, draw_solids, starting_points
-from polyworld.pictures.liquid_shading import liquid_seen, with_liquid
-from polyworld.pictures.raycast_mesh import cast_mesh
+from polyworld.pictures.deformable_pictures import View, drawn_deformable, starting_points
+from polyworld.pictures.liquid_shading import WATER, with_liquid
+from polyworld.pictures.rigid_pictures import drawn_solids, pulley_pose
+from polyworld.pictures.scene import Drawn, Hits, Surface, cast_rays
 from polyworld.world import World, geometry
 from polyworld.world.camera import Camera
-from polyworld.world.colors import display_color
-from polyworld.world.representations.rope import Pulley
-from polyworld.world.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, TriangleMesh, Wall
+from polyworld.world.colors import display_color, rgb
+from polyworld.world.shapes import Compound, Plane
 
 Array = NDArray[np.float64]
-Shape = Sphere | Box | Cylinder | Capsule | ConvexMesh | Plane | Wall | TriangleMesh
 
-BACKGROUND = (222, 226, 232)
-STATIC_COLOR = "silver"
-PULLEY_COLOR = "gray"
 GLASS, PANE = "glass", 0.3  # the material that is seen through, and the weight of its own colour
 MARGIN = 0.06  # of the picture that a camera leaves free at each side
 
@@ -50,21 +42,6 @@ class Picture:
         """The visible pixels (H, W) of one object or static."""
         seen: NDArray[np.bool_] = self.labels == index
         return seen
-
-
-@dataclass
-class _Placed:
-    """Shapes to draw: label, kind, pose, size, bounding radius (inf where unbounded), half spaces."""
-
-    label: list[int]
-    kind: list[int]
-    position: list[Array]
-    rotation: list[Array]
-    size: list[tuple[float, float, float]]
-    bound: list[float]
-    faces: list[Array]
-    color: list[tuple[int, int, int]]
-    meshes: list[tuple[int, TriangleMesh]]
 
 
 def render(
@@ -100,49 +77,77 @@ def render(
         raise ValueError(f"points of {unknown}: deformable objects are {[d.name for d in world.deformables]}")
     everything = np.concatenate([positions[: len(world.objects)], *places.values()])
     camera = camera or world.camera or default_camera(world, everything)
-    placed = _place(world, positions, orientations)
-    rectangles = np.array([_rectangle(camera, p, b) for p, b in zip(placed.position, placed.bound, strict=True)])
-    rectangles = rectangles.reshape(-1, 4)
-    drawn = [visible is None or bool(visible[i]) for i in range(n)]
-    for row, label in enumerate(placed.label):
-        if label < n and not (drawn[label] and np.all(np.isfinite(positions[label]))):
-            rectangles[row] = (0, -1, 0, -1)
-    hidden = {name for name, shown in zip(world.moving_names, drawn, strict=True) if not shown}
-    poses = [pulley_pose(world, pulley, positions, orientations) for pulley in world.pulleys]
-    wheels = [
-        pulley.model_copy(update={"centre": tuple(centre), "axis": tuple(axes[:, 2])})
-        for pulley, (centre, axes) in zip(world.pulleys, poses, strict=True)
+    things = [
+        *drawn_solids(world, positions, orientations, camera.centre),
+        *_drawn_deformables(world, positions, orientations, places, camera),
     ]
-    glass = np.isin(placed.label, _glass(world))
-    nothing = np.array([0, -1, 0, -1])
-    picture = _cast(world, camera, placed, np.where(glass[:, None], nothing, rectangles), places, wheels, hidden)
-    if not glass.any():
-        return picture
-    nobody = set(world.moving_names)
-    panes = _cast(
-        world, camera, placed, np.where(glass[:, None], rectangles, nothing), places, [], nobody, meshes=False
-    )
-    return _behind_glass(picture, panes)
+    if visible is not None:
+        things = [thing for thing in things if thing.label >= n or visible[thing.label]]
+    glass = _glass(world)
+    panes = [thing for thing in things if thing.label in glass]
+    liquids = [thing for thing in things if isinstance(thing.form, Surface) and thing.form.liquid]
+    clear = {thing.label for thing in (*panes, *liquids)}
+    picture = cast_rays(camera, [thing for thing in things if thing.label not in clear])
+    if liquids:
+        picture = _with_liquids(world, camera, picture, liquids)
+    if panes:
+        picture = _behind_glass(picture, cast_rays(camera, panes))
+    return Picture(picture.labels, picture.depth, np.clip(np.rint(picture.color * 255.0), 0, 255).astype(np.uint8))
 
 
-def _glass(world: World) -> list[int]:
+def _drawn_deformables(
+    world: World, positions: Array, orientations: Array, points: Mapping[str, Array], camera: Camera
+) -> Iterator[Drawn]:
+    """Yield the forms of a world's deformable objects."""
+    wheels = []
+    for pulley in world.pulleys:
+        centre, axes = pulley_pose(world, pulley, positions, orientations)
+        wheels.append(pulley.model_copy(update={"centre": tuple(centre), "axis": tuple(axes[:, 2])}))
+    view = View(camera, wheels)
+    for label, item in enumerate(world.deformables, start=len(world.objects)):
+        form = drawn_deformable(world, item, points[item.name], view)
+        color = display_color(item.appearance.color, label)
+        if isinstance(form, Surface) and form.liquid:
+            color = rgb(item.appearance.color) or WATER
+        yield Drawn(label, color, form)
+
+
+def _with_liquids(world: World, camera: Camera, solid: Hits, liquids: Sequence[Drawn]) -> Hits:
+    """Lay liquids over what else is seen: they hide what is behind them, but for its colour."""
+    assert world.fluid_grid is not None  # a world with a liquid has one
+    liquid = cast_rays(camera, liquids)
+    if not (liquid.labels >= 0).any():
+        return solid
+    n = len(world.moving_names)
+    hollow = [i for i, o in enumerate(world.objects) if isinstance(o.shape, Compound)]
+    walls = [n + i for i, s in enumerate(world.statics) if not isinstance(s.shape, Plane)]
+    nearer = liquid.depth < solid.depth
+    behind = (liquid.labels >= 0) & ~nearer & np.isin(solid.labels, hollow + walls)
+    own = {thing.label: thing.color for thing in liquids}
+    spacing = world.fluid_grid.cell / 2.0
+    color = with_liquid(liquid, camera, solid.color, nearer, behind, own, spacing, planar=world.planar)
+    return _chosen(nearer, liquid, solid, color)
+
+
+def _glass(world: World) -> set[int]:
     """Labels of what is seen through: bodies and statics whose material is glass."""
     n = len(world.moving_names)
-    bodies = [i for i, item in enumerate(world.objects) if item.appearance.material == GLASS]
-    return bodies + [n + i for i, static in enumerate(world.statics) if static.appearance.material == GLASS]
+    bodies = {i for i, item in enumerate(world.objects) if item.appearance.material == GLASS}
+    return bodies | {n + i for i, static in enumerate(world.statics) if static.appearance.material == GLASS}
 
 
-def _behind_glass(picture: Picture, panes: Picture) -> Picture:
-    """A picture with panes over it: what is behind them keeps its label and depth, if there is anything."""
-    seen = (panes.labels >= 0) & (panes.depth < picture.depth)
-    color = picture.color.astype(float)
-    color[seen] = (1.0 - PANE) * color[seen] + PANE * panes.color[seen]
-    alone = seen & (picture.labels < 0)
-    return Picture(
-        labels=np.where(alone, panes.labels, picture.labels),
-        depth=np.where(alone, panes.depth, picture.depth),
-        color=np.rint(color).astype(np.uint8),
-    )
+def _behind_glass(seen: Hits, panes: Hits) -> Hits:
+    """Lay panes over what is seen: what is behind them keeps its label and depth, if there is anything."""
+    before = panes.depth < seen.depth
+    color = seen.color.copy()
+    color[before] = (1.0 - PANE) * seen.color[before] + PANE * panes.color[before]
+    return _chosen(before & (seen.labels < 0), panes, seen, color)
+
+
+def _chosen(first: NDArray[np.bool_], one: Hits, other: Hits, color: NDArray[np.float32]) -> Hits:
+    """Labels and depths of one where `first` (H, W), of the other elsewhere."""
+    labels, depth = np.where(first, one.labels, other.labels), np.where(first, one.depth, other.depth)
+    return Hits(labels, depth, other.normals, color)
 
 
 def default_camera(world: World, positions: Array, *, width: int | None = None, height: int | None = None) -> Camera:
@@ -223,253 +228,3 @@ def look_at(eye: Array, target: Array, *, focal: float, width: int, height: int)
             "translation": translation.tolist(),
         }
     )
-
-
-def _place(world: World, positions: Array, orientations: Array) -> _Placed:
-    placed = _Placed([], [], [], [], [], [], [], [], [])
-    rotations = geometry.quaternion_matrix(orientations)
-    n = len(world.moving_names)
-    for index, item in enumerate(world.objects):
-        color = display_color(item.appearance.color, index)
-        for piece in geometry.pieces(item.shape):
-            place = positions[index] + rotations[index] @ piece.position
-            _add(placed, index, piece.shape, place, rotations[index] @ piece.rotation, color)
-    for index, static in enumerate(world.statics):
-        rotation = geometry.quaternion_matrix(np.asarray(static.orientation))
-        color = display_color(static.appearance.color or STATIC_COLOR, 0)
-        _add(placed, n + index, static.shape, np.asarray(static.position), rotation, color)
-    first = n + len(world.statics)
-    plane = world.environment.motion_plane
-    if world.planar and plane.supports and float(np.dot(world.environment.gravity, plane.normal)) < 0.0:
-        surface = Plane(normal=plane.normal, offset=0.0)
-        _add(placed, first, surface, np.asarray(plane.point), np.eye(3), display_color(STATIC_COLOR, 0))
-    for index, pulley in enumerate(world.pulleys):
-        centre, axes = pulley_pose(world, pulley, positions, orientations)
-        rope = world.deformable(pulley.rope)
-        thick = float(getattr(rope, "radius", 0.0))
-        wheel = Cylinder(
-            radius=max(pulley.radius - thick, 1.5 * thick), half_height=max(2 * thick, 0.1 * pulley.radius)
-        )
-        _add(placed, first + 1 + index, wheel, centre, axes, display_color(PULLEY_COLOR, 0))
-    return placed
-
-
-def pulley_pose(world: World, pulley: Pulley, positions: Array, orientations: Array) -> tuple[Array, Array]:
-    """Centre (3,) [m] of a pulley and axes (3, 3) whose third column is the wheel's, objects being as in `render`."""
-    centre, axis = np.asarray(pulley.centre, dtype=float), np.asarray(pulley.axis, dtype=float)
-    axes = _frame(axis / np.linalg.norm(axis))
-    if pulley.object is None:
-        return centre, axes
-    item = world.object(pulley.object)
-    index = world.moving_names.index(pulley.object)
-    start = geometry.quaternion_matrix(np.asarray(item.orientation))
-    turn = geometry.quaternion_matrix(np.asarray(orientations[index])) @ start.T
-    return np.asarray(positions[index]) + turn @ (centre - np.asarray(item.position)), turn @ axes
-
-
-def _add(
-    placed: _Placed, label: int, shape: Shape, position: Array, rotation: Array, color: tuple[int, int, int]
-) -> None:
-    kind, size, faces = raycast.BOX, (0.0, 0.0, 0.0), np.zeros((0, 4))
-    if isinstance(shape, Wall):
-        box, centre, turn = geometry.wall_box(shape)
-        position, rotation, shape = position + rotation @ centre, rotation @ turn, box
-    if isinstance(shape, Plane):
-        # Drawn in a frame whose z is the normal and whose origin lies on the surface.
-        normal = np.asarray(shape.normal, dtype=float) / np.linalg.norm(shape.normal)
-        position, rotation = position + rotation @ (normal * shape.offset), rotation @ _frame(normal)
-        kind = raycast.PLANE
-    elif isinstance(shape, Sphere):
-        kind, size = raycast.SPHERE, (shape.radius, 0.0, 0.0)
-    elif isinstance(shape, Box):
-        size = shape.half_extents
-    elif isinstance(shape, Cylinder | Capsule):
-        kind = raycast.CYLINDER if isinstance(shape, Cylinder) else raycast.CAPSULE
-        size = (shape.radius, shape.half_height, 0.0)
-    elif isinstance(shape, ConvexMesh):
-        kind, faces = raycast.CONVEX, _half_spaces(shape)
-    else:
-        placed.meshes.append((len(placed.kind), shape))
-        kind = -1  # drawn by its own kernel
-    placed.label.append(label)
-    placed.kind.append(int(kind))
-    placed.position.append(np.asarray(position, dtype=float))
-    placed.rotation.append(np.asarray(rotation, dtype=float))
-    placed.size.append(size)
-    placed.bound.append(_bounding_radius(shape))
-    placed.faces.append(faces)
-    placed.color.append(color)
-
-
-def _bounding_radius(shape: Shape) -> float:
-    """Radius about the shape's origin that holds all of it; inf for what has no bound or its own test."""
-    if isinstance(shape, Sphere):
-        return shape.radius
-    if isinstance(shape, Box):
-        return float(np.linalg.norm(shape.half_extents))
-    if isinstance(shape, Cylinder):
-        return float(np.hypot(shape.radius, shape.half_height))
-    if isinstance(shape, Capsule):
-        return shape.radius + shape.half_height
-    if isinstance(shape, ConvexMesh):
-        return float(np.linalg.norm(geometry.hull(shape).vertices, axis=1).max())
-    return float("inf")
-
-
-@lru_cache(maxsize=512)
-def _half_spaces(shape: ConvexMesh) -> Array:
-    """Rows (normal, offset) of a hull's faces, shape (m, 4)."""
-    solid = geometry.hull(shape)
-    normals = np.asarray(solid.face_normals, dtype=float)
-    offsets = np.einsum("ij,ij->i", normals, np.asarray(solid.triangles, dtype=float)[:, 0])
-    rows: Array = np.unique(np.round(np.column_stack([normals, offsets]), 12), axis=0)  # coplanar triangles share one
-    return rows
-
-
-@lru_cache(maxsize=32)
-def _mesh(shape: TriangleMesh) -> Any:
-    points: Any = wp.array(np.asarray(shape.vertices, dtype=np.float32), dtype=wp.vec3, device="cpu")
-    indices: Any = wp.array(np.asarray(shape.faces, dtype=np.int32).ravel(), dtype=wp.int32, device="cpu")
-    return wp.Mesh(points=points, indices=indices)
-
-
-def _frame(normal: Array) -> Array:
-    """A rotation (3, 3) whose third column is the unit vector `normal`; the identity for +z."""
-    helper = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    x = helper - (helper @ normal) * normal
-    x /= np.linalg.norm(x)
-    frame: Array = np.stack([x, np.cross(normal, x), normal], axis=1)
-    return frame
-
-
-def _rectangle(camera: Camera, centre: Array, bound: float) -> tuple[int, int, int, int]:
-    """First and last column, first and last row, of the pixels that can show a ball; the whole image if unbounded."""
-    whole = (0, camera.width - 1, 0, camera.height - 1)
-    if not np.isfinite(bound) or not np.all(np.isfinite(centre)):
-        return whole
-    offsets = bound * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-    corners = camera.to_camera(centre) + offsets
-    if corners[:, 2].max() <= 0.0:
-        return (0, -1, 0, -1)
-    if corners[:, 2].min() <= 1e-6:
-        return whole
-    image = corners @ np.asarray(camera.intrinsics).T
-    pixels = np.clip(image[:, :2] / image[:, 2:], -1e6, 1e6)
-    first, last = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0))
-    return int(first[0]), int(last[0]), int(first[1]), int(last[1])
-
-
-def _cast(
-    world: World,
-    camera: Camera,
-    placed: _Placed,
-    rectangles: NDArray[np.int64],
-    points: Mapping[str, Array],
-    wheels: Sequence[Pulley],
-    hidden: set[str],
-    *,
-    meshes: bool = True,
-) -> Picture:
-    rotation = np.asarray(camera.rotation)
-    pixel_to_ray = rotation.T @ np.linalg.inv(np.asarray(camera.intrinsics))
-    origin = camera.centre
-    light = rotation.T @ np.array([-0.35, -0.75, -0.56])  # over the viewer's left shoulder
-    light /= np.linalg.norm(light)
-    shape = (camera.height, camera.width)
-    counts = [len(f) for f in placed.faces]
-    first = np.concatenate([[0], np.cumsum(counts)])[:-1] if counts else np.zeros(0)
-    faces = np.concatenate([*placed.faces, np.zeros((1, 4))])
-
-    def array(values: Any, dtype: Any, numpy_type: Any, width: int = 0) -> Any:
-        rows = np.asarray(values, dtype=numpy_type)
-        return wp.array(rows.reshape(-1, width) if width else rows.reshape(-1), dtype=dtype, device="cpu")
-
-    colors = np.asarray(placed.color, dtype=np.float32).reshape(-1, 3) / 255.0
-    matrices = np.asarray(placed.rotation, dtype=np.float32).reshape(-1, 3, 3)
-    labels: Any = wp.full(shape, -1, dtype=int, device="cpu")
-    distance: Any = wp.full(shape, 1.0e30, dtype=float, device="cpu")
-    color: Any = wp.full(shape, wp.vec3(*(c / 255.0 for c in BACKGROUND)), dtype=wp.vec3, device="cpu")
-    view = [wp.vec3(*origin), wp.mat33(*pixel_to_ray.ravel())]
-    wp.launch(
-        raycast.cast,
-        dim=shape,
-        inputs=[
-            *view,
-            array(placed.label, int, np.int32),
-            array(placed.kind, int, np.int32),
-            array(placed.position, wp.vec3, np.float32, 3),
-            wp.array(matrices, dtype=wp.mat33, device="cpu"),
-            array(placed.size, wp.vec3, np.float32, 3),
-            array(first, int, np.int32),
-            array(counts, int, np.int32),
-            array(faces, wp.vec4, np.float32, 4),
-            wp.array(colors, dtype=wp.vec3, device="cpu"),
-            array(rectangles, wp.vec4i, np.int32, 4),
-            wp.vec3(*light),
-            _tile_size(camera),
-            labels,
-            distance,
-            color,
-        ],
-        device="cpu",
-    )
-    for row, mesh in placed.meshes if meshes else ():
-        wp.launch(
-            cast_mesh,
-            dim=shape,
-            inputs=[
-                *view,
-                _mesh(mesh).id,
-                wp.vec3(*placed.position[row]),
-                wp.mat33(*placed.rotation[row].ravel()),
-                wp.vec3(*(c / 255.0 for c in placed.color[row])),
-                placed.label[row],
-                wp.vec3(*light),
-                labels,
-                distance,
-                color,
-            ],
-            device="cpu",
-        )
-    raster = Raster(camera, pixel_to_ray, light, labels, distance, color)
-    draw_solids(world, points, wheels, raster, hidden, len(world.objects))
-    return _with_fluids(world, points, raster, hidden)
-
-
-def _with_fluids(world: World, points: Mapping[str, Array], raster: Raster, hidden: set[str]) -> Picture:
-    """The finished picture, fluids laid over what was drawn."""
-    labels, distance = raster.labels.numpy().astype(np.int32), raster.distance.numpy()
-    color = raster.color.numpy()
-    liquid = liquid_seen(world, points, raster.camera, raster.pixel_to_ray, hidden)
-    if liquid is not None:
-        n = len(world.moving_names)
-        hollow = [i for i, o in enumerate(world.objects) if isinstance(o.shape, Compound)]
-        walls = [n + i for i, s in enumerate(world.statics) if not isinstance(s.shape, Plane)]
-        color = with_liquid(
-            liquid, raster, color.astype(float), distance.astype(float), np.isin(labels, hollow + walls)
-        )
-        nearer = liquid.distance < distance
-        labels = np.where(nearer, len(world.objects) + liquid.nearest, labels).astype(np.int32)
-        distance = np.where(nearer, liquid.distance, distance).astype(np.float32)
-    return Picture(
-        labels=labels,
-        depth=_axial(raster.camera, distance),
-        color=np.clip(np.rint(color * 255.0), 0, 255).astype(np.uint8),
-    )
-
-
-def _axial(camera: Camera, distance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Distances along rays (H, W) to depths along the camera's axis; inf where nothing was hit."""
-    inverse = np.linalg.inv(np.asarray(camera.intrinsics))
-    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ inverse.T
-    depth = distance / np.linalg.norm(rays, axis=-1)
-    return np.where(distance >= 1.0e30, np.inf, depth).astype(np.float32)
-
-
-def _tile_size(camera: Camera) -> float:
-    """Edge of the tiles of a plane [m]: the power of ten, or half of one, that puts a handful across the view."""
-    across = 2.0 * float(np.linalg.norm(camera.centre)) * camera.width / 2.0 / camera.intrinsics[0][0]
-    exponent = np.floor(np.log10(max(across, 1e-6) / 4.0))
-    step = float(10.0**exponent)
-    return 5.0 * step if across / (5.0 * step) > 4.0 else step

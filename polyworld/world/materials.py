@@ -16,6 +16,8 @@ from polyworld.world.parameter_tables import SHIFT, SPIN, VELOCITY, ParameterSpe
 
 if TYPE_CHECKING:
     from polyworld.model.mesh import DeformableMesh
+    from polyworld.pictures.deformable_pictures import View
+    from polyworld.pictures.scene import Rods, Surface
     from polyworld.solver.coupled.stage import MaterialStage
     from polyworld.world.world import World
 
@@ -51,6 +53,8 @@ class Material:
     kernels: package whose kernels are compiled before the first step; None to compile them as they are launched.
     moved: changes the description of an item, as a dictionary, so that its start is moved: `place` maps points, `turn`
     (4,) is the rotation in it (w, x, y, z), or None.
+    picture: (world, item, mesh, points, view) -> the form that shows it with its points at (k, 3) [m]; None to show the
+    triangles of its mesh.
     facts: (world, item, mesh) -> what an inspection adds to size, mass and counts.
     size: (world, item, mesh) -> length, area or volume without forces.
     reach: (world, item, mesh) -> points (k, 3) that span where it starts [m].
@@ -69,6 +73,7 @@ class Material:
     kernels: str | None = None
     planar: bool = True
     turns: bool = False
+    picture: Callable[[World, Any, DeformableMesh, Any, View], Surface | Rods] | None = None
     facts: Callable[[World, Any, DeformableMesh], dict[str, Any]] = lambda _world, _item, _mesh: {}
     size: Callable[[World, Any, DeformableMesh], float] = lambda _world, _item, mesh: float(mesh.measure.sum())
     reach: Callable[[World, Any, DeformableMesh], Any] = lambda _world, _item, mesh: mesh.nodes
