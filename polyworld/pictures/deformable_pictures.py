@@ -73,8 +73,7 @@ def rope_rods(_world: World, item: Rope, mesh: DeformableMesh, points: Array, vi
     depth = np.maximum(view.camera.to_camera(starts)[:, 2], view.camera.to_camera(ends)[:, 2])
     radii = np.maximum(item.radius, THINNEST * np.maximum(depth, 0.0) / view.camera.intrinsics[0][0])
     wide = max(1, round(len(mesh.segments) / STRIPES))
-    tint: Array = 1.0 - STRIPE * ((number // wide) % 2)
-    return Rods(starts, ends, radii, tint)
+    return Rods(starts, ends, radii, np.where((number // wide) % 2 == 1, 1.0 - STRIPE, 1.0))
 
 
 def fluid_surface(world: World, _item: Fluid, _mesh: DeformableMesh, points: Array, _view: View) -> Surface:
