@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -18,23 +17,7 @@ from tests.benchmarks.video_clips.render import Film, Studio, render
 from tests.benchmarks.video_clips.textures import floor_png
 from tests.benchmarks.video_clips.truth import intervals, truth
 from tests.benchmarks.video_clips.write import write_clip
-
-
-def _has_gl() -> bool:
-    if "egl" not in mujoco.GLContext.__module__ and "osmesa" not in mujoco.GLContext.__module__:
-        return False  # a window is needed, and asking for one may end the process
-    try:
-        context = mujoco.GLContext(16, 16)
-        context.make_current()
-        context.free()
-    except Exception:  # any failure of the driver means that there is nothing to render with
-        return False
-    return True
-
-
-needs_gl = pytest.mark.skipif(
-    not _has_gl(), reason="no offscreen OpenGL: set MUJOCO_GL=egl or osmesa before the tests start"
-)
+from tests.offscreen_gl import needs_gl
 
 
 def _ball(**changes: Any) -> Body:

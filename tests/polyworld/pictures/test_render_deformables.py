@@ -17,7 +17,7 @@ from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.representations.rope import Pulley, Rope
 from polyworld.world.representations.soft import Soft
-from polyworld.world.shapes import Box, Compound, Part, Sphere
+from polyworld.world.shapes import Box, Compound, Part, Sphere, TriangleMesh
 
 Array = NDArray[np.float64]
 
@@ -132,6 +132,32 @@ def test_block_of_fluid_covers_the_block_within_a_particle() -> None:
     assert blue > red + 30
 
 
+def test_lone_drop_is_a_ball_and_two_far_apart_do_not_join() -> None:
+    at = np.array([[-0.2, 0.1, 0.4], [0.1, 0.1, 0.4]])
+    picture = draw(bucket_of_water(), {"water": at})
+    radius = 0.85 * 0.025
+    to_drops = at - CAMERA.centre
+    distance = np.linalg.norm(to_drops, axis=1)
+    sine = np.sqrt(1.0 - np.minimum((rays() @ to_drops.T / distance) ** 2, 1.0))
+    off = (sine * distance - radius).min(axis=-1) * 420.0 / distance.mean()  # [px] from the nearest outline
+    clear = np.abs(off) > 0.3
+    assert (off < 0.0).sum() > 20
+    assert np.array_equal((picture.labels == 0)[clear], (off < 0.0)[clear])
+
+
+def test_liquids_that_touch_leave_no_gap_of_light_between_them() -> None:
+    grid = FluidGrid(lower=(-0.5, -0.5, 0.0), upper=(0.5, 0.5, 1.0), cell=0.1)
+    lower = FluidVolume(shape=Box(half_extents=(0.5, 0.5, 0.2)), position=(0.0, 0.0, 0.2))
+    upper = FluidVolume(shape=Box(half_extents=(0.5, 0.5, 0.2)), position=(0.0, 0.0, 0.6))
+    whole = draw(World(deformables=(Fluid(name="a", volumes=(lower, upper)),), fluid_grid=grid))
+    layers = Fluid(name="a", volumes=(lower,)), Fluid(name="b", volumes=(upper,))
+    parted = draw(World(deformables=layers, fluid_grid=grid))
+    # Inside the picture of the upper one both rays pass the same depth of water.
+    inner = np.abs(inside_hull(np.array([[x, y, 0.8] for x in (-0.4, 0.4) for y in (-0.4, 0.4)])) + 20.0) < 15.0
+    assert inner.sum() > 500
+    assert np.abs(parted.color[inner].astype(int) - whole.color[inner]).max() < 12
+
+
 def test_fluid_in_front_hides_and_fluid_behind_is_hidden() -> None:
     world = bucket_of_water()
     for place, expected in (((-0.45, 1.2, -0.45), {0}), ((0.52, -1.4, 1.0), {1})):
@@ -163,6 +189,18 @@ def test_glass_is_looked_through_and_still_seen() -> None:
     assert np.array_equal(behind.mask(0), alone.mask(0))
     assert np.all(np.any(behind.color[covered] != alone.color[covered], axis=-1))
     assert behind.mask(1).sum() > 500  # where it stands before nothing
+
+
+def test_glass_of_any_shape_is_looked_through() -> None:
+    faces = ((0, 1, 2), (0, 2, 3))
+    corners = ((0.0, -1.4, 0.6), (1.0, -1.4, 0.6), (1.0, -1.4, 1.4), (0.0, -1.4, 1.4))
+    pane = StaticObject(
+        name="pane", shape=TriangleMesh(vertices=corners, faces=faces), appearance=Appearance(material="glass")
+    )
+    ball = RigidObject(name="ball", shape=Sphere(radius=0.3), position=(0.0, 0.0, 0.3))
+    behind, alone = draw(World(objects=(ball,), statics=(pane,))), draw(World(objects=(ball,)))
+    assert behind.mask(1).sum() > 500
+    assert np.array_equal(behind.mask(0), alone.mask(0))
 
 
 def test_particles_that_are_not_there_are_not_drawn() -> None:
