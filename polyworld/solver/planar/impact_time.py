@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.solver.planar.motion import pose_at
-from polyworld.solver.planar.records import Bodies, Contacts, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
 from polyworld.solver.planar.separation import find_manifold
 
 wp.set_module_options({"enable_backward": False})
@@ -11,7 +11,9 @@ wp.set_module_options({"enable_backward": False})
 ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
+TWO = wp.float64(2.0)
 EIGHT = wp.float64(8.0)
+MOST_PARTS = 64  # into which impacts may cut a step
 MARCHES = 1_000_000  # a body of 1 cm is followed for 30 m along another that it all but touches, in one step
 
 
@@ -113,23 +115,15 @@ def first_touch(
 
 
 @wp.func
-def next_impact(
-    scene: Scene,
-    bodies: Bodies,
-    contacts: Contacts,
-    w: wp.int32,
-    half: wp.int32,
-    rows: wp.int32,
-    near_count: wp.int32,
-    reach: wp.float64,
-    h: wp.float64,
-) -> wp.float64:
+def next_impact(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step, reach: wp.float64) -> wp.float64:
     """Time of the first new contact within a step of length h whose paths are set; h if there is none.
 
     No two points of any pair approach by more than `reach` in the step.
     """
+    w = step.w
+    h = step.h
     time = h
-    for k in range(near_count):
+    for k in range(step.near):
         gap = contacts.near_gap[w, k]
         if gap > scene.touch:
             pair = contacts.near[w, k]
@@ -140,8 +134,8 @@ def next_impact(
                 if bound >= gap - scene.touch:
                     time = wp.min(time, first_touch(scene, bodies, contacts, w, k, bound, h, time))
     # The second corner of a pair that touches with one: its gap along the normal, to second order.
-    for k in range(rows):
-        row = contacts.rows[w, half, k]
+    for k in range(step.rows):
+        row = contacts.rows[w, step.half, k]
         if row.touching == 0 and row.gap > scene.touch:
             va = bodies.rate[w, row.a]
             sa = bodies.shift[w, row.a]
@@ -171,3 +165,18 @@ def longest_path(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.f
     spin = wp.max(wp.abs(first[2]), wp.abs(last[2])) * (scene.bound[i] - scene.sweep[i])
     speed2 = wp.max(first[0] * first[0] + first[1] * first[1], last[0] * last[0] + last[1] * last[1])
     return (wp.sqrt(speed2) + spin) * h
+
+
+@wp.func
+def time_to_impact(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> wp.float64:
+    """Return how much of a step may be taken before the next impact; near pairs come closer by at most their motion."""
+    reach = ZERO
+    for i in range(scene.bodies):
+        if scene.schedule.joins[i] <= step.segment:
+            reach = wp.max(reach, TWO * longest_path(scene, bodies, step.w, i, step.h))
+    part = step.h
+    if step.parts < MOST_PARTS:
+        part = next_impact(scene, bodies, contacts, step, reach)
+    for k in range(step.near):  # the gaps stay lower bounds
+        contacts.near_gap[step.w, k] = contacts.near_gap[step.w, k] - reach * (part / step.h)
+    return part

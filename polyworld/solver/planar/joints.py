@@ -9,13 +9,14 @@ that would pull the point apart is projected out at the step's end, which can on
 import warp as wp
 
 from polyworld.solver.planar.motion import shift_of
-from polyworld.solver.planar.records import Bodies, Joints, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
+TWO = wp.float64(2.0)
 RATE_SWEEPS = 300
 POSE_SWEEPS = 50
 
@@ -241,3 +242,13 @@ def project_hinges(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32) ->
         if moved == ZERO:
             break
     return total
+
+
+@wp.func
+def hold_hinges(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> wp.float64:
+    """Project poses and rates onto the hinges at the end of a step. Returns a bound of how far any point moved [m]."""
+    moved = project_hinges(scene, bodies, joints, step.w)
+    for k in range(step.near):
+        contacts.near_gap[step.w, k] = contacts.near_gap[step.w, k] - TWO * moved
+    project_hinge_rates(scene, bodies, joints, step.w)
+    return moved

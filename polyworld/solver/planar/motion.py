@@ -6,7 +6,7 @@ Friction of a pressed patch: force and moment together lie on an elliptic limit 
 
 import warp as wp
 
-from polyworld.solver.planar.records import Bodies, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -227,3 +227,56 @@ def pose_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.flo
     part = time / h
     straight = bodies.rate[w, i] * time
     return bodies.pose[w, i] + straight + (bodies.shift[w, i] - bodies.rate[w, i] * h) * (part * part)
+
+
+@wp.func
+def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
+    """Mark the bodies that contact rows act on."""
+    for k in range(step.rows):
+        row = contacts.rows[step.w, step.half, k]
+        bodies.coupled[step.w, row.a] = 1
+        if row.b < scene.bodies:
+            bodies.coupled[step.w, row.b] = 1
+
+
+@wp.func
+def predict_rates(scene: Scene, bodies: Bodies, step: Step) -> None:
+    """Rates at the end of a step without contacts and hinges; without friction, too, of the bodies these act on."""
+    w = step.w
+    set_step(scene, bodies, w, step.h)
+    for i in range(scene.bodies):
+        if scene.schedule.joins[i] <= step.segment:
+            if bodies.coupled[w, i] == 1:
+                bodies.rate[w, i] = bodies.next_rate[w, i]  # impacts may have changed it
+                bodies.next_rate[w, i] = unheld_rate(bodies, w, i, step.h)
+                bodies.drag[w, i] = wp.vec3d()
+            else:
+                bodies.next_rate[w, i] = free_rate(bodies, w, i, step.h)
+
+
+@wp.func
+def find_shifts(scene: Scene, bodies: Bodies, step: Step) -> None:
+    """Find the change of pose of each body over a step."""
+    for i in range(scene.bodies):
+        if scene.schedule.joins[i] <= step.segment:
+            find_shift(bodies, step.w, i, step.h)
+
+
+@wp.func
+def move_bodies(scene: Scene, bodies: Bodies, step: Step) -> wp.float64:
+    """Move the bodies by the part of the step that is taken. Returns how far the centre that moved most did [m]."""
+    w = step.w
+    share = step.part / step.h
+    moved = ZERO
+    for i in range(scene.bodies):
+        if scene.schedule.joins[i] <= step.segment:
+            was = bodies.pose[w, i]
+            if step.part == step.h:
+                bodies.pose[w, i] = was + bodies.shift[w, i]
+                bodies.rate[w, i] = bodies.next_rate[w, i]
+            else:
+                bodies.pose[w, i] = pose_at(scene, bodies, w, i, step.part, step.h)
+                bodies.rate[w, i] = wp.lerp(bodies.rate[w, i], bodies.next_rate[w, i], share)
+            now = bodies.pose[w, i]
+            moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
+    return moved

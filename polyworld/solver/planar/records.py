@@ -129,6 +129,30 @@ class Contacts:
 
 
 @wp.struct
+class Step:
+    """The step that a world takes, cut into parts by impacts, and what the last part left for this one.
+
+    part: how much of h is taken, all of it or up to the next impact. fastest: bound of the bodies' speeds in it.
+    """
+
+    w: wp.int32  # the world
+    segment: wp.int32
+    diverged: wp.int32  # whether the world has diverged
+    parts: wp.int32  # parts of the step taken before
+    time: wp.float64  # at which this part begins [s]
+    whole: wp.float64  # length of the whole step [s]
+    h: wp.float64  # what is left of it [s]
+    part: wp.float64  # [s]
+    last_h: wp.float64  # h of the last part [s]
+    ratio: wp.float64  # h over the last one
+    fastest: wp.float64  # [m/s]
+    near: wp.int32  # pairs in the near list
+    room: wp.float64  # motion for which that list still holds [m]
+    half: wp.int32  # which half of the contact rows is this part's
+    rows: wp.int32  # how many it has
+
+
+@wp.struct
 class Samples:
     """States at the sample times, in plane coordinates, and how a run ended."""
 

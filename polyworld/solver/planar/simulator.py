@@ -15,11 +15,11 @@ from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.simulator import Batch, RigidSimulator
+from polyworld.solver.planar.kernels import roll_out
 from polyworld.solver.planar.plane_motion import PlaneMotion
 from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
-from polyworld.solver.planar.step import rollout
 from polyworld.trajectory import Event
 from polyworld.world import World, geometry
 
@@ -214,7 +214,7 @@ class PlanarSimulator(RigidSimulator):
         self._of_joints.impulse[:c] = 0.0
 
     def _kernel(self) -> Any:
-        return rollout
+        return roll_out
 
     def _inputs(self, first: int, _index: int, /) -> list[Any]:
         records = [self._scene, self._bodies, self._contacts, self._joints, self._log.record, self._samples]

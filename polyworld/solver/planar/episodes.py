@@ -1,0 +1,53 @@
+"""Contact episodes, written as they happen."""
+
+import warp as wp
+
+from polyworld.solver.core.episodes import Episode, Log, record_touch
+from polyworld.solver.planar.contacts import find_rows
+from polyworld.solver.planar.records import Bodies, Contacts, Row, Samples, Scene, Step
+
+wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.float64(0.0)
+
+
+@wp.func
+def touch_of(bodies: Bodies, w: wp.int32, row: Row, time: wp.float64, impulse: wp.float64) -> Episode:
+    """Return the touch of a row at `time` by its impact and, over the step, by `impulse` [N s]; plane coordinates."""
+    touch = Episode()
+    touch.a = row.a
+    touch.b = row.b
+    touch.begin = time
+    touch.last = time
+    touch.first_impulse = impulse + row.impact_impulse
+    touch.impulse = touch.first_impulse
+    touch.speed = row.approach
+    pose = bodies.pose[w, row.a]
+    touch.position = wp.vec3d(pose[0] + row.arm_a[0], pose[1] + row.arm_a[1], ZERO)
+    return touch
+
+
+@wp.func
+def record_contacts(bodies: Bodies, contacts: Contacts, log: Log, step: Step) -> None:
+    """Record what touches at the start of a step, with its impulses over the part of it that is taken."""
+    for k in range(step.rows):
+        row = contacts.rows[step.w, step.half, k]
+        if row.touching == 1:
+            record_touch(log, step.w, touch_of(bodies, step.w, row, step.time, row.impulse * step.part / step.h))
+
+
+@wp.func
+def record_last_contacts(
+    scene: Scene, bodies: Bodies, contacts: Contacts, samples: Samples, log: Log, step: Step
+) -> None:
+    """Record what touches at the end of a run, so that it is seen to go on."""
+    step.half = 1 - step.half
+    for i in range(scene.bodies):
+        bodies.next_rate[step.w, i] = bodies.rate[step.w, i]
+    step.rows = 0
+    step.ratio = ZERO
+    step.rows = find_rows(scene, bodies, contacts, samples, step)
+    for k in range(step.rows):
+        row = contacts.rows[step.w, step.half, k]
+        if row.touching == 1:
+            record_touch(log, step.w, touch_of(bodies, step.w, row, step.time, ZERO))

@@ -1,0 +1,134 @@
+"""Forces on bodies between contacts: gravity, and effects as they are at the middle of the step."""
+
+import warp as wp
+
+from polyworld.effects import Motion
+from polyworld.solver.core.effect_forces import effect_forces, half_step
+from polyworld.solver.planar.constraints import separation_speed
+from polyworld.solver.planar.contact_effects import set_plane_friction
+from polyworld.solver.planar.motion import unheld_rate
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
+
+wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
+ONE = wp.float64(1.0)
+TWO = wp.float64(2.0)
+ABSURD = wp.float64(1.0e6)  # [m/s]; initial speeds are bounded by 1e5
+SLOWEST = wp.float64(1.0e-4)  # a body that parts faster than this and its push gives in a step is in the air [m/s]
+
+
+@wp.func
+def effects_at(
+    scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, pose: wp.vec3d, rate: wp.vec3d, t: wp.float64
+) -> wp.vec3d:
+    """Acceleration of body i by the effects that act on it, in the plane."""
+    to_world = wp.transpose(scene.axes)
+    gravity = bodies.gravity[w]
+    motion = Motion()
+    motion.mass = bodies.mass[w, i]
+    motion.radius = scene.effect_radius[i]
+    motion.x = to_world * wp.vec3d(pose[0], pose[1], bodies.height[w, i])
+    motion.v = to_world * wp.vec3d(rate[0], rate[1], ZERO)
+    motion.omega = to_world * wp.vec3d(ZERO, ZERO, rate[2])
+    motion.t = bodies.time_origin[w] + t
+    motion.gravity = to_world * gravity
+    if bodies.touching[w, i] % 2 == 1 or (scene.supports == 1 and gravity[2] < ZERO):
+        motion.contact = ONE
+    wrench = effect_forces(scene.effects, w, i, motion)
+    f = scene.axes * wp.spatial_top(wrench) * bodies.inverse_mass[w, i]
+    m = scene.axes * wp.spatial_bottom(wrench) * bodies.inverse_inertia[w, i]
+    return wp.vec3d(f[0], f[1], m[2])
+
+
+@wp.func
+def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
+    """Acceleration by gravity and effects; effects as they are at the middle of the step: second order.
+
+    What contacts, hinges and the supporting plane will do until then is what they did in the last step.
+    """
+    g = bodies.gravity[w]
+    push = wp.vec3d(g[0], g[1], ZERO)
+    if scene.forces > 0:
+        pose = bodies.pose[w, i]
+        rate = bodies.rate[w, i]
+        half = HALF * h
+        slowing = bodies.linear_damping[w, i]
+        damped = wp.vec3d(slowing * rate[0], slowing * rate[1], bodies.angular_damping[w, i] * rate[2])
+        first = push + effects_at(scene, bodies, w, i, pose, rate, time) - damped + bodies.reaction[w, i]
+        pose_then, rate_then = half_step(pose, rate, first, half)
+        push = push + effects_at(scene, bodies, w, i, pose_then, rate_then, time + half)
+    return push
+
+
+@wp.func
+def find_pushes(
+    scene: Scene, bodies: Bodies, joints: Joints, references: References, samples: Samples, step: Step
+) -> Step:
+    """Find what pushes each body and how fast the fastest gets; stop a world of which one is too fast."""
+    w = step.w
+    step.fastest = ZERO
+    if scene.contact_laws > 0:
+        set_plane_friction(references.scene, references.bodies, w, step.segment, step.h)
+    for i in range(scene.bodies):
+        if scene.schedule.joins[i] <= step.segment:
+            v = bodies.rate[w, i]
+            push = find_push(scene, bodies, w, i, step.time, step.h)
+            bodies.push[w, i] = push
+            bodies.next_rate[w, i] = v
+            bodies.coupled[w, i] = joints.hinged[i]
+            speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
+            if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
+                step.diverged = 1
+                samples.outcome.diverged_object[w] = i
+                samples.outcome.diverged_time[w] = step.time
+            step.fastest = wp.max(step.fastest, speed + wp.length(push) * step.h)
+    return step
+
+
+@wp.func
+def note_touch(bodies: Bodies, w: wp.int32, i: wp.int32) -> None:
+    """Mark a body as touching another in this step."""
+    if bodies.touching[w, i] % 2 == 0:
+        bodies.touching[w, i] = bodies.touching[w, i] + 1
+
+
+@wp.func
+def renew_pushes(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
+    """Compute pushes again where an impact has changed the rate, or a contact has started or ended.
+
+    In `touching`, the lowest bit is this step's, the next the last step's.
+    """
+    w = step.w
+    n = scene.bodies
+    for i in range(n):
+        bodies.touching[w, i] = (bodies.touching[w, i] % 2) * 2
+    for k in range(step.rows):
+        row = contacts.rows[w, step.half, k]
+        if row.touching == 1:
+            slowest = wp.length(bodies.push[w, row.a])
+            if row.b < n:
+                slowest = wp.max(slowest, wp.length(bodies.push[w, row.b]))
+            if separation_speed(scene, bodies, w, row)[0] <= slowest * step.whole + SLOWEST:
+                note_touch(bodies, w, row.a)
+                if row.b < n:
+                    note_touch(bodies, w, row.b)
+    for i in range(n):
+        changed = bodies.touching[w, i] == 1 or bodies.touching[w, i] == 2
+        if bodies.coupled[w, i] == 1 and wp.length_sq(bodies.next_rate[w, i] - bodies.rate[w, i]) > ZERO:
+            bodies.rate[w, i] = bodies.next_rate[w, i]
+            changed = True
+        if changed:
+            bodies.push[w, i] = find_push(scene, bodies, w, i, step.time, step.h)
+
+
+@wp.func
+def note_reactions(scene: Scene, bodies: Bodies, step: Step) -> None:
+    """Keep what contacts, hinges and the supporting plane did to the bodies in a step for the next."""
+    w = step.w
+    if TWO * step.h >= step.whole:
+        for i in range(scene.bodies):
+            if scene.schedule.joins[i] <= step.segment:
+                change = bodies.next_rate[w, i] - unheld_rate(bodies, w, i, step.h)
+                bodies.reaction[w, i] = change / step.h
