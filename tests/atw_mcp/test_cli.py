@@ -37,6 +37,7 @@ def test_call_prints_one_line_of_json(capfd: pytest.CaptureFixture[str], tmp_pat
     assert body["data"]["questions"] == ["Why?"]
 
 
+@pytest.mark.usefixtures("server_here")
 def test_pictures_are_written_to_files(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     script = tmp_path / "look.atw"
     script.write_text("open: OpenCase video=$clip\n> look at ${open.case}\nInspectFrames case=$open.case frames=0,70\n")
@@ -53,6 +54,7 @@ def test_pictures_are_written_to_files(capfd: pytest.CaptureFixture[str], tmp_pa
         assert image.shape[1] >= 480
 
 
+@pytest.mark.usefixtures("server_here")
 def test_refusal_goes_to_stderr_with_exit_code_1(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     store = str(tmp_path / "atw.db")
     code, out, err = run(capfd, "call", "OpenCase", "video=/no/such/film.mp4", "--store", store)
@@ -61,14 +63,13 @@ def test_refusal_goes_to_stderr_with_exit_code_1(capfd: pytest.CaptureFixture[st
     assert "Traceback" not in err
 
 
-def test_file_that_is_no_store_is_named_and_left_alone(tmp_path: Path) -> None:
+def test_file_that_is_no_store_is_named_and_left_alone(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("not a store")
-    command = [sys.executable, "-m", "atw_mcp", "call", "OpenCase", "--store", str(path)]
-    finished = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert finished.returncode == 1
-    assert f"{path} is not an evidence store" in finished.stderr
-    assert "Traceback" not in finished.stderr
+    code, _, err = run(capfd, "call", "OpenCase", "--store", str(path))
+    assert code == 1
+    assert f"{path} is not an evidence store" in err
+    assert "Traceback" not in err
     assert path.read_text() == "not a store"
 
 
@@ -89,6 +90,7 @@ def test_wrong_usage_has_exit_code_2(capfd: pytest.CaptureFixture[str], argument
     assert complaint in err
 
 
+@pytest.mark.usefixtures("server_here")
 def test_unknown_tool_is_wrong_usage(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, _, err = run(capfd, "call", "OpenKase", "--store", str(tmp_path / "atw.db"))
     assert code == 2

@@ -8,6 +8,7 @@ from pathlib import Path
 import anyio
 import pytest
 from mcp import Client
+from mcp.shared.exceptions import MCPError
 from mcp_types import PromptReference
 
 from tests.atw_mcp.connections import TRANSPORTS, Mode, connection
@@ -50,6 +51,14 @@ def test_a_case_is_opened_refused_and_read_again(
             assert json.loads(again.content[0].text) == body
             whole = await client.read_resource("atw://evidence/ev-1")
             assert json.loads(whole.contents[0].text)["evidence"] == "ev-1"
+
+            assert "world-probing" in {listed.name for listed in (await client.list_prompts()).prompts}
+            given = {"case": "drop", "question": "Does it bounce?"}
+            filled = await client.get_prompt("world-probing", given)
+            assert "Does it bounce?" in filled.messages[0].content.text
+            with pytest.raises(MCPError, match="unknown \\['colour'\\]") as wrong:
+                await client.get_prompt("world-probing", {**given, "colour": "red"})
+            assert wrong.value.code == -32602
 
             prompt = PromptReference(name="world-probing")
             found = await client.complete(prompt, {"name": "case", "value": "dr"})

@@ -55,6 +55,7 @@ def test_demo_pictures_can_be_opened(demo: tuple[str, Path]) -> None:
         assert min(image.shape[:2]) > 600
 
 
+@pytest.mark.usefixtures("server_here")
 def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, Path], folder: Path) -> None:
     def findings(text: str) -> str:
         return text[text.index("distance to the truth") : text.index("Answers")]
@@ -64,6 +65,7 @@ def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, P
     assert findings(again) == findings(demo[0])
 
 
+@pytest.mark.usefixtures("server_here")
 def test_demo_of_the_gap_names_what_is_hidden_and_predicts_a_run_that_was_not_filmed(tmp_path: Path) -> None:
     text = printed(tmp_path, which="gap")
     assert "WRONG" not in text

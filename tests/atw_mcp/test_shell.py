@@ -30,6 +30,7 @@ def piped(
     return code, out.splitlines(), err
 
 
+@pytest.mark.usefixtures("server_here")
 def test_piped_calls_share_results_and_print_as_single_calls_do(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -53,6 +54,7 @@ def test_piped_calls_share_results_and_print_as_single_calls_do(
     assert capfd.readouterr().out.strip() == out[2]
 
 
+@pytest.mark.usefixtures("server_here")
 def test_a_failed_line_is_named_and_the_next_one_runs(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -75,6 +77,7 @@ def test_a_failed_line_is_named_and_the_next_one_runs(
         assert complaint in err
 
 
+@pytest.mark.usefixtures("server_here")
 def test_help_and_tools_are_answered_without_a_call(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -92,7 +92,7 @@ def test_running_work_is_cancelled_by_read_evidence(store: Path) -> None:
         anyio.run(session, client)
 
 
-def test_work_of_another_process_can_be_watched_joined_and_cancelled(store: Path) -> None:
+def test_work_of_another_process_can_be_watched_joined_and_cancelled_and_stops_with_it(store: Path) -> None:
     call = {"case": "c", "seconds": 60, "patience_seconds": 0.2}
 
     async def session(worker: Client, watcher: Client) -> None:
@@ -104,9 +104,14 @@ def test_work_of_another_process_can_be_watched_joined_and_cancelled(store: Path
             assert joined["evidence"] == started["evidence"]
             stopped = body(await watcher.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True}))
             assert stopped["status"] == "cancelled"
+            assert body(await worker.call_tool("WorkSlowly", call | {"seconds": 50}))["status"] == "running"
 
     with connection("stdio", store, "auto") as worker, connection("memory", store, "auto") as watcher:
         anyio.run(session, worker, watcher)
+    deadline = time.monotonic() + 10
+    while EvidenceStore(store).read_evidence("ev-2").status == "running" and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert EvidenceStore(store).read_evidence("ev-2").status in ("cancelled", "failed")
 
 
 def test_work_that_breaks_is_failed_and_the_server_goes_on(store: Path) -> None:
@@ -166,17 +171,3 @@ def test_a_crashed_server_leaves_failed_not_running(store: Path) -> None:
 
     with connection("memory", store, "auto") as client:
         anyio.run(session, client)
-
-
-def test_a_server_that_stops_leaves_no_work_running(store: Path) -> None:
-    async def session() -> None:
-        with connection("stdio", store, "auto") as client:
-            async with client:
-                call = {"case": "c", "seconds": 60, "patience_seconds": 0.2}
-                assert body(await client.call_tool("WorkSlowly", call))["status"] == "running"
-
-    anyio.run(session)
-    deadline = time.monotonic() + 10
-    while EvidenceStore(store).read_evidence("ev-1").status == "running" and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert EvidenceStore(store).read_evidence("ev-1").status in ("cancelled", "failed")

@@ -1,4 +1,4 @@
-"""Prompts over every way a client can reach the server."""
+"""Prompts as a client lists them and fills them in."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcp.shared.exceptions import MCPError
 
 from atw_mcp.calls.prompting import all_prompts, read_prompt
 from atw_mcp.server import all_tools
-from tests.atw_mcp.connections import TRANSPORTS, Mode, connection
+from tests.atw_mcp.connections import Mode, connection
 
 PROMPTS = {
     "world-representation-routing",
@@ -24,10 +24,9 @@ PROMPTS = {
 
 
 @pytest.mark.parametrize("mode", ["auto", "legacy"])
-@pytest.mark.parametrize("transport", TRANSPORTS)
-def test_prompts_are_listed_filled_and_refused(transport: str, mode: Mode, tmp_path: Path) -> None:
+def test_prompts_are_listed_filled_and_refused(mode: Mode, tmp_path: Path) -> None:
     async def session() -> None:
-        with connection(transport, tmp_path / "atw.db", mode) as client:
+        with connection("memory", tmp_path / "atw.db", mode) as client:
             async with client:
                 listed = (await client.list_prompts()).prompts
                 assert {prompt.name for prompt in listed} == PROMPTS

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -33,21 +31,9 @@ def failure(capsys: pytest.CaptureFixture[str], *given: str) -> str:
     return printed.err
 
 
-def test_json_of_the_command_names_the_hidden_drag(folder: Path) -> None:
-    made = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "atw_mcp",
-            *arguments(folder, "--json", "--max-effects", "1", "--effects", ",".join(EFFECTS)),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    assert made.returncode == 0, made.stderr
-    result = json.loads(made.stdout)
+def test_json_of_the_command_names_the_hidden_drag(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments(folder, "--json", "--max-effects", "1", "--effects", ",".join(EFFECTS))) == 0
+    result = json.loads(capfd.readouterr().out)
     assert result["verdict"] == "identified"
     assert [effect["name"] for effect in result["effects"]] == ["quadratic_drag"]
     assert result["effects"][0]["unknowns"]["coefficient"]["value"] == pytest.approx(DRAG, rel=0.01)
