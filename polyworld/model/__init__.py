@@ -1,6 +1,6 @@
 """Make a world into a model: the parts that solvers, readouts and pictures work with, made once and kept.
 
-Read `model` first, then `mesh`, `rope`, `cloth`, `soft`; a fluid's particles are placed by
+Read `model` first, then `arrays` (rigid bodies), `mesh`, `rope`, `cloth`, `soft`; a fluid's particles are placed by
 `polyworld.solver.fluid.seeding`.
 """
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from functools import cached_property
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.model.arrays import Overriding, RigidArrays
 from polyworld.model.mesh import DeformableMesh
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.materials import Material, material_of
@@ -33,6 +35,15 @@ class Model:
             item = self.world.deformable(name)
             self._meshes[name] = self.materials[name].mesh(self.world, item)
         return self._meshes[name]
+
+    @cached_property
+    def variants(self) -> Overriding:
+        """Arrays of variants of the world: states and parameters of rigid bodies, statics, joints and effects."""
+        return Overriding(self.world)
+
+    def arrays(self, overrides: Mapping[str, Array] | None = None) -> RigidArrays:
+        """Arrays that the rigid solvers read, with some parameters given per world; see `Overriding.arrays`."""
+        return self.variants.arrays(overrides or {})
 
     @property
     def meshes(self) -> dict[str, DeformableMesh]:

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.model import model_of
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.trajectory.events import all_events
 from polyworld.world import World
@@ -77,15 +78,15 @@ def simulator(
         from polyworld.solver.coupled.simulator import CoupledSimulator
 
         return CoupledSimulator(
-            world, times, n_worlds=n_worlds, record_events=record_events, threads=threads, progress=progress
+            model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, progress=progress
         )
     if world.planar:
         from polyworld.solver.planar import PlanarSimulator
 
-        return PlanarSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+        return PlanarSimulator(model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads)
     from polyworld.solver.spatial.simulator import SpatialSimulator
 
-    return SpatialSimulator(world, times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+    return SpatialSimulator(model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads)
 
 
 def scheduled_simulator(
@@ -108,10 +109,10 @@ def scheduled_simulator(
     if world.planar:
         from polyworld.solver.planar import PlanarSimulator
 
-        return PlanarSimulator(world, times, n_worlds=n_worlds, threads=threads)
+        return PlanarSimulator(model_of(world), times, n_worlds=n_worlds, threads=threads)
     from polyworld.solver.spatial.simulator import SpatialSimulator
 
-    return SpatialSimulator(world, times, n_worlds=n_worlds, threads=threads)
+    return SpatialSimulator(model_of(world), times, n_worlds=n_worlds, threads=threads)
 
 
 def rollout(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.model import model_of
 from polyworld.solver.coupled.simulator import CoupledSimulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, StaticObject, World
@@ -55,7 +56,7 @@ class Run:
     ) -> None:
         self.world = world
         times = np.linspace(0.0, duration, samples)
-        simulator = CoupledSimulator(world, times, n_worlds=n_worlds, record_events=True, threads=1)
+        simulator = CoupledSimulator(model_of(world), times, n_worlds=n_worlds, record_events=True, threads=1)
         self.trajectory: BatchTrajectory = simulator.run(overrides)
         self.shard = simulator._shards[0]
         self.times = times

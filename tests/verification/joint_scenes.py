@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.model import model_of
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, StaticObject, TimeBase, World, geometry
@@ -45,7 +46,7 @@ def moved(
 ) -> BatchTrajectory:
     """The world's motion, sampled every `step` [s]."""
     times = np.arange(round(duration / step) + 1) * step
-    simulator = SpatialSimulator(world, times, n_worlds=n_worlds, record_events=True, threads=1)
+    simulator = SpatialSimulator(model_of(world), times, n_worlds=n_worlds, record_events=True, threads=1)
     return simulator.run(overrides)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.model import model_of
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
@@ -59,5 +60,5 @@ def run(
 ) -> BatchTrajectory:
     """The world's motion at `samples` equally spaced times from 0 to `duration` [s], events recorded."""
     times = np.linspace(0.0, duration, samples)
-    simulator = SpatialSimulator(world, times, n_worlds=n_worlds, record_events=True, threads=threads)
+    simulator = SpatialSimulator(model_of(world), times, n_worlds=n_worlds, record_events=True, threads=threads)
     return simulator.run(overrides)

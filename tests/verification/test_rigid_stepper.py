@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.core.arrays import rigid_arrays
+from polyworld.model import model_of
 from polyworld.solver.rollout import simulator
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.solver.spatial.stepper import RigidStepper
@@ -28,9 +28,9 @@ SIDE = MotionPlane(normal=(0.0, -1.0, 0.0), supports=False)
 
 def step_through(world: World, steps: int, n_worlds: int = 1, overrides: Any = None) -> tuple[RigidStepper, Array]:
     """A stepper after `steps` steps, and the objects' positions (steps + 1, W, n, 3)."""
-    stepper = RigidStepper(world, n_worlds, record_events=True)
+    stepper = RigidStepper(model_of(world), n_worlds, record_events=True)
     if overrides:
-        stepper.write(rigid_arrays(world, overrides))
+        stepper.write(model_of(world).arrays(overrides))
     stepper.reset()
     time = wp.zeros(n_worlds, dtype=wp.float64, device="cpu")
     h = wp.full(n_worlds, STEP, dtype=wp.float64, device="cpu")
@@ -50,7 +50,9 @@ def test_steps_one_by_one_make_the_run_of_the_simulator() -> None:
     name = world.objects[0].name
     overrides = {f"objects.{name}.mass": np.array([0.5, 1.0, 2.0])}
     stepper, found = step_through(world, 500, 3, overrides)
-    run = SpatialSimulator(world, np.arange(51) * 0.02, n_worlds=3, record_events=True, threads=1).run(overrides)
+    run = SpatialSimulator(model_of(world), np.arange(51) * 0.02, n_worlds=3, record_events=True, threads=1).run(
+        overrides
+    )
     np.testing.assert_allclose(found[::10].swapaxes(0, 1), run.positions, atol=1e-9)
     assert np.all(stepper.diverged() == -1)
     for w in range(3):
@@ -58,7 +60,7 @@ def test_steps_one_by_one_make_the_run_of_the_simulator() -> None:
 
 
 def test_a_world_whose_step_has_no_length_stays_as_it_is() -> None:
-    stepper = RigidStepper(six_body_world(planar=False), 2)
+    stepper = RigidStepper(model_of(six_body_world(planar=False)), 2)
     stepper.reset()
     before = stepper.bodies.numpy().copy()
     h = wp.array([STEP, 0.0], dtype=wp.float64, device="cpu")
@@ -77,7 +79,7 @@ def test_an_object_takes_part_from_its_start_time_on() -> None:
 
 def test_a_body_lost_is_named_and_its_world_stands_still() -> None:
     fast = body("fast", Sphere(radius=0.1), (0, 0, 0), velocity=(0.0, 0, 0))
-    stepper = RigidStepper(linked(body("slow", Sphere(radius=0.1), (0, 5.0, 0)), fast, joints=()), 1)
+    stepper = RigidStepper(model_of(linked(body("slow", Sphere(radius=0.1), (0, 5.0, 0)), fast, joints=())), 1)
     stepper.reset()
     stepper.bodies.numpy()["v"][0, 1] = (1e7, 0, 0)
     time, h = (wp.full(1, value, dtype=wp.float64, device="cpu") for value in (0.0, STEP))
@@ -130,7 +132,7 @@ def test_a_locked_body_turns_with_the_inertia_about_the_normal_only() -> None:
     """A tilted brick pushed off its centre: dw = r p / (n I n); no other turning, whatever its products of inertia."""
     shape = Box(half_extents=(0.3, 0.1, 0.05))
     tilt = turned((0.6, 0.0, 0.8), 0.7)
-    stepper = RigidStepper(side_view(body("brick", shape, (0, 0, 0), orientation=tilt)), 1)
+    stepper = RigidStepper(model_of(side_view(body("brick", shape, (0, 0, 0), orientation=tilt))), 1)
     stepper.reset()
     row = stepper.bodies.numpy()[0, 0]
     turn = geometry.quaternion_matrix(np.asarray(tilt))

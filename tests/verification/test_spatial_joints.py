@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
+from polyworld.model import model_of
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.joint import Ball, Fixed, Hinge
@@ -334,9 +335,9 @@ def test_a_batch_of_jointed_worlds_equals_each_alone_to_the_bit() -> None:
         "objects.upper.mass": np.array([1.0, 2.0, 3.0]),
         "objects.lower.velocity.y": np.array([0.0, 0.3, 0.0]),
     }
-    batch = SpatialSimulator(world, times, n_worlds=3, threads=2).run(overrides)
+    batch = SpatialSimulator(model_of(world), times, n_worlds=3, threads=2).run(overrides)
     for w in range(3):
-        alone = SpatialSimulator(world, times).run({k: v[w : w + 1] for k, v in overrides.items()})
+        alone = SpatialSimulator(model_of(world), times).run({k: v[w : w + 1] for k, v in overrides.items()})
         np.testing.assert_array_equal(batch.positions[w], alone.positions[0])
         np.testing.assert_array_equal(batch.angular_velocities[w], alone.angular_velocities[0])
 

@@ -10,6 +10,7 @@ import pytest
 import warp as wp
 from scipy.spatial.transform import Rotation
 
+from polyworld.model import model_of
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial.layout import OPTIONS, Geometry
 from polyworld.solver.spatial.scene import build_geometry
@@ -59,7 +60,7 @@ def _poses(seed: int) -> tuple[np.ndarray, Rotation, Rotation]:
 
 def _ours(first: str, second: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     objects = tuple(RigidObject(name=n, shape=SHAPES[s], position=(0, 0, 0)) for n, s in (("a", first), ("b", second)))
-    g, _trees = build_geometry(World(objects=objects))
+    g, _trees = build_geometry(model_of(World(objects=objects)))
     c, ra, rb = _poses(seed)
     gap = wp.zeros(COUNT, dtype=wp.float64, device="cpu")
     direction = wp.zeros(COUNT, dtype=wp.vec3d, device="cpu")

@@ -2,23 +2,16 @@
 
 A contact has the geometric mean of both bodies' coefficients. A static may instead leave a coefficient to the touching
 object, or be dominant: then its own coefficient is that of the contact. Which of these holds is coded in the sign of
-its entry, so that it costs no memory in the kernels.
+its entry (`polyworld.model.arrays.coded`), so that it costs no memory in the kernels.
 """
 
 from __future__ import annotations
 
-import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
-OWN = -1.0  # a coefficient that is left to the touching object
-DOMINANT = wp.constant(wp.float64(-2.0))  # minus a coefficient c >= 0 that is the contact's own: -2 - c
+from polyworld.model import arrays
 
-
-def coded(values: NDArray[np.float64], dominant: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return coefficients (R, s) of statics as the solvers read them; `OWN` and what is coded already stay."""
-    found: NDArray[np.float64] = np.where(dominant & (values >= 0.0), -2.0 - values, values)
-    return found
+DOMINANT = wp.constant(wp.float64(arrays.DOMINANT))
 
 
 @wp.func

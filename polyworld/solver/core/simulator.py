@@ -12,12 +12,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.core.arrays import Overriding, RigidArrays, check_samples, check_worlds
+from polyworld.model import Model
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import EPISODES, ContactLog
 from polyworld.solver.core.thread_pool import available_cores, run_in_pool, shares
 from polyworld.solver.core.time_table import schedule_record, schedules
 from polyworld.trajectory import BatchTrajectory, Event
-from polyworld.world import World
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,6 +54,28 @@ class Batch:
         return len(self.schedule)
 
 
+def check_samples(most: int, samples: int | Ints | None) -> Ints:
+    """Return how many sample times are to be reached, by all worlds or by each; ValueError beyond 1 to `most`."""
+    each: Ints = np.asarray(most if samples is None else samples)
+    if each.min() < 1 or each.max() > most:
+        raise ValueError(f"samples must lie in 1..{most}, got {samples}")
+    return each
+
+
+def check_worlds(capacity: int, overrides: Mapping[str, Array] | None, schedule: Ints | None) -> int:
+    """Return how many worlds a run is of: all there is room for, or as many as `schedule` names.
+
+    Raises ValueError where there is no room for them, or overrides hold other numbers of values.
+    """
+    worlds = capacity if schedule is None else len(schedule)
+    if not 1 <= worlds <= capacity:
+        raise ValueError(f"schedule names {worlds} worlds; there is room for 1 to {capacity}")
+    lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
+    if lengths - {worlds}:
+        raise ValueError(f"overrides must hold {worlds} values, one a world; got {sorted(lengths)}")
+    return worlds
+
+
 class RigidSimulator(ABC):
     """W variants of one world of rigid bodies, run in one kernel launch per share of the worlds.
 
@@ -62,7 +84,7 @@ class RigidSimulator(ABC):
 
     def __init__(
         self,
-        world: World,
+        model: Model,
         sample_times: Array,
         *,
         n_worlds: int = 1,
@@ -71,14 +93,13 @@ class RigidSimulator(ABC):
         episodes: int = EPISODES,
     ) -> None:
         """episodes: contact episodes kept for a world."""
-        self.world = world
-        self.names = tuple(o.name for o in world.objects)
+        self.model, self.world = model, model.world
+        self.names = tuple(o.name for o in self.world.objects)
         self.n_worlds = n_worlds
         self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
         self.record_events = record_events
         self.threads = threads or available_cores()
-        self._overriding = Overriding(world)
-        self._table = schedules(world, self.sample_times)
+        self._table = schedules(self.world, self.sample_times)
         self._schedule = schedule_record(self._table, n_worlds)
         self._outcome = Outcome()
         self._outcome.diverged_object = buffers.zeros((n_worlds,), wp.int32)
@@ -88,7 +109,7 @@ class RigidSimulator(ABC):
         self._diverged_object = self._outcome.diverged_object.numpy()
         self._diverged_time = self._outcome.diverged_time.numpy()
         self._overflowed = self._outcome.overflowed.numpy()
-        all_names = self.names + tuple(s.name for s in world.statics)
+        all_names = self.names + tuple(s.name for s in self.world.statics)
         self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
 
     def run(
@@ -121,7 +142,7 @@ class RigidSimulator(ABC):
         each = check_samples(self.sample_times.shape[1], samples)
         count = int(each.max())
         worlds = check_worlds(self.n_worlds, overrides, schedule)
-        arrays = self._overriding.arrays(overrides) if overrides else self._overriding.own
+        arrays = self.model.arrays(overrides)
         own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
         self._own[:worlds] = own
         self._reach[:worlds] = self._table.segments(own, each)

@@ -9,7 +9,7 @@ import warp as wp
 
 from polyworld.core import buffers
 from polyworld.effects import Motion
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.effect_forces import effect_forces
 from polyworld.solver.core.effect_table import Effects
 from polyworld.solver.coupled.nodes import Clock, Nodes

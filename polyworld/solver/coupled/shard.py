@@ -9,8 +9,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.model import DeformableMesh
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.model import Model
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.time_table import TimeTable
 from polyworld.solver.coupled import step
 from polyworld.solver.coupled.assembly import (
@@ -28,7 +28,6 @@ from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Fields, parameter_row
 from polyworld.trajectory import Event
-from polyworld.world import World
 from polyworld.world.materials import material_of
 
 if TYPE_CHECKING:
@@ -45,10 +44,9 @@ RIGID_DIVERGED = 1 << 30  # added to the index of a rigid object where it, not a
 class Shard:
     """W worlds that differ in parameters only; buffers and graphs are kept from one run to the next."""
 
-    def __init__(
-        self, world: World, meshes: dict[str, DeformableMesh], table: TimeTable, n_worlds: int, record_events: bool
-    ) -> None:
-        self.world = world
+    def __init__(self, model: Model, table: TimeTable, n_worlds: int, record_events: bool) -> None:
+        self.model, self.world = model, model.world
+        world, meshes = model.world, model.meshes
         self.n_worlds = n_worlds
         self.table = table
         self.meshes = meshes
@@ -87,7 +85,7 @@ class Shard:
             return
         from polyworld.solver.spatial.stepper import RigidStepper
 
-        self.rigid = RigidStepper(self.world, self.n_worlds, record_events=self.record_events)
+        self.rigid = RigidStepper(self.model, self.n_worlds, record_events=self.record_events)
         bodies = self.rigid.bodies
         self.carried = CarriedBodies(bodies, len(self.world.objects))
         for stage in self.stages:

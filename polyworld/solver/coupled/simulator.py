@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.model import model_of
-from polyworld.solver.core.arrays import RigidArrays, rigid_arrays
+from polyworld.model import Model
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.time_table import time_table
 from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides
@@ -19,7 +19,6 @@ from polyworld.solver.coupled.nodes import Fields
 from polyworld.solver.coupled.record import Record
 from polyworld.solver.coupled.shard import Shard
 from polyworld.trajectory import BatchTrajectory, PointMotion
-from polyworld.world import World
 
 Array = NDArray[np.float64]
 
@@ -29,7 +28,7 @@ class CoupledSimulator:
 
     def __init__(
         self,
-        world: World,
+        model: Model,
         sample_times: Array,
         *,
         n_worlds: int = 1,
@@ -37,18 +36,18 @@ class CoupledSimulator:
         threads: int | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        self.world = world
+        self.world = world = model.world
         self.progress = progress
         self.names = world.moving_names
         self.n_worlds = n_worlds
         self.sample_times = np.asarray(sample_times, dtype=float)
         self._table = time_table(world, self.sample_times)
-        self._model = model_of(world)
+        self._model = model
         self._meshes = self._model.meshes
         count = min(n_worlds, threads or len(os.sched_getaffinity(0)))
         edges = np.linspace(0, n_worlds, count + 1).astype(int)
         self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
-        self._shards = [Shard(world, self._meshes, self._table, s.stop - s.start, record_events) for s in self._spans]
+        self._shards = [Shard(model, self._table, s.stop - s.start, record_events) for s in self._spans]
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
         """Roll all variants out from their initial state, to the first `samples` sample times."""
@@ -59,7 +58,7 @@ class CoupledSimulator:
         if lengths - {self.n_worlds}:
             raise ValueError(f"overrides must hold {self.n_worlds} values, one a world; got {sorted(lengths)}")
         rigid, soft = split_overrides(self.world, overrides)
-        arrays = rigid_arrays(self.world, rigid)
+        arrays = self._model.arrays(rigid)
         fields = deformable_fields(self.world, soft)
         segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
         records = []

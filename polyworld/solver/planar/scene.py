@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
+from polyworld.model import Model
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.rigid import RigidObject
@@ -74,10 +75,10 @@ def static_outline(item: StaticObject, axes: Array, point: Array) -> Outline | N
     return Outline(vertices, sweep, (float(x), float(y), 0.0), low, high)
 
 
-def build_scene(world: World) -> tuple[Scene, Array]:
+def build_scene(model: Model) -> tuple[Scene, Array]:
     """Build the scene of a planar world without its schedule and effects; also return the statics' poses (s, 3)."""
+    world, axes = model.world, model.plane_axes
     plane = world.environment.motion_plane
-    axes = geometry.plane_axes(plane)
     bodies = [body_outline(o, axes) for o in world.objects]
     statics = [static_outline(s, axes, np.asarray(plane.point)) for s in world.statics]
     absent = Outline(np.zeros((0, 2)), 0.0, (1.0, 0.0, -np.inf), np.inf, -np.inf)
@@ -90,8 +91,7 @@ def build_scene(world: World) -> tuple[Scene, Array]:
     for a, b in _hinged(world):
         if b >= 0:
             collides[a, b] = collides[b, a] = 0
-    volumes = [geometry.mass_properties(o.shape).volume for o in world.objects]
-
+    volumes = [solid.volume for solid in model.solids]
     scene = Scene()
     scene.bodies = n
     scene.statics = len(statics)

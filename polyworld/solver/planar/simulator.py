@@ -10,7 +10,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.model import Model
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.references import by_reference
@@ -21,7 +22,7 @@ from polyworld.solver.planar.records import Bodies, Contacts, References, Row, S
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.trajectory import Event
-from polyworld.world import World, geometry
+from polyworld.world import geometry
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class PlanarSimulator(RigidSimulator):
 
     def __init__(
         self,
-        world: World,
+        model: Model,
         sample_times: Array,
         *,
         n_worlds: int = 1,
@@ -72,22 +73,21 @@ class PlanarSimulator(RigidSimulator):
         threads: int | None = None,
     ) -> None:
         super().__init__(
-            world,
+            model,
             sample_times,
             n_worlds=n_worlds,
             record_events=record_events,
             threads=threads,
             episodes=EPISODES,
         )
-        self._scene, self._static_poses = build_scene(world)
-        self._axes = geometry.plane_axes(world.environment.motion_plane)
+        self._scene, self._static_poses = build_scene(model)
+        world, self._axes = model.world, model.plane_axes
         rotations = [geometry.quaternion_matrix(np.asarray(o.orientation)) for o in world.objects]
-        solids = [geometry.mass_properties(o.shape) for o in world.objects]
         # Moment of inertia about the plane's normal, per unit mass.
         self._gyration = np.array(
             [
                 self._axes[2] @ r @ s.inertia @ r.T @ self._axes[2] / s.volume
-                for r, s in zip(rotations, solids, strict=True)
+                for r, s in zip(rotations, model.solids, strict=True)
             ]
         )
         self._described = np.array([o.orientation for o in world.objects]).reshape(1, -1, 4)
@@ -118,7 +118,7 @@ class PlanarSimulator(RigidSimulator):
     def _allocate(self) -> None:
         w, n, s = self.n_worlds, self._scene.bodies, self._scene.statics
         self._scene.schedule = self._schedule
-        own = self._overriding.own
+        own = self.model.arrays()
         self._scene.contact_laws, self._scene.forces = contact_laws(own.effect_kind), forces_among(own.effect_kind)
         effects = self._scene.effects
         effects.kind, effects.acts = buffers.ints(own.effect_kind), buffers.ints(own.effect_acts)

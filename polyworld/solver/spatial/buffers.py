@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from polyworld.core import buffers
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.references import by_reference

@@ -6,7 +6,7 @@ impulse adds are those of the whole chain (`Joints.yields`), not those of the tw
 
 import warp as wp
 
-from polyworld.solver.core.arrays import NEVER
+from polyworld.model.arrays import NEVER
 from polyworld.solver.spatial.joint_layout import BALL, SPRING, Joints
 from polyworld.solver.spatial.joint_rows import hold_joints
 from polyworld.solver.spatial.joint_sticking import damped_share, push_axis, solve_together, spring_lack, spring_slope

@@ -149,7 +149,7 @@ class Joints:
     # (1 or W, joints): where it holds a and b, springs in the bodies' axes, others in the world's at the start [m]
     anchor: wp.array2d[wp.vec3d]
     other_anchor: wp.array2d[wp.vec3d]
-    friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.solver.core.arrays.RigidArrays`
+    friction: wp.array2d[wp.float64]  # (1 or W, joints), as in `polyworld.model.arrays.RigidArrays`
     damping: wp.array2d[wp.float64]
     stiffness: wp.array2d[wp.float64]
     target_speed: wp.array2d[wp.float64]

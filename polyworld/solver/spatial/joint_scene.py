@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from polyworld.core import buffers
-from polyworld.solver.core.arrays import NEVER, RigidArrays
+from polyworld.model.arrays import NEVER, RigidArrays
 from polyworld.solver.spatial import joint_layout
 from polyworld.solver.spatial.tree_scene import build_tree
 from polyworld.world import World, geometry

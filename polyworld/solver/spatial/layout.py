@@ -204,7 +204,7 @@ class State:
 
 @wp.struct
 class Parameters:
-    """Parameters of the worlds: fields of (1 or W, ...), as in `polyworld.solver.core.arrays.RigidArrays`."""
+    """Parameters of the worlds: fields of (1 or W, ...), as in `polyworld.model.arrays.RigidArrays`."""
 
     mass: wp.array2d[wp.float64]
     friction: wp.array2d[wp.float64]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from polyworld.core import buffers
+from polyworld.model import Model
 from polyworld.solver.spatial import layout
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
@@ -35,9 +36,9 @@ class _Tables:
     trees: list[Any] = field(default_factory=list)
 
 
-def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
-    """Geometry of a world, and the trees that must live as long as it is used."""
-    tables = _Tables()
+def build_geometry(model: Model) -> tuple[layout.Geometry, list[Any]]:
+    """Geometry of a world's model, and the trees that must live as long as it is used."""
+    tables, world = _Tables(), model.world
     pieces = [geometry.pieces(o.shape) for o in world.objects]
     for piece in chain.from_iterable(pieces):
         _add(tables, piece.shape)
@@ -56,11 +57,10 @@ def build_geometry(world: World) -> tuple[layout.Geometry, list[Any]]:
     g.face_corners = _array(tables.corners, wp.int32)
     g.edge_active = _array(tables.active, wp.int32)
     g.tree = _array([0 if t is None else t.id for t in tables.trees], wp.uint64)
-    solids = [geometry.mass_properties(o.shape) for o in world.objects]
-    inertia = [s.inertia / s.volume for s in solids]
+    inertia = [s.inertia / s.volume for s in model.solids]
     g.inertia = _array(inertia, wp.mat33d)
     g.inverse_inertia = _array([np.linalg.inv(i) for i in inertia], wp.mat33d)
-    g.radius = _array([(0.75 * s.volume / np.pi) ** (1.0 / 3.0) for s in solids], wp.float64)
+    g.radius = _array([(0.75 * s.volume / np.pi) ** (1.0 / 3.0) for s in model.solids], wp.float64)
     return g, tables.trees
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.solver.core.arrays import RigidArrays
+from polyworld.model import Model
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.simulator import Batch, RigidSimulator
@@ -27,7 +28,6 @@ from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.trajectory import Event
-from polyworld.world import World
 
 Array = NDArray[np.float64]
 
@@ -37,16 +37,16 @@ class SpatialSimulator(RigidSimulator):
 
     def __init__(
         self,
-        world: World,
+        model: Model,
         sample_times: Array,
         *,
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
     ) -> None:
-        super().__init__(world, sample_times, n_worlds=n_worlds, record_events=record_events, threads=threads)
-        self._geometry, self._trees = build_geometry(world)
-        self._parameters = ParameterBuffers(world, n_worlds)
+        super().__init__(model, sample_times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+        self._geometry, self._trees = build_geometry(model)
+        self._parameters = ParameterBuffers(self.world, n_worlds)
         self._state: Any
         self._joints: Joints
         self._samples: Any

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.solver.core.arrays import RigidArrays, dot
+from polyworld.model.arrays import RigidArrays, dot
 from polyworld.solver.spatial.scene import box_orientation
 from polyworld.world import World, geometry
 from polyworld.world.shapes import Plane, Wall

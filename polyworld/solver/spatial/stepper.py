@@ -10,7 +10,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.core.arrays import RigidArrays, rigid_arrays
+from polyworld.model import Model
+from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import ContactLog, Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial import layout
@@ -27,7 +28,6 @@ from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import load_worlds, step_kernel
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.trajectory import Event
-from polyworld.world import World
 
 
 class RigidStepper:
@@ -38,13 +38,13 @@ class RigidStepper:
     rows, written in place, so that a captured graph of `launch_step` stays valid.
     """
 
-    def __init__(self, world: World, n_worlds: int, record_events: bool = False) -> None:
-        self.world = world
+    def __init__(self, model: Model, n_worlds: int, record_events: bool = False) -> None:
+        self.world = world = model.world
         self.n_worlds = n_worlds
         self.record_events = record_events
         self.names = tuple(o.name for o in world.objects)
         self._all_names = self.names + tuple(s.name for s in world.statics)
-        self.geometry, self._trees = build_geometry(world)
+        self.geometry, self._trees = build_geometry(model)
         self.state = allocate_state(world, n_worlds)
         self.joints = allocate_joints(world, self.state)
         self.bodies = self.state.bodies
@@ -60,7 +60,7 @@ class RigidStepper:
             by_reference(self.log.record, Log),
         ]
         self._joints_reference: Any = None
-        self.write(rigid_arrays(world))
+        self.write(model.arrays())
 
     def write(self, arrays: RigidArrays) -> None:
         """Take parameters and initial states; `reset` puts the bodies there."""

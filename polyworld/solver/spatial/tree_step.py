@@ -8,7 +8,7 @@ to `joint_step`.
 
 import warp as wp
 
-from polyworld.solver.core.arrays import NEVER
+from polyworld.model.arrays import NEVER
 from polyworld.solver.spatial.joint_layout import BALL, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.tree_dynamics import (

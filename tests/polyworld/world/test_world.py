@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from polyworld.solver.core.arrays import rigid_arrays
+from polyworld.model import model_of
 from polyworld.world import Effect, MotionPlane, World, geometry
 from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
 from polyworld.world.representations.rigid import RigidObject
@@ -82,8 +82,8 @@ def test_value_outside_bounds_is_refused_with_the_bounds() -> None:
 def test_overrides_reach_the_arrays_like_a_changed_world() -> None:
     world = World(objects=(ball(), ball("other", position=(1, 0, 0.1))))
     values = {"objects.other.rotation.z": 0.4, "objects.ball.velocity.y": -2.0, "environment.gravity.x": 0.5}
-    batch = rigid_arrays(world, {path: np.array([0.0, value]) for path, value in values.items()})
-    single = rigid_arrays(with_parameters(world, values))
+    batch = model_of(world).arrays({path: np.array([0.0, value]) for path, value in values.items()})
+    single = model_of(with_parameters(world, values)).arrays()
     for field in ("orientation", "velocity", "gravity"):
         np.testing.assert_allclose(getattr(batch, field)[1], getattr(single, field)[0], atol=1e-15)
 

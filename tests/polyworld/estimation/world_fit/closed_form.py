@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.solver.core.arrays import rigid_arrays
+from polyworld.model import model_of
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import TimeBase, World, geometry
 from polyworld.world.representations.rigid import RigidObject
@@ -29,7 +29,7 @@ class ClosedForm:
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
         self.runs += 1
-        a = rigid_arrays(self.world, overrides)
+        a = model_of(self.world).arrays(overrides)
         w = self.n_worlds
         full = [
             np.broadcast_to(f, (w, *f.shape[1:]))

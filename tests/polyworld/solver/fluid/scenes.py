@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from polyworld.solver.core.arrays import rigid_arrays
+from polyworld.model import model_of
 from polyworld.solver.coupled.nodes import Clock
 from polyworld.solver.fluid.solver import FluidSolver
 from polyworld.solver.spatial.layout import Body
@@ -114,7 +114,7 @@ def _clock(step: float, n_worlds: int, gravity: Array) -> Clock:
 
 def _bodies(world: World, n_worlds: int) -> Any:
     rows = np.zeros((n_worlds, max(1, len(world.objects))), dtype=Body.numpy_dtype())
-    masses = rigid_arrays(world).mass[0]
+    masses = model_of(world).arrays().mass[0]
     for i, item in enumerate(world.objects):
         solid = geometry.mass_properties(item.shape)
         inertia = solid.inertia / solid.volume

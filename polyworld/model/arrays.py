@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from polyworld.effects import MAX_PARAMETERS
 from polyworld.expressions.effect import effect_programs, law_of
-from polyworld.solver.core.contact_coefficients import OWN, coded
 from polyworld.world import World, geometry
 from polyworld.world.parameters import (
     check_differs_per_world,
@@ -26,6 +25,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 KEPT = 64  # lists of paths whose destinations are cached
+OWN, DOMINANT = (
+    -1.0,
+    -2.0,
+)  # codes of a coefficient that is left to the other, and, minus itself, of one that holds alone
 NEVER = 1.0e30  # a time or a stop that is never reached
 
 
@@ -37,7 +40,7 @@ class RigidArrays:
     position, velocity, angular_velocity (R, n, 3); orientation (R, n, 4); static_position (R, s, 3),
     static_orientation (R, s, 4); static_friction,
     static_restitution (R, s) and plane_friction (R, 1), `OWN` where left to the touching object, those of dominant
-    statics as `contact_coefficients` codes them;
+    statics as `coded` codes them;
     gravity (R, 3); effect_parameters (R, e, 8); time_scale (R, 1): seconds_per_frame over the world's own;
     time_origin (R, 1) [s].
     joint_friction, joint_damping, joint_stiffness, and motor_target_speed, motor_limit, motor_delay of the joints'
@@ -91,16 +94,12 @@ SCALARS = (
 )
 
 
-def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> RigidArrays:
-    """Arrays of a world; `overrides` maps parameter paths to values of shape (W,), all of one length.
-
-    Only overridden fields get W rows. Raises KeyError for an unknown path and ValueError for values that
-    are not finite, outside their bounds, or of different lengths.
-    """
+def rigid_arrays(world: World) -> RigidArrays:
+    """Return the arrays of a world, of one row each."""
     objects = world.objects
     effects = [e for e in world.effects if e.enabled]
     kinds, programs = effect_programs(effects)
-    arrays = RigidArrays(
+    return RigidArrays(
         mass=_row([object_mass(o) for o in objects]),
         **{name: _row([getattr(o, name) for o in objects]) for name in SCALARS},
         torsional_radius=_row([torsional_radius(world, o) for o in objects]),
@@ -133,57 +132,45 @@ def rigid_arrays(world: World, overrides: Mapping[str, Array] | None = None) -> 
         ).reshape(len(effects), len(objects)),
         effect_programs=programs,
     )
-    return Overriding(world, arrays).arrays(overrides) if overrides else arrays
 
 
-def check_samples(most: int, samples: int | Ints | None) -> Ints:
-    """Return how many sample times are to be reached, by all worlds or by each; ValueError beyond 1 to `most`."""
-    each: Ints = np.asarray(most if samples is None else samples)
-    if each.min() < 1 or each.max() > most:
-        raise ValueError(f"samples must lie in 1..{most}, got {samples}")
-    return each
-
-
-def check_worlds(capacity: int, overrides: Mapping[str, Array] | None, schedule: Ints | None) -> int:
-    """Return how many worlds a run is of: all there is room for, or as many as `schedule` names.
-
-    Raises ValueError where there is no room for them, or overrides hold other numbers of values.
-    """
-    worlds = capacity if schedule is None else len(schedule)
-    if not 1 <= worlds <= capacity:
-        raise ValueError(f"schedule names {worlds} worlds; there is room for 1 to {capacity}")
-    lengths = {len(np.atleast_1d(v)) for v in (overrides or {}).values()}
-    if lengths - {worlds}:
-        raise ValueError(f"overrides must hold {worlds} values, one a world; got {sorted(lengths)}")
-    return worlds
+def coded(values: Array, dominant: NDArray[np.bool_]) -> Array:
+    """Return coefficients (R, s) of statics as the solvers read them; `OWN` and what is coded already stay."""
+    found: Array = np.where(dominant & (values >= 0.0), DOMINANT - values, values)
+    return found
 
 
 class Overriding:
     """Arrays of variants of one world: where each parameter goes in them is looked up once, not for every batch."""
 
-    def __init__(self, world: World, own: RigidArrays | None = None) -> None:
-        self.own = own if own is not None else rigid_arrays(world)
+    def __init__(self, world: World) -> None:
+        self.own = rigid_arrays(world)
         self._world = world
         self._known = parameter_paths(world)
         self._dominant = _dominant(world)
         self._destinations: dict[tuple[str, ...], _Destinations] = {}
 
     def arrays(self, overrides: Mapping[str, Array]) -> RigidArrays:
-        """Return the world's arrays with some parameters given per world; unchanged fields are the world's own.
+        """Return the world's arrays with parameters, by path, given as values (W,), one a world.
 
-        Raises as `rigid_arrays` does.
+        Fields of which none is given have one row.
+
+        Raises KeyError for an unknown path, ValueError for values that are not finite, outside their bounds, or of
+        different lengths.
         """
+        if not overrides:
+            return self.own
         lengths = {path: np.shape(v) for path, v in overrides.items()}
         if len(set(lengths.values())) > 1 or any(len(s) != 1 for s in lengths.values()):
             raise ValueError(f"overrides must be one-dimensional and of equal length, got {lengths}")
         paths = tuple(overrides)
         if not len(overrides[paths[0]]):
             raise ValueError("overrides must hold a value for at least one world, got none")
-        if paths not in self._destinations:
+        destinations = self._destinations.get(paths)
+        if destinations is None:
             if len(self._destinations) == KEPT:
                 self._destinations.clear()
-            self._destinations[paths] = self._looked_up(paths)
-        destinations = self._destinations[paths]
+            destinations = self._destinations[paths] = self._looked_up(paths)
         values = np.array([overrides[path] for path in paths], dtype=float)
         inside = (values >= destinations.lower[:, None]) & (values <= destinations.upper[:, None]) & np.isfinite(values)
         if not inside.all():
@@ -192,10 +179,10 @@ class Overriding:
             raise ValueError(f"{path}: values must lie in {spec.lower} to {spec.upper} {spec.unit}")
         values /= destinations.unit[:, None]
         rows = values.shape[1]
-        changed: dict[str, Array] = {}
+        changed: dict[str, Any] = {}
         for name, (which, where) in destinations.written.items():
             changed[name] = np.repeat(getattr(self.own, name), rows, axis=0)
-            changed[name][:, *where] = values[which].T
+            changed[name][(slice(None), *where)] = values[which].T
             if name in ("static_friction", "static_restitution"):
                 changed[name] = coded(changed[name], self._dominant)
         for name, (which, bodies, axes) in destinations.rotated.items():
@@ -209,7 +196,7 @@ class Overriding:
 
     def _looked_up(self, paths: tuple[str, ...]) -> _Destinations:
         specs, unit = [], np.ones(len(paths))
-        written: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
+        written: dict[str, list[tuple[int, tuple[Any, ...]]]] = {}
         rotated: dict[str, list[tuple[int, int, int]]] = {}
         for i, path in enumerate(paths):
             specs.append(self._known.get(path) or specification(self._world, path))  # the latter raises, with choices
@@ -234,7 +221,7 @@ class Overriding:
             rotated={field: tuple(np.array(found).T) for field, found in rotated.items()},
         )
 
-    def _fields(self, path: str, parts: list[str]) -> list[tuple[str, tuple[int, ...]]]:
+    def _fields(self, path: str, parts: list[str]) -> list[tuple[str, tuple[Any, ...]]]:
         """Fields that a parameter is written to, and where, behind the axis of worlds."""
         if path == "time.origin":
             return [("time_origin", (0,))]
@@ -255,7 +242,7 @@ class Overriding:
         if len(parts) == 3:
             return [(f"{prefix}{parts[2]}", (column,))]
         where = (column, "xyz".index(parts[3]))
-        fields = [(f"{prefix}{parts[2]}", where)]
+        fields: list[tuple[str, tuple[Any, ...]]] = [(f"{prefix}{parts[2]}", where)]
         if parts[0] == "joints" and not isinstance(self._world.joints[column], Spring):  # one point for both ends
             fields.append(("joint_other_anchor", where))
         return fields
