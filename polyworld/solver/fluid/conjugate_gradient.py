@@ -1,8 +1,10 @@
-"""Conjugate gradients with a modified incomplete Cholesky preconditioner, and rigid bodies' part of the product.
+"""Preconditioned conjugate gradients for the pressure, the volume's drift and viscosity.
 
-Bridson, Fluid Simulation for Computer Graphics (2nd ed. 2015), ch. 5, in compressed rows. One thread a world: the
-factorisation is serial by nature, and each world stops at its own accuracy.
+Bridson, Fluid Simulation for Computer Graphics (2nd ed. 2015), ch. 5: a modified incomplete Cholesky preconditioner, in
+compressed rows. One thread a world: the factorisation is serial by nature, and each world stops at its own accuracy.
 """
+
+from typing import Any
 
 import warp as wp
 
@@ -125,6 +127,47 @@ def step_back(a: wp.array[wp.float64], b: wp.array[wp.float64], s: wp.float64, n
     """a = b + s a."""
     for i in range(n):
         a[i] = b[i] + s * a[i]
+
+
+def conjugate_gradients(kind: Any, misfit: Any, precondition: Any, multiply: Any) -> Any:
+    """Return the Warp function that solves symmetric positive definite equations held in structs of a kind.
+
+    misfit(equations, w, n): size of the residual r, compared with `enough`. precondition(equations, w, n): z from r.
+    multiply(equations, w, n, s, y): y = A s. The function returned moves x and r along search directions s, with z and
+    y as room to work in, and returns the number of iterations.
+    """
+
+    @wp.func
+    def solve(
+        equations: kind,
+        w: int,
+        n: int,
+        x: wp.array[wp.float64],
+        r: wp.array[wp.float64],
+        z: wp.array[wp.float64],
+        s: wp.array[wp.float64],
+        y: wp.array[wp.float64],
+        enough: wp.float64,
+        most: int,
+    ) -> int:
+        iterations = wp.int32(0)
+        rho = wp.float64(0.0)
+        while misfit(equations, w, n) > enough and iterations < most:
+            precondition(equations, w, n)
+            new = dot(r, z, n)
+            if iterations == 0:
+                step_back(s, z, ZERO, n)
+            else:
+                step_back(s, z, new / rho, n)
+            rho = new
+            multiply(equations, w, n, s, y)
+            alpha = rho / dot(s, y, n)
+            step_along(x, s, alpha, n)
+            step_along(r, y, -alpha, n)
+            iterations += 1
+        return iterations
+
+    return solve
 
 
 @wp.func(inline=False)

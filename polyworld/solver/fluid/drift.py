@@ -7,13 +7,11 @@ problem like the pressure's, whose right side is the excess of content. It moves
 import warp as wp
 
 from polyworld.solver.fluid.conjugate_gradient import (
-    dot,
+    conjugate_gradients,
     factorise,
     largest,
     multiply,
     precondition,
-    step_along,
-    step_back,
 )
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System
 from polyworld.solver.fluid.stencil import ONE, ZERO
@@ -27,6 +25,14 @@ PURE = wp.float64(0.05)  # a cell with less liquid than this belongs to a soft b
 SMALLEST = wp.float64(1.0e-12)
 TOLERANCE = wp.float64(1.0e-2)
 ITERATIONS = 50
+
+
+@wp.func
+def _misfit(system: System, w: int, n: int) -> wp.float64:
+    return largest(system.residual[w], n)
+
+
+_solve = conjugate_gradients(System, _misfit, precondition, multiply)
 
 
 @wp.kernel
@@ -85,22 +91,8 @@ def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace
     x[none] = ZERO
     enough = wp.max(TOLERANCE * largest(r, n), NEGLIGIBLE * rate)
     factorise(system, w, n)
-    iterations = wp.int32(0)
-    rho = wp.float64(0.0)
-    while largest(r, n) > enough and iterations < ITERATIONS:
-        precondition(system, w, n)
-        new = dot(r, z, n)
-        if iterations == 0:
-            step_back(s, z, ZERO, n)
-        else:
-            step_back(s, z, new / rho, n)
-        s[none] = ZERO
-        rho = new
-        multiply(system, w, n, s, y)
-        alpha = rho / dot(s, y, n)
-        step_along(x, s, alpha, n)
-        step_along(r, y, -alpha, n)
-        iterations += 1
+    s[none] = ZERO
+    _solve(system, w, n, x, r, z, s, y, enough, ITERATIONS)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):

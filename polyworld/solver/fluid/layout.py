@@ -192,22 +192,33 @@ class Pace:
 class Viscous:
     """amount, sticky (W, C): viscosity times volume around a cell's centre, of all liquids and of those that stick.
 
-    mass (W, 3, C): of a face with all its surroundings in the liquid. kind (W, 3, C): what a face is. residual,
-    search, product, diagonal (W, 3, C): of the equations. active (W,); reach (W,): how well a boundary layer is
-    resolved, 1 and more fully.
+    kind (W, 3, C): what a face is. active (W,); reach (W,): how well a boundary layer is resolved, 1 and more fully.
     """
 
     amount: wp.array2d[wp.float64]
     sticky: wp.array2d[wp.float64]
-    mass: wp.array3d[wp.float64]
     kind: wp.array3d[wp.int32]
-    residual: wp.array3d[wp.float64]
-    search: wp.array3d[wp.float64]
-    product: wp.array3d[wp.float64]
-    diagonal: wp.array3d[wp.float64]
     active: wp.array[wp.int32]
     reach: wp.array[wp.float64]
     iterations: wp.array[wp.int32]
+
+
+@wp.struct
+class Faces:
+    """Equations of viscosity: row (W, 3, C) of each face, first the n[w] of liquid, then those in solids.
+
+    mass (W, N): of a face with all its surroundings in the liquid. x: velocity, given in solids.
+    """
+
+    row: wp.array3d[wp.int32]
+    n: wp.array[wp.int32]
+    mass: wp.array2d[wp.float64]
+    diagonal: wp.array2d[wp.float64]
+    x: wp.array2d[wp.float64]
+    residual: wp.array2d[wp.float64]
+    z: wp.array2d[wp.float64]
+    search: wp.array2d[wp.float64]
+    product: wp.array2d[wp.float64]
 
 
 @wp.struct

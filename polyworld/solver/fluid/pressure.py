@@ -8,14 +8,13 @@ import warp as wp
 
 from polyworld.solver.fluid.bodies import add_outflow, gather_wrench, keep_touching, present_motion, respond
 from polyworld.solver.fluid.conjugate_gradient import (
-    dot,
+    conjugate_gradients,
     factorise,
     largest,
     multiply,
     number_unknowns,
     precondition,
     step_along,
-    step_back,
 )
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, System, Tension, Wetted
 from polyworld.solver.fluid.stencil import ONE, ZERO, gather, stencil
@@ -124,6 +123,41 @@ def build_pressure(
     keep_touching(wetted, fields.unknown, grid.stride, w, none)
 
 
+@wp.struct
+class Coupled:
+    """The liquid's equations, and what the bodies in it need to answer pressure within dt [s]."""
+
+    system: System
+    grid: Grid
+    solids: Solids
+    wetted: Wetted
+    bodies: wp.array2d[Body]
+    dt: wp.float64
+
+
+@wp.func
+def _misfit(equations: Coupled, w: int, n: int) -> wp.float64:
+    return largest(equations.system.residual[w], n)
+
+
+@wp.func
+def _precondition(equations: Coupled, w: int, n: int) -> None:
+    precondition(equations.system, w, n)
+
+
+@wp.func
+def _multiply(equations: Coupled, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64]) -> None:
+    """y = A x, with the bodies' part; x[rows] must be 0."""
+    multiply(equations.system, w, n, x, y)
+    if equations.wetted.count[w] > 0:
+        gather_wrench(equations.grid, equations.wetted, w, x)
+        respond(equations.grid, equations.solids, equations.bodies, equations.wetted, w, equations.dt)
+        add_outflow(equations.grid, equations.wetted, w, y, equations.system.rows)
+
+
+_solve = conjugate_gradients(Coupled, _misfit, _precondition, _multiply)
+
+
 @wp.kernel
 def solve_pressure(
     grid: Grid, solids: Solids, fields: Fields, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
@@ -140,42 +174,25 @@ def solve_pressure(
     z = system.z[w]
     s = system.search[w]
     y = system.product[w]
-    wet = wetted.count[w]
-    if wet > 0:
+    equations = Coupled()
+    equations.system = system
+    equations.grid = grid
+    equations.solids = solids
+    equations.wetted = wetted
+    equations.bodies = bodies
+    equations.dt = dt
+    if wetted.count[w] > 0:
         present_motion(bodies, wetted, w, solids.bodies)
         for i in range(n):
             y[i] = ZERO
         add_outflow(grid, wetted, w, y, none)
         step_along(r, y, -ONE, n)
     enough = TOLERANCE * largest(r, n)
-    multiply(system, w, n, x, y)
-    if wet > 0:
-        gather_wrench(grid, wetted, w, x)
-        respond(grid, solids, bodies, wetted, w, dt)
-        add_outflow(grid, wetted, w, y, none)
+    _multiply(equations, w, n, x, y)
     step_along(r, y, -ONE, n)
     factorise(system, w, n)
-    iterations = wp.int32(0)
-    rho = wp.float64(0.0)
-    while largest(r, n) > enough and iterations < ITERATIONS:
-        precondition(system, w, n)
-        new = dot(r, z, n)
-        if iterations == 0:
-            step_back(s, z, ZERO, n)
-        else:
-            step_back(s, z, new / rho, n)
-        s[none] = ZERO
-        rho = new
-        multiply(system, w, n, s, y)
-        if wet > 0:
-            gather_wrench(grid, wetted, w, s)
-            respond(grid, solids, bodies, wetted, w, dt)
-            add_outflow(grid, wetted, w, y, none)
-        alpha = rho / dot(s, y, n)
-        step_along(x, s, alpha, n)
-        step_along(r, y, -alpha, n)
-        iterations += 1
-    system.iterations[w] = iterations
+    s[none] = ZERO
+    system.iterations[w] = _solve(equations, w, n, x, r, z, s, y, enough, ITERATIONS)
     for i in range(n):
         fields.pressure[w, system.cell[w, i]] = x[i]
 

@@ -7,7 +7,8 @@ free surface carries no traction. Where the liquid sticks, a wall is the point o
 
 import warp as wp
 
-from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Solids, Viscous
+from polyworld.solver.fluid.conjugate_gradient import conjugate_gradients
+from polyworld.solver.fluid.layout import OPTIONS, Faces, Fields, Grid, Liquids, Pace, Particles, Solids, Viscous
 from polyworld.solver.fluid.motion import SHUT, solid_at
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, scatter, stencil
 from polyworld.solver.spatial.layout import Body
@@ -37,10 +38,14 @@ def gather_viscosity(
     solids: Solids,
     fields: Fields,
     viscous: Viscous,
+    faces: Faces,
     bodies: wp.array2d[Body],
     pace: Pace,
 ) -> None:
-    """Viscosity times volume of the cells, and what every face is; sets active[w] where viscosity matters."""
+    """Viscosity times volume of the cells, and what every face is; sets active[w] where viscosity matters.
+
+    The liquid's faces get rows of the equations, in the order of the cells.
+    """
     w = wp.tid()
     dt = pace.dt[w]
     viscous.active[w] = 0
@@ -71,6 +76,7 @@ def gather_viscosity(
         scatter(grid, viscous.amount[w], s, value)
         if liquids.slip[f] == 0:
             scatter(grid, viscous.sticky[w], s, value)
+    n = wp.int32(0)
     for i in range(lo[0], hi[0]):
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
@@ -94,8 +100,11 @@ def gather_viscosity(
                         elif fields.mass[w, a, c] > ZERO:
                             kind = LIQUID
                             beside = HALF * (room + fields.room[w, c - grid.stride[a]])
-                            viscous.mass[w, a, c] = fields.mass[w, a, c] / wp.max(beside, HALF)
+                            faces.mass[w, n] = fields.mass[w, a, c] / wp.max(beside, HALF)
+                            faces.row[w, a, c] = n
+                            n += 1
                     viscous.kind[w, a, c] = kind
+    faces.n[w] = n
 
 
 @wp.func(inline=False)
@@ -190,18 +199,28 @@ def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int,
     return s
 
 
+@wp.struct
+class Dissipation:
+    """Inertia and dissipation within dt [s] of the liquid's faces. rows: how many, with those in solids."""
+
+    grid: Grid
+    fields: Fields
+    viscous: Viscous
+    faces: Faces
+    dt: wp.float64
+    rows: int
+
+
 @wp.func(inline=False)
-def _apply(
-    grid: Grid,
-    fields: Fields,
-    viscous: Viscous,
-    w: int,
-    dt: wp.float64,
-    x: wp.array2d[wp.float64],
-    y: wp.array2d[wp.float64],
-    only: int,
-) -> None:
+def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int) -> None:
     """y = (inertia + dt dissipation) x on the liquid's faces; `only` 1: its diagonal alone, x then ignored."""
+    grid = equations.grid
+    fields = equations.fields
+    viscous = equations.viscous
+    dt = equations.dt
+    kind = viscous.kind[w]
+    row = equations.faces.row[w]
+    mass = equations.faces.mass[w]
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for a in range(3):
@@ -209,16 +228,12 @@ def _apply(
             lo[a] += 1
             hi[a] -= 1
     two = wp.float64(2.0)
-    for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
-                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                for a in range(3):
-                    y[a, c] = ZERO
-                    if viscous.kind[w, a, c] == LIQUID:
-                        y[a, c] = viscous.mass[w, a, c]
-                        if only == 0:
-                            y[a, c] = viscous.mass[w, a, c] * x[a, c]
+    for i in range(n):
+        y[i] = mass[i]
+        if only == 0:
+            y[i] = mass[i] * x[i]
+    for i in range(n, equations.rows):
+        y[i] = ZERO
     for i in range(lo[0], hi[0]):
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
@@ -227,42 +242,77 @@ def _apply(
                 for a in range(3):
                     if grid.wide[a] == 0:
                         continue
-                    n = c + grid.stride[a]
-                    if amount > ZERO and viscous.kind[w, a, c] != EMPTY and viscous.kind[w, a, n] != EMPTY:
+                    beyond = c + grid.stride[a]
+                    if amount > ZERO and kind[a, c] != EMPTY and kind[a, beyond] != EMPTY:
                         pull = two * dt * amount / (grid.cell * grid.cell)
+                        low = row[a, c]
+                        high = row[a, beyond]
                         if only == 1:
-                            y[a, n] = y[a, n] + pull
-                            y[a, c] = y[a, c] + pull
+                            y[high] = y[high] + pull
+                            y[low] = y[low] + pull
                         else:
-                            pull *= x[a, n] - x[a, c]
-                            y[a, n] = y[a, n] + pull
-                            y[a, c] = y[a, c] - pull
+                            pull *= x[high] - x[low]
+                            y[high] = y[high] + pull
+                            y[low] = y[low] - pull
                     for b in range(a + 1, 3):
-                        if grid.wide[b] == 0:
+                        if grid.wide[b] == 0 or kind[a, c] == EMPTY or kind[b, c] == EMPTY:
                             continue
                         s = _shear(grid, fields, viscous, w, c, a, b)
                         if s.weight <= ZERO:
                             continue
-                        ca = c - grid.stride[a]
-                        cb = c - grid.stride[b]
+                        a_above = row[a, c]
+                        a_below = row[a, c - grid.stride[b]]
+                        b_above = row[b, c]
+                        b_below = row[b, c - grid.stride[a]]
                         pull = dt * s.weight
                         if only == 1:
-                            y[a, c] = y[a, c] + pull * s.a_above * s.a_above
-                            y[a, cb] = y[a, cb] + pull * s.a_below * s.a_below
-                            y[b, c] = y[b, c] + pull * s.b_above * s.b_above
-                            y[b, ca] = y[b, ca] + pull * s.b_below * s.b_below
+                            y[a_above] = y[a_above] + pull * s.a_above * s.a_above
+                            y[a_below] = y[a_below] + pull * s.a_below * s.a_below
+                            y[b_above] = y[b_above] + pull * s.b_above * s.b_above
+                            y[b_below] = y[b_below] + pull * s.b_below * s.b_below
                         else:
                             pull *= (
-                                s.a_above * x[a, c] + s.a_below * x[a, cb] + s.b_above * x[b, c] + s.b_below * x[b, ca]
+                                s.a_above * x[a_above]
+                                + s.a_below * x[a_below]
+                                + s.b_above * x[b_above]
+                                + s.b_below * x[b_below]
                             )
-                            y[a, c] = y[a, c] + pull * s.a_above
-                            y[a, cb] = y[a, cb] + pull * s.a_below
-                            y[b, c] = y[b, c] + pull * s.b_above
-                            y[b, ca] = y[b, ca] + pull * s.b_below
+                            y[a_above] = y[a_above] + pull * s.a_above
+                            y[a_below] = y[a_below] + pull * s.a_below
+                            y[b_above] = y[b_above] + pull * s.b_above
+                            y[b_below] = y[b_below] + pull * s.b_below
+
+
+@wp.func
+def _misfit(equations: Dissipation, w: int, n: int) -> wp.float64:
+    """Largest change of velocity that the diagonal asks for [m/s]."""
+    residual = equations.faces.residual[w]
+    diagonal = equations.faces.diagonal[w]
+    most = wp.float64(0.0)
+    for i in range(n):
+        most = wp.max(most, wp.abs(residual[i] / diagonal[i]))
+    return most
+
+
+@wp.func
+def _precondition(equations: Dissipation, w: int, n: int) -> None:
+    residual = equations.faces.residual[w]
+    diagonal = equations.faces.diagonal[w]
+    z = equations.faces.z[w]
+    for i in range(n):
+        z[i] = residual[i] / diagonal[i]
+
+
+@wp.func
+def _multiply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64]) -> None:
+    _apply(equations, w, n, x, y, 0)
+
+
+_solve = conjugate_gradients(Dissipation, _misfit, _precondition, _multiply)
 
 
 @wp.kernel
-def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
+def diffuse(grid: Grid, fields: Fields, viscous: Viscous, faces: Faces, pace: Pace) -> None:
     """Conjugate gradients with the diagonal as preconditioner, from the present velocity."""
     w = wp.tid()
     dt = pace.dt[w]
@@ -271,64 +321,43 @@ def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     u = fields.velocity[w]
-    y = viscous.product[w]
-    s = viscous.search[w]
-    r = viscous.residual[w]
-    d = viscous.diagonal[w]
-    _apply(grid, fields, viscous, w, dt, u, d, 1)
-    _apply(grid, fields, viscous, w, dt, u, y, 0)
-    first = wp.float64(0.0)
-    rho = wp.float64(0.0)
+    x = faces.x[w]
+    r = faces.residual[w]
+    s = faces.search[w]
+    y = faces.product[w]
+    n = faces.n[w]
+    rows = n
     for i in range(lo[0], hi[0]):
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
-                    s[a, c] = ZERO
-                    r[a, c] = ZERO
+                    if viscous.kind[w, a, c] == SOLID:
+                        faces.row[w, a, c] = rows
+                        s[rows] = ZERO
+                        rows += 1
+                    if viscous.kind[w, a, c] != EMPTY:
+                        x[faces.row[w, a, c]] = u[a, c]
+    equations = Dissipation()
+    equations.grid = grid
+    equations.fields = fields
+    equations.viscous = viscous
+    equations.faces = faces
+    equations.dt = dt
+    equations.rows = rows
+    _apply(equations, w, n, x, faces.diagonal[w], 1)
+    _apply(equations, w, n, x, y, 0)
+    for i in range(n):
+        r[i] = faces.mass[w, i] * x[i] - y[i]
+    enough = TOLERANCE * _misfit(equations, w, n) + wp.float64(1.0e-12)
+    viscous.iterations[w] = _solve(equations, w, n, x, r, faces.z[w], s, y, enough, ITERATIONS)
+    for i in range(lo[0], hi[0]):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
                     if viscous.kind[w, a, c] == LIQUID:
-                        r[a, c] = viscous.mass[w, a, c] * u[a, c] - y[a, c]
-                        s[a, c] = r[a, c] / d[a, c]
-                        first = wp.max(first, wp.abs(s[a, c]))
-                        rho += r[a, c] * s[a, c]
-    change = first
-    iterations = wp.int32(0)
-    enough = TOLERANCE * first + wp.float64(1.0e-12)
-    while change > enough and iterations < ITERATIONS:
-        _apply(grid, fields, viscous, w, dt, s, y, 0)
-        curve = wp.float64(0.0)
-        for i in range(lo[0], hi[0]):
-            for j in range(lo[1], hi[1]):
-                for k in range(lo[2], hi[2]):
-                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                    for a in range(3):
-                        if viscous.kind[w, a, c] == LIQUID:
-                            curve += s[a, c] * y[a, c]
-        alpha = rho / curve
-        new = wp.float64(0.0)
-        change = ZERO
-        for i in range(lo[0], hi[0]):
-            for j in range(lo[1], hi[1]):
-                for k in range(lo[2], hi[2]):
-                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                    for a in range(3):
-                        if viscous.kind[w, a, c] == LIQUID:
-                            u[a, c] = u[a, c] + alpha * s[a, c]
-                            r[a, c] = r[a, c] - alpha * y[a, c]
-                            z = r[a, c] / d[a, c]
-                            new += r[a, c] * z
-                            change = wp.max(change, wp.abs(z))
-        beta = new / rho
-        rho = new
-        for i in range(lo[0], hi[0]):
-            for j in range(lo[1], hi[1]):
-                for k in range(lo[2], hi[2]):
-                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                    for a in range(3):
-                        if viscous.kind[w, a, c] == LIQUID:
-                            s[a, c] = r[a, c] / d[a, c] + beta * s[a, c]
-        iterations += 1
-    viscous.iterations[w] = iterations
+                        u[a, c] = x[faces.row[w, a, c]]
 
 
 @wp.kernel
