@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from atw_mcp.models.points import PredictedPoints
+from atw_mcp.perception.import_tracks import continuous
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
@@ -59,7 +60,7 @@ def rotations(
         base = Rotation.from_quat(first[[1, 2, 3, 0]]) if np.isfinite(first).all() else Rotation.identity()
         found = (Rotation.from_quat(turned[known]) * base).as_quat()[:, [3, 0, 1, 2]]
         orientations[:, column], confidence[:, column] = np.nan, 0.0
-        orientations[known, column] = _continuous(found)
+        orientations[known, column] = continuous(found)
         weight = np.exp(-((error[known] / TRUSTED) ** 2))
         confidence[known, column] = np.round(tracks.confidence[known, column] * weight, 4)
         symmetry[column] = 1
@@ -138,11 +139,3 @@ def _least_squares(seen: Floats, body: Floats, axis: Floats | None) -> Rotation:
         return found
     cosine, sine = (seen * body).sum(), (np.cross(body, seen) @ axis).sum()
     return Rotation.from_rotvec(axis * np.arctan2(sine, cosine))
-
-
-def _continuous(quaternions: Floats) -> Floats:
-    """Return the quaternions (T, 4) with signs chosen so that neighbours are close."""
-    flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))
-    signs = np.concatenate([[1.0], np.cumprod(np.where(flips < 0, -1.0, 1.0))])
-    signed: Floats = quaternions * signs[:, None]
-    return signed
