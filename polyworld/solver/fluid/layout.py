@@ -189,27 +189,26 @@ class Pace:
 
 
 @wp.struct
-class Viscous:
+class Resistance:
     """amount, sticky (W, C): viscosity times volume around a cell's centre, of all liquids and of those that stick.
 
-    kind (W, 3, C): what a face is. active (W,); reach (W,): how well a boundary layer is resolved, 1 and more fully.
+    kind (W, 3, C): what a face is.
     """
 
     amount: wp.array2d[wp.float64]
     sticky: wp.array2d[wp.float64]
     kind: wp.array3d[wp.int32]
-    active: wp.array[wp.int32]
-    reach: wp.array[wp.float64]
-    iterations: wp.array[wp.int32]
 
 
 @wp.struct
-class Faces:
+class Viscous:
     """Equations of viscosity: row (W, 3, C) of each face, first the n[w] of liquid, then those in solids.
 
-    mass (W, N): of a face with all its surroundings in the liquid. x: velocity, given in solids.
+    mass (W, N): of a face with all its surroundings in the liquid. x: velocity, given in solids. active (W,); reach
+    (W,): how well a boundary layer is resolved, 1 and more fully.
     """
 
+    resistance: Resistance
     row: wp.array3d[wp.int32]
     n: wp.array[wp.int32]
     mass: wp.array2d[wp.float64]
@@ -219,6 +218,9 @@ class Faces:
     z: wp.array2d[wp.float64]
     search: wp.array2d[wp.float64]
     product: wp.array2d[wp.float64]
+    active: wp.array[wp.int32]
+    reach: wp.array[wp.float64]
+    iterations: wp.array[wp.int32]
 
 
 @wp.struct

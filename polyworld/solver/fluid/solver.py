@@ -53,7 +53,6 @@ class FluidSolver:
             system=storage.system_arrays(g, w),
             wetted=storage.wetted_arrays(g, self.solids, w),
             viscosity=storage.viscous_arrays(g, w),
-            faces=storage.face_arrays(g, w),
             tension=storage.tension_arrays(g, w, False),
             pace=storage.pace_arrays(w),
             sources=build_sources(world, self.names, w, g.thin),

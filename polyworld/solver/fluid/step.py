@@ -71,9 +71,8 @@ def substep(r: Records, clock: Clock) -> None:
     if r.tense:
         _launch(r, tension.find_tension, grid, particles, liquids, fields, r.tension, pace)
     if r.viscous:
-        gathered = (r.viscosity, r.faces, held, pace)
-        _launch(r, viscosity.gather_viscosity, grid, particles, liquids, solids, fields, *gathered)
-        _launch(r, viscosity.diffuse, grid, fields, r.viscosity, r.faces, pace)
+        _launch(r, viscosity.gather_viscosity, grid, particles, liquids, solids, fields, r.viscosity, held, pace)
+        _launch(r, viscosity.diffuse, grid, fields, r.viscosity, pace)
     _launch(r, pressure.build_pressure, grid, fields, system, wetted, r.tension, int(r.tense), pace)
     _launch(r, pressure.solve_pressure, grid, solids, fields, system, wetted, held, pace)
     _launch(r, pressure.push_liquid, grid, fields, r.tension, int(r.tense), pace)

@@ -31,7 +31,6 @@ class Records:
     system: layout.System
     wetted: layout.Wetted
     viscosity: layout.Viscous
-    faces: layout.Faces
     tension: layout.Tension
     pace: layout.Pace
     sources: Sources
@@ -110,21 +109,15 @@ def wetted_arrays(grid: layout.Grid, solids: layout.Solids, worlds: int) -> layo
 
 def viscous_arrays(grid: layout.Grid, worlds: int) -> layout.Viscous:
     w, c = worlds, grid.cells
-    v = layout.Viscous()
-    v.amount, v.sticky = zeros((w, c), wp.float64), zeros((w, c), wp.float64)
-    v.kind = zeros((w, 3, c), wp.int32)
-    v.active, v.iterations = zeros((w,), wp.int32), zeros((w,), wp.int32)
+    v, r = layout.Viscous(), layout.Resistance()
+    r.amount, r.sticky = zeros((w, c), wp.float64), zeros((w, c), wp.float64)
+    r.kind, v.row = zeros((w, 3, c), wp.int32), zeros((w, 3, c), wp.int32)
+    v.resistance = r
+    for name in ("mass", "diagonal", "x", "residual", "z", "search", "product"):
+        setattr(v, name, zeros((w, 3 * c), wp.float64))
+    v.n, v.active, v.iterations = (zeros((w,), wp.int32) for _ in range(3))
     v.reach = zeros((w,), wp.float64)
     return v
-
-
-def face_arrays(grid: layout.Grid, worlds: int) -> layout.Faces:
-    w, c = worlds, grid.cells
-    f = layout.Faces()
-    f.row, f.n = zeros((w, 3, c), wp.int32), zeros((w,), wp.int32)
-    for name in ("mass", "diagonal", "x", "residual", "z", "search", "product"):
-        setattr(f, name, zeros((w, 3 * c), wp.float64))
-    return f
 
 
 def tension_arrays(grid: layout.Grid, worlds: int, tense: bool) -> layout.Tension:

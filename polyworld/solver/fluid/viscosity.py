@@ -8,7 +8,7 @@ free surface carries no traction. Where the liquid sticks, a wall is the point o
 import warp as wp
 
 from polyworld.solver.fluid.conjugate_gradient import conjugate_gradients
-from polyworld.solver.fluid.layout import OPTIONS, Faces, Fields, Grid, Liquids, Pace, Particles, Solids, Viscous
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Resistance, Solids, Viscous
 from polyworld.solver.fluid.motion import SHUT, solid_at
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, scatter, stencil
 from polyworld.solver.spatial.layout import Body
@@ -38,7 +38,6 @@ def gather_viscosity(
     solids: Solids,
     fields: Fields,
     viscous: Viscous,
-    faces: Faces,
     bodies: wp.array2d[Body],
     pace: Pace,
 ) -> None:
@@ -65,17 +64,17 @@ def gather_viscosity(
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                viscous.amount[w, c] = ZERO
-                viscous.sticky[w, c] = ZERO
+                viscous.resistance.amount[w, c] = ZERO
+                viscous.resistance.sticky[w, c] = ZERO
     for p in range(particles.used[w]):
         f = particles.fluid[w, p]
         if f < 0:
             continue
         s = stencil(grid, particles.x[w, p], 3)
         value = particles.volume * liquids.viscosity[w % liquids.viscosity.shape[0], f]
-        scatter(grid, viscous.amount[w], s, value)
+        scatter(grid, viscous.resistance.amount[w], s, value)
         if liquids.slip[f] == 0:
-            scatter(grid, viscous.sticky[w], s, value)
+            scatter(grid, viscous.resistance.sticky[w], s, value)
     n = wp.int32(0)
     for i in range(lo[0], hi[0]):
         for j in range(lo[1], hi[1]):
@@ -83,28 +82,28 @@ def gather_viscosity(
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 room = fields.room[w, c]
                 if room < LEAST_ROOM:
-                    viscous.amount[w, c] = ZERO
+                    viscous.resistance.amount[w, c] = ZERO
                 else:
-                    viscous.amount[w, c] = viscous.amount[w, c] / room
-                    viscous.sticky[w, c] = viscous.sticky[w, c] / room
+                    viscous.resistance.amount[w, c] = viscous.resistance.amount[w, c] / room
+                    viscous.resistance.sticky[w, c] = viscous.resistance.sticky[w, c] / room
                 for a in range(3):
                     kind = EMPTY
                     if grid.wide[a] == 1:
                         if fields.open[w, a, c] < WALL:
                             kind = SOLID
-                            stuck = viscous.sticky[w, c]
+                            stuck = viscous.resistance.sticky[w, c]
                             if wp.vec3i(i, j, k)[a] > lo[a]:
-                                stuck += viscous.sticky[w, c - grid.stride[a]]
+                                stuck += viscous.resistance.sticky[w, c - grid.stride[a]]
                             if stuck > ZERO or (fields.open[w, a, c] <= SHUT and fields.mass[w, a, c] > ZERO):
                                 fields.velocity[w, a, c] = _wall_speed(grid, solids, fields, bodies, w, i, j, k, a, c)
                         elif fields.mass[w, a, c] > ZERO:
                             kind = LIQUID
                             beside = HALF * (room + fields.room[w, c - grid.stride[a]])
-                            faces.mass[w, n] = fields.mass[w, a, c] / wp.max(beside, HALF)
-                            faces.row[w, a, c] = n
+                            viscous.mass[w, n] = fields.mass[w, a, c] / wp.max(beside, HALF)
+                            viscous.row[w, a, c] = n
                             n += 1
-                    viscous.kind[w, a, c] = kind
-    faces.n[w] = n
+                    viscous.resistance.kind[w, a, c] = kind
+    viscous.n[w] = n
 
 
 @wp.func(inline=False)
@@ -137,7 +136,7 @@ class Shear:
 
 
 @wp.func
-def _mean_sticky(fields: Fields, viscous: Viscous, w: int, c: int, ca: int, cb: int, cab: int) -> wp.float64:
+def _mean_sticky(fields: Fields, resistance: Resistance, w: int, c: int, ca: int, cb: int, cab: int) -> wp.float64:
     """Mean over those of four cells that have room."""
     total = wp.float64(0.0)
     count = wp.float64(0.0)
@@ -150,21 +149,21 @@ def _mean_sticky(fields: Fields, viscous: Viscous, w: int, c: int, ca: int, cb: 
         if n == 3:
             m = cab
         if fields.room[w, m] >= LEAST_ROOM:
-            total += viscous.sticky[w, m]
+            total += resistance.sticky[w, m]
             count += ONE
     return total / wp.max(count, ONE)
 
 
 @wp.func(inline=False)
-def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int, b: int) -> Shear:
+def _shear(grid: Grid, fields: Fields, resistance: Resistance, w: int, c: int, a: int, b: int) -> Shear:
     """Return the edge at the lower corner of cell c, along the axis that is neither a nor b."""
     s = Shear()
     ca = c - grid.stride[a]
     cb = c - grid.stride[b]
-    k0 = viscous.kind[w, a, c]
-    k1 = viscous.kind[w, a, cb]
-    k2 = viscous.kind[w, b, c]
-    k3 = viscous.kind[w, b, ca]
+    k0 = resistance.kind[w, a, c]
+    k1 = resistance.kind[w, a, cb]
+    k2 = resistance.kind[w, b, c]
+    k3 = resistance.kind[w, b, ca]
     if k0 == EMPTY or k1 == EMPTY or k2 == EMPTY or k3 == EMPTY:
         return s
     if k0 != LIQUID and k1 != LIQUID and k2 != LIQUID and k3 != LIQUID:
@@ -173,10 +172,10 @@ def _shear(grid: Grid, fields: Fields, viscous: Viscous, w: int, c: int, a: int,
     quarter = wp.float64(0.25)
     if k0 == LIQUID and k1 == LIQUID and k2 == LIQUID and k3 == LIQUID:
         s.weight = quarter * (
-            viscous.amount[w, c] + viscous.amount[w, ca] + viscous.amount[w, cb] + viscous.amount[w, cab]
+            resistance.amount[w, c] + resistance.amount[w, ca] + resistance.amount[w, cb] + resistance.amount[w, cab]
         )
     else:
-        s.weight = _mean_sticky(fields, viscous, w, c, ca, cb, cab)
+        s.weight = _mean_sticky(fields, resistance, w, c, ca, cb, cab)
     if s.weight <= ZERO:
         return s
     da = wp.float64(1.0)  # distances between the two samples, or between one and the wall, in edges
@@ -206,7 +205,6 @@ class Dissipation:
     grid: Grid
     fields: Fields
     viscous: Viscous
-    faces: Faces
     dt: wp.float64
     rows: int
 
@@ -218,9 +216,9 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
     fields = equations.fields
     viscous = equations.viscous
     dt = equations.dt
-    kind = viscous.kind[w]
-    row = equations.faces.row[w]
-    mass = equations.faces.mass[w]
+    kind = viscous.resistance.kind[w]
+    row = equations.viscous.row[w]
+    mass = equations.viscous.mass[w]
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for a in range(3):
@@ -238,7 +236,7 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                amount = viscous.amount[w, c]
+                amount = viscous.resistance.amount[w, c]
                 for a in range(3):
                     if grid.wide[a] == 0:
                         continue
@@ -257,7 +255,7 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
                     for b in range(a + 1, 3):
                         if grid.wide[b] == 0 or kind[a, c] == EMPTY or kind[b, c] == EMPTY:
                             continue
-                        s = _shear(grid, fields, viscous, w, c, a, b)
+                        s = _shear(grid, fields, viscous.resistance, w, c, a, b)
                         if s.weight <= ZERO:
                             continue
                         a_above = row[a, c]
@@ -286,8 +284,8 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
 @wp.func
 def _misfit(equations: Dissipation, w: int, n: int) -> wp.float64:
     """Largest change of velocity that the diagonal asks for [m/s]."""
-    residual = equations.faces.residual[w]
-    diagonal = equations.faces.diagonal[w]
+    residual = equations.viscous.residual[w]
+    diagonal = equations.viscous.diagonal[w]
     most = wp.float64(0.0)
     for i in range(n):
         most = wp.max(most, wp.abs(residual[i] / diagonal[i]))
@@ -296,9 +294,9 @@ def _misfit(equations: Dissipation, w: int, n: int) -> wp.float64:
 
 @wp.func
 def _precondition(equations: Dissipation, w: int, n: int) -> None:
-    residual = equations.faces.residual[w]
-    diagonal = equations.faces.diagonal[w]
-    z = equations.faces.z[w]
+    residual = equations.viscous.residual[w]
+    diagonal = equations.viscous.diagonal[w]
+    z = equations.viscous.z[w]
     for i in range(n):
         z[i] = residual[i] / diagonal[i]
 
@@ -312,7 +310,7 @@ _solve = conjugate_gradients(Dissipation, _misfit, _precondition, _multiply)
 
 
 @wp.kernel
-def diffuse(grid: Grid, fields: Fields, viscous: Viscous, faces: Faces, pace: Pace) -> None:
+def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
     """Conjugate gradients with the diagonal as preconditioner, from the present velocity."""
     w = wp.tid()
     dt = pace.dt[w]
@@ -321,43 +319,42 @@ def diffuse(grid: Grid, fields: Fields, viscous: Viscous, faces: Faces, pace: Pa
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     u = fields.velocity[w]
-    x = faces.x[w]
-    r = faces.residual[w]
-    s = faces.search[w]
-    y = faces.product[w]
-    n = faces.n[w]
+    x = viscous.x[w]
+    r = viscous.residual[w]
+    s = viscous.search[w]
+    y = viscous.product[w]
+    n = viscous.n[w]
     rows = n
     for i in range(lo[0], hi[0]):
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
-                    if viscous.kind[w, a, c] == SOLID:
-                        faces.row[w, a, c] = rows
+                    if viscous.resistance.kind[w, a, c] == SOLID:
+                        viscous.row[w, a, c] = rows
                         s[rows] = ZERO
                         rows += 1
-                    if viscous.kind[w, a, c] != EMPTY:
-                        x[faces.row[w, a, c]] = u[a, c]
+                    if viscous.resistance.kind[w, a, c] != EMPTY:
+                        x[viscous.row[w, a, c]] = u[a, c]
     equations = Dissipation()
     equations.grid = grid
     equations.fields = fields
     equations.viscous = viscous
-    equations.faces = faces
     equations.dt = dt
     equations.rows = rows
-    _apply(equations, w, n, x, faces.diagonal[w], 1)
+    _apply(equations, w, n, x, viscous.diagonal[w], 1)
     _apply(equations, w, n, x, y, 0)
     for i in range(n):
-        r[i] = faces.mass[w, i] * x[i] - y[i]
+        r[i] = viscous.mass[w, i] * x[i] - y[i]
     enough = TOLERANCE * _misfit(equations, w, n) + wp.float64(1.0e-12)
-    viscous.iterations[w] = _solve(equations, w, n, x, r, faces.z[w], s, y, enough, ITERATIONS)
+    viscous.iterations[w] = _solve(equations, w, n, x, r, viscous.z[w], s, y, enough, ITERATIONS)
     for i in range(lo[0], hi[0]):
         for j in range(lo[1], hi[1]):
             for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
-                    if viscous.kind[w, a, c] == LIQUID:
-                        u[a, c] = x[faces.row[w, a, c]]
+                    if viscous.resistance.kind[w, a, c] == LIQUID:
+                        u[a, c] = x[viscous.row[w, a, c]]
 
 
 @wp.kernel
@@ -380,7 +377,7 @@ def mirror_at_walls(
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
-                    if viscous.kind[w, a, c] != SOLID:
+                    if viscous.resistance.kind[w, a, c] != SOLID:
                         continue
                     total = wp.float64(0.0)
                     ratio = wp.float64(0.0)
@@ -392,7 +389,7 @@ def mirror_at_walls(
                             m = c + (2 * side - 1) * grid.stride[b]
                             if index[b] + 2 * side - 1 < lo[b] or index[b] + 2 * side - 1 >= hi[b]:
                                 continue
-                            if viscous.kind[w, a, m] == LIQUID and viscous.sticky[w, m] > ZERO:
+                            if viscous.resistance.kind[w, a, m] == LIQUID and viscous.resistance.sticky[w, m] > ZERO:
                                 d = _reach(grid, fields, a, m)
                                 total += fields.velocity[w, a, m]
                                 ratio += wp.clamp((ONE - d) / d, ZERO, ONE)
