@@ -7,6 +7,7 @@ inside out in its plane would otherwise gain by turning inside out across it too
 import warp as wp
 
 from polyworld.model.soft_elements import TRIANGLE_FAR, TRIANGLE_NEAR
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import (
     Law,
@@ -130,60 +131,45 @@ def plane_stress(f: wp.mat33d, m: Law) -> wp.mat33d:
 
 
 @wp.kernel
-def elastic_forces(
-    slices: Slices,
-    laws: wp.array2d[Law],
-    x: wp.array2d[wp.vec3d],
-    dt: wp.array[wp.float64],
-    f_out: wp.array2d[wp.vec3d],
-) -> None:
-    """Add the forces of triangles that never flow, at positions x (W, N), to f (W, N)."""
+def elastic_forces(clock: Clock, nodes: Nodes, slices: Slices, laws: wp.array2d[Law]) -> None:
+    """Add the forces of triangles that never flow."""
     w, t = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     m = laws[w % laws.shape[0], slices.body[t]]
     if m.yield_stress >= wp.float64(0.0):
         return
     for point in range(3):
-        whole = across(gradient(x, w, slices, t, point), slices.normal, m)
-        add_forces(w, slices, t, point, plane_stress(whole, m), f_out)
+        whole = across(gradient(nodes.x, w, slices, t, point), slices.normal, m)
+        add_forces(w, slices, t, point, plane_stress(whole, m), nodes.f)
 
 
 @wp.kernel
-def viscous_forces(
-    slices: Slices,
-    laws: wp.array2d[Law],
-    stage: int,
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    dt: wp.array[wp.float64],
-    f_out: wp.array2d[wp.vec3d],
-) -> None:
+def viscous_forces(stage: int, clock: Clock, nodes: Nodes, slices: Slices, laws: wp.array2d[Law]) -> None:
     """Add viscous forces, as `solids_viscous.viscous_forces` does."""
     w, t = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     m = laws[w % laws.shape[0], slices.body[t]]
     if m.viscous_shear <= wp.float64(0.0) or m.stages < stage or wp.min(m.stages, 1) != wp.min(stage, 1):
         return
     for point in range(3):
-        stress = viscous_stress(gradient(x, w, slices, t, point), gradient(v, w, slices, t, point), m)
-        add_forces(w, slices, t, point, stress, f_out)
+        stress = viscous_stress(gradient(nodes.x, w, slices, t, point), gradient(nodes.v, w, slices, t, point), m)
+        add_forces(w, slices, t, point, stress, nodes.f)
 
 
 @wp.kernel
 def plastic_forces(
+    clock: Clock,
+    nodes: Nodes,
     slices: Slices,
     laws: wp.array2d[Law],
-    x: wp.array2d[wp.vec3d],
-    dt: wp.array[wp.float64],
     undo: wp.array3d[wp.mat33d],
     strain: wp.array3d[wp.float64],
-    f_out: wp.array2d[wp.vec3d],
 ) -> None:
     """Let triangles flow that must, and add their forces, as `solids_plastic.plastic_forces` does."""
     w, t = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     m = laws[w % laws.shape[0], slices.body[t]]
     if m.yield_stress < wp.float64(0.0):
@@ -191,7 +177,7 @@ def plastic_forces(
     for point in range(3):
         before = undo[w, t, point]
         own = softened(before, m)
-        flat = gradient(x, w, slices, t, point)
+        flat = gradient(nodes.x, w, slices, t, point)
         after = before
         elastic = across(flat * before, slices.normal, own)
         if must_flow(elastic, own):
@@ -199,4 +185,4 @@ def plastic_forces(
             strain[w, t, point] = strain[w, t, point] + flowed_strain(before, after)
             undo[w, t, point] = after
             elastic = across(flat * after, slices.normal, own)
-        add_forces(w, slices, t, point, plane_stress(elastic, own) * wp.transpose(after), f_out)
+        add_forces(w, slices, t, point, plane_stress(elastic, own) * wp.transpose(after), nodes.f)

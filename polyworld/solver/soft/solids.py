@@ -3,6 +3,7 @@
 import warp as wp
 
 from polyworld.model.soft_elements import TETRAHEDRON_FAR, TETRAHEDRON_NEAR
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import Law, response, stress
 
@@ -121,21 +122,15 @@ def spread(stress: wp.mat33d, slopes: wp.mat33d, volume: wp.float64) -> wp.mat33
 
 
 @wp.kernel
-def elastic_forces(
-    elements: Elements,
-    laws: wp.array2d[Law],
-    x: wp.array2d[wp.vec3d],
-    dt: wp.array[wp.float64],
-    f_out: wp.array2d[wp.vec3d],
-) -> None:
-    """Add the forces of tetrahedra that never flow, at positions x (W, N), to f (W, N)."""
+def elastic_forces(clock: Clock, nodes: Nodes, elements: Elements, laws: wp.array2d[Law]) -> None:
+    """Add the forces of tetrahedra that never flow."""
     w, t = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     m = laws[w % laws.shape[0], elements.body[t]]
     if m.yield_stress >= wp.float64(0.0):
         return
-    c = gathered(x, w, elements.nodes, t)
+    c = gathered(nodes.x, w, elements.nodes, t)
     common = common_slopes(c)
     g0 = elements.slopes[t, 0]
     g1 = elements.slopes[t, 1]
@@ -154,4 +149,4 @@ def elastic_forces(
     b1 = spread(stress(r1, mean, m), g1, w1)
     b2 = spread(stress(r2, mean, m), g2, w2)
     b3 = spread(stress(r3, mean, m), g3, w3)
-    scatter(w, elements.nodes, t, b0, b1, b2, b3, f_out)
+    scatter(w, elements.nodes, t, b0, b1, b2, b3, nodes.f)

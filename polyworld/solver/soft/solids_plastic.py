@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import Law, Response, flow, flowed_strain, must_flow, response, softened, stress
 from polyworld.solver.soft.solids import Elements, common_slopes, gathered, gradient, scatter, spread
@@ -41,25 +42,24 @@ def flowing(
 
 @wp.kernel
 def plastic_forces(
+    clock: Clock,
+    nodes: Nodes,
     elements: Elements,
     laws: wp.array2d[Law],
-    x: wp.array2d[wp.vec3d],
-    dt: wp.array[wp.float64],
     undo: wp.array3d[wp.mat33d],
     strain: wp.array3d[wp.float64],
-    f_out: wp.array2d[wp.vec3d],
 ) -> None:
-    """Apply plastic flow to tetrahedra that must at positions x (W, N), and add their forces to f (W, N).
+    """Apply plastic flow to tetrahedra that must, and add their forces.
 
     undo, strain (W, q, 4): inverse of the plastic deformation, and equivalent plastic strain, at each point.
     """
     w, t = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     m = laws[w % laws.shape[0], elements.body[t]]
     if m.yield_stress < wp.float64(0.0):
         return
-    c = gathered(x, w, elements.nodes, t)
+    c = gathered(nodes.x, w, elements.nodes, t)
     common = common_slopes(c)
     g0 = elements.slopes[t, 0]
     g1 = elements.slopes[t, 1]
@@ -86,4 +86,4 @@ def plastic_forces(
     b1 = spread(stress(r1, mean, m1), g1, w1)
     b2 = spread(stress(r2, mean, m2), g2, w2)
     b3 = spread(stress(r3, mean, m3), g3, w3)
-    scatter(w, elements.nodes, t, b0, b1, b2, b3, f_out)
+    scatter(w, elements.nodes, t, b0, b1, b2, b3, nodes.f)

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.soft.inlining import INLINED
 from polyworld.solver.soft.material import Law, viscous_stress
 from polyworld.solver.soft.solids import Elements, common_slopes, gathered, gradient, scatter, spread
@@ -10,27 +11,19 @@ wp.set_module_options(INLINED)
 
 
 @wp.kernel
-def viscous_forces(
-    elements: Elements,
-    laws: wp.array2d[Law],
-    stage: int,
-    x: wp.array2d[wp.vec3d],
-    v: wp.array2d[wp.vec3d],
-    dt: wp.array[wp.float64],
-    f_out: wp.array2d[wp.vec3d],
-) -> None:
-    """Add the viscous forces of tetrahedra at positions x and velocities v (W, N) to f (W, N).
+def viscous_forces(stage: int, clock: Clock, nodes: Nodes, elements: Elements, laws: wp.array2d[Law]) -> None:
+    """Add the viscous forces of tetrahedra.
 
     Stage 0 is for bodies whose law has no stages, stage k > 0 for those that have at least k.
     """
     w, t = wp.tid()
-    if dt[w] <= wp.float64(0.0):
+    if clock.dt[w] <= wp.float64(0.0):
         return
     m = laws[w % laws.shape[0], elements.body[t]]
     if m.viscous_shear <= wp.float64(0.0) or m.stages < stage or wp.min(m.stages, 1) != wp.min(stage, 1):
         return
-    c = gathered(x, w, elements.nodes, t)
-    u = gathered(v, w, elements.nodes, t)
+    c = gathered(nodes.x, w, elements.nodes, t)
+    u = gathered(nodes.v, w, elements.nodes, t)
     common = common_slopes(c)
     rates = common_slopes(u)
     g0 = elements.slopes[t, 0]
@@ -49,4 +42,4 @@ def viscous_forces(
     b1 = spread(viscous_stress(f1, d1, m), g1, elements.volume[t, 1])
     b2 = spread(viscous_stress(f2, d2, m), g2, elements.volume[t, 2])
     b3 = spread(viscous_stress(f3, d3, m), g3, elements.volume[t, 3])
-    scatter(w, elements.nodes, t, b0, b1, b2, b3, f_out)
+    scatter(w, elements.nodes, t, b0, b1, b2, b3, nodes.f)

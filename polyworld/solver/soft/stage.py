@@ -86,13 +86,12 @@ class SoftStage:
         if stages:
             self._launch_nodes(damping.keep, [nodes.v])
         for kind in self._kinds:
-            dim = (self._worlds, kind.count)
-            given = [kind.elements, self._laws]
-            buffers.launch(kind.elastic_forces, dim, [*given, nodes.x, clock.dt, nodes.f])
+            dim, given = (self._worlds, kind.count), [clock, nodes, kind.elements, self._laws]
+            buffers.launch(kind.elastic_forces, dim, given)
             if flows:
-                buffers.launch(kind.plastic_forces, dim, [*given, nodes.x, clock.dt, kind.undo, kind.strain, nodes.f])
+                buffers.launch(kind.plastic_forces, dim, [*given, kind.undo, kind.strain])
             if weak:
-                buffers.launch(kind.viscous_forces, dim, [*given, 0, nodes.x, nodes.v, clock.dt, nodes.f])
+                buffers.launch(kind.viscous_forces, dim, [0, *given])
 
     def launch_velocities(self, nodes: Nodes, clock: Clock) -> None:
         """Integrate strong damping; nodes.f of the bodies that have it is cleared."""
@@ -102,7 +101,7 @@ class SoftStage:
         self._launch_nodes(damping.begin, [clock.dt, nodes.v, nodes.f])
         for stage in range(1, stages + 1):
             for kind in self._kinds:
-                given = [kind.elements, self._laws, stage, nodes.x, nodes.v, clock.dt, nodes.f]
+                given = [stage, clock, nodes, kind.elements, self._laws]
                 buffers.launch(kind.viscous_forces, (self._worlds, kind.count), given)
             self._launch_nodes(
                 damping.finish_stage, [stage, clock.dt, nodes.inverse_mass, nodes.active, nodes.v, nodes.f]
