@@ -82,7 +82,7 @@ class Hits:
 
 
 def smooth_surface(vertices: Array, triangles: Ints, tint: Array | None = None, *, liquid: bool = False) -> Surface:
-    """A surface whose normals at vertices are those of the faces around, weighted by their areas.
+    """Return a surface whose normals at vertices are those of the faces around, weighted by their areas.
 
     Triangles at vertices that are not finite are left out.
     """
@@ -111,18 +111,18 @@ def cast_rays(camera: Camera, things: Sequence[Drawn]) -> Hits:
 
 
 def pixel_to_ray(camera: Camera) -> Any:
-    """The matrix that takes pixels (u, v, 1) to rays in world axes, one metre along the camera's axis."""
+    """Return the matrix that takes pixels (u, v, 1) to rays in world axes, one metre along the camera's axis."""
     return wp.mat33(*(np.asarray(camera.rotation).T @ np.linalg.inv(np.asarray(camera.intrinsics))).ravel())
 
 
 def light(camera: Camera) -> Array:
-    """The unit direction (3,) towards the light, which comes over the viewer's left shoulder."""
+    """Return the unit direction (3,) towards the light, which comes over the viewer's left shoulder."""
     direction: Array = np.asarray(camera.rotation).T @ np.array([-0.35, -0.75, -0.56])
     return direction / np.linalg.norm(direction)
 
 
 def _packed(eye: Array, things: Sequence[Drawn]) -> tuple[Any, Any, Any]:
-    """The scene on the device relative to the eye (3,), its mesh and its hierarchy of rods, None where empty.
+    """Return the scene on the device relative to the eye (3,), its mesh and its hierarchy of rods, None where empty.
 
     The caller keeps the last two as long as the scene is used.
     """
@@ -150,10 +150,8 @@ def _packed(eye: Array, things: Sequence[Drawn]) -> tuple[Any, Any, Any]:
         hierarchy = wp.Bvh(array([lower], wp.vec3), array([upper], wp.vec3))
         scene.rods = hierarchy.id
         scene.start, scene.end = array([starts], wp.vec3), array([ends], wp.vec3)
-        scene.radius, scene.flat = (
-            array([radii[:, 0]], float),
-            array([np.full(len(r.radii), r.flat) for _, r in rods], int),
-        )
+        scene.radius = array([radii[:, 0]], float)
+        scene.flat = array([np.full(len(r.radii), r.flat) for _, r in rods], int)
         scene.rod_label = array([np.full(len(r.radii), t.label) for t, r in rods], int)
         scene.rod_color = array([_colors(t, r.tint) for t, r in rods], wp.vec3)
     if floors:
