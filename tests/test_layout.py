@@ -115,3 +115,24 @@ def test_every_room_says_what_lives_there(package: str) -> None:
         r for r in sorted(rooms) if not ast.get_docstring(ast.parse((ROOT / package / r / "__init__.py").read_text()))
     ]
     assert not silent
+
+
+def test_no_test_outside_the_benchmarks_imports_them() -> None:
+    tests = ROOT / "tests"
+    wrong = []
+    for source in sorted(tests.rglob("*.py")):
+        if source.relative_to(tests).parts[0] == "benchmarks":
+            continue
+        for node in ast.walk(ast.parse(source.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [f"{node.module}.{name}" for name in names]
+            if any(name.startswith("tests.benchmarks") for name in names):
+                wrong.append(str(source.relative_to(ROOT)))
+    assert not wrong
+
+
+def test_tests_of_the_server_mirror_its_rooms() -> None:
+    rooms = {room for floor in FLOORS["atw_mcp"] for room in floor}
+    mirrored = {path.name for path in (ROOT / "tests" / "atw_mcp").iterdir() if (path / "__init__.py").is_file()}
+    assert mirrored <= rooms

@@ -83,15 +83,15 @@ def test_a_legacy_only_server_serves_clients_that_probe_the_newer_era(
 
 
 def test_a_case_of_one_process_is_continued_by_another(tmp_path: Path, measurements: Path) -> None:
-    async def call(tool: str, **arguments: object) -> str:
-        with connection("stdio", tmp_path / "atw.db", "auto") as client:
+    async def call(transport: str, tool: str, **arguments: object) -> str:
+        with connection(transport, tmp_path / "atw.db", "auto") as client:
             async with client:
                 result = await client.call_tool(tool, arguments)
                 assert not result.is_error, result.content[0].text
                 return str(result.content[0].text)
 
-    first = anyio.run(lambda: call("OpenCase", data=str(measurements), questions=["how high?"]))
-    second = anyio.run(lambda: call("OpenCase", case=json.loads(first)["case"]))
+    first = anyio.run(lambda: call("stdio", "OpenCase", data=str(measurements), questions=["how high?"]))
+    second = anyio.run(lambda: call("memory", "OpenCase", case=json.loads(first)["case"]))
     assert json.loads(second)["data"]["questions"] == ["how high?"]
 
 

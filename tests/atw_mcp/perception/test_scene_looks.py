@@ -58,6 +58,11 @@ def test_a_shaking_camera_is_steadied_and_masks_come_back_to_its_pixels() -> Non
     maps = [np.array([[1.0, 0.0, dx], [0.0, 1.0, dy]]) for dx, dy in shifts]
     film = np.stack([cv2.warpAffine(scene, m, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REPLICATE) for m in maps])
     motion = camera_motion(film)
+
+    def measuring() -> None:
+        raise AssertionError("measured again")
+
+    np.testing.assert_array_equal(camera_motion(film.copy(), measuring), motion)  # known by its content
     assert motion is not None
     np.testing.assert_allclose(motion[:, :, 2], shifts, atol=0.15)
     inner = stabilised(film, motion)[:, 20:-20, 20:-20].astype(float)
