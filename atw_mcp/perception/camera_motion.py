@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +15,7 @@ from atw_mcp.perception.video import Frames
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Tile = tuple[tuple[NDArray[np.int_], ...], Mask]  # indices of rows and columns, and the pixels at edges among them
 
 CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
 
@@ -98,8 +99,11 @@ def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Flo
 def _measured(frames: Frames, stop: Callable[[], None]) -> Floats | None:
     found = _of_corners(frames, stop)
     if found is None:
+        tiles = _edge_tiles(cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY).astype(np.float32))
+        if len(tiles) < SETTINGS.tiles:
+            return None  # where only bodies have edges, their motion is not the camera's
         found = _of_images(frames, stop)
-        if found is not None and not _steadies(frames, found):
+        if not _steadies(frames, found, tiles):
             return None  # bodies that move pull the alignment of a plain scene
     return found if found is not None and _is_motion(found, frames) else None
 
@@ -169,7 +173,7 @@ def _rigid(before: NDArray[np.float32], after: NDArray[np.float32], size: tuple[
     return np.column_stack([turn, np.median(q - p @ turn.T, axis=0)])
 
 
-def _of_images(frames: Frames, tick: Callable[[], None]) -> Floats | None:
+def _of_images(frames: Frames, tick: Callable[[], None]) -> Floats:
     first = _smooth_gray(frames[0])
     found = np.zeros((len(frames), 2, 3))
     warp = np.eye(2, 3, dtype=np.float32)
@@ -191,27 +195,31 @@ def _smooth_gray(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.asarray(cv2.GaussianBlur(gray, (0, 0), SETTINGS.smoothed), dtype=np.float32)
 
 
-def _steadies(frames: Frames, motion: Floats) -> bool:
-    """Return whether frames freed of a motion differ clearly less from the first one at edges in most of the image.
+def _edge_tiles(gray: NDArray[np.float32]) -> list[Tile]:
+    """Return parts of an image that have edges: indices of the part, and the mask of its pixels at edges."""
+    edges = np.hypot(cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)) > SETTINGS.edge
+    found = []
+    for rows in np.array_split(np.arange(gray.shape[0]), SETTINGS.tiles):
+        for columns in np.array_split(np.arange(gray.shape[1]), SETTINGS.tiles):
+            tile = np.ix_(rows, columns)
+            if edges[tile].sum() >= SETTINGS.edges:
+                found.append((tile, edges[tile]))
+    return found
 
-    Where only bodies have edges, their motion is not the camera's: too few parts of the image show any.
-    """
+
+def _steadies(frames: Frames, motion: Floats, tiles: Sequence[Tile]) -> bool:
+    """Return whether frames freed of a motion differ clearly less from the first one at edges in most tiles."""
     picks = np.unique(np.linspace(1, len(frames) - 1, min(SETTINGS.compared, len(frames) - 1)).round().astype(int))
     first = cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY).astype(np.float32)
-    edges = np.hypot(cv2.Sobel(first, cv2.CV_32F, 1, 0), cv2.Sobel(first, cv2.CV_32F, 0, 1)) > SETTINGS.edge
     change = []
     for images in (frames[picks], stabilised(frames[picks], motion[picks])):
         gray = np.stack([cv2.cvtColor(f, cv2.COLOR_BGR2GRAY).astype(np.float32) for f in images])
         change.append(np.median(np.minimum(np.abs(gray - first), SETTINGS.clipped), axis=0))
     steadier = []
-    for rows in np.array_split(np.arange(first.shape[0]), SETTINGS.tiles):
-        for columns in np.array_split(np.arange(first.shape[1]), SETTINGS.tiles):
-            tile = np.ix_(rows, columns)
-            own = edges[tile]
-            if own.sum() >= SETTINGS.edges:
-                before, after = (float(c[tile][own].mean()) for c in change)
-                steadier.append(after < SETTINGS.steadier * before)
-    return len(steadier) >= SETTINGS.tiles and float(np.mean(steadier)) > SETTINGS.most_tiles
+    for tile, own in tiles:
+        before, after = (float(c[tile][own].mean()) for c in change)
+        steadier.append(after < SETTINGS.steadier * before)
+    return float(np.mean(steadier)) > SETTINGS.most_tiles
 
 
 def stabilised(frames: Frames, motion: Floats) -> Frames:
