@@ -17,7 +17,7 @@ from polyworld.world.representations.rope import Rope
 from tests.atw_mcp.session import Session
 
 Array = NDArray[np.float64]
-SCALE, ORIGIN, SIZE, STEP, FRAMES = 200.0, (160.0, 30.0), (320, 240), 0.04, 30
+SCALE, ORIGIN, SIZE, STEP, FRAMES = 200.0, (160.0, 30.0), (320, 240), 0.04, 20
 DAMPING = 0.9
 
 
@@ -136,7 +136,7 @@ def test_measured_points_join_the_tracks_and_are_fitted(session: Session, tmp_pa
         case=case,
         world=built["data"]["world"],
         materials=["linear_damping", "bending_stiffness"],
-        holdout_from=24,
+        holdout_from=16,
         generations=8,
         population=16,
         restarts=1,

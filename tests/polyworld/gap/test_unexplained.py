@@ -65,24 +65,41 @@ def described(
     return describe_unexplained(ground, settings=settings)
 
 
+def power_drag(_t: float, _x: Array, v: Array) -> Array:
+    return -0.3 * np.linalg.norm(v) ** 0.5 * v
+
+
+def component_drag(_t: float, _x: Array, v: Array) -> Array:
+    return -0.3 * np.abs(v) * v
+
+
+@pytest.fixture(scope="module")
+def along_velocity() -> ResidualForce:
+    return described(power_drag)
+
+
+@pytest.fixture(scope="module")
+def by_components() -> ResidualForce:
+    return described(component_drag)
+
+
 def directions(found: ResidualForce) -> list[str]:
     direction: list[str] = found.to_json()["direction"]
     return direction
 
 
-def test_drag_with_another_power_is_found_with_its_exponent():
-    power, strength = 1.5, 0.3
-    found = described(lambda _t, _x, v: -strength * np.linalg.norm(v) ** (power - 1) * v)
+def test_drag_with_another_power_is_found_with_its_exponent(along_velocity: ResidualForce) -> None:
+    found = along_velocity
     assert found.explains
     assert directions(found) == ["along the velocity"]
     low, high = found.numbers["p"].interval95
-    assert low - 0.02 < power < high + 0.02
+    assert low - 0.02 < 1.5 < high + 0.02
     assert high - low < 0.3
     assert found.to_json()["depends_on"] == ["speed"]
 
 
-def test_drag_of_each_component_is_distinguished_from_drag_along_the_velocity():
-    found = described(lambda _t, _x, v: -0.3 * np.abs(v) * v)
+def test_drag_of_each_component_is_distinguished_from_drag_along_the_velocity(by_components: ResidualForce) -> None:
+    found = by_components
     assert found.explains
     assert directions(found) == ["against each component by itself"]
     assert found.numbers["p"].value == pytest.approx(2.0, abs=0.1)
@@ -118,15 +135,14 @@ def test_a_force_that_dies_away_is_found_with_its_time():
     assert low - 0.01 < 0.35 < high + 0.01
 
 
-def test_the_child_world_moves_as_the_data_do():
-    acceleration = lambda _t, _x, v: -0.3 * np.linalg.norm(v) ** 0.5 * v  # noqa: E731
-    found = described(acceleration)
+def test_the_child_world_moves_as_the_data_do(along_velocity: ResidualForce) -> None:
+    found = along_velocity
     assert found.world is not None
     assert [e.kind for e in found.world.effects] == ["expression"]
     start = {"objects.puck.velocity.x": 2.0, "objects.puck.velocity.y": 1.0}
     batch = simulator(found.world, TIMES).run({p: np.array([v]) for p, v in start.items()})
     truth = solve_ivp(
-        lambda t, y: np.concatenate([y[2:], acceleration(t, y[:2], y[2:])]),
+        lambda t, y: np.concatenate([y[2:], power_drag(t, y[:2], y[2:])]),
         (0.0, TIMES[-1]),
         [0.0, 0.0, 2.0, 1.0],
         t_eval=TIMES,
@@ -154,11 +170,8 @@ def test_nothing_is_found_where_nothing_is_missing():
     assert found.to_json()["summary"] == "no term describes what is unexplained"
 
 
-def test_equal_inputs_give_equal_answers():
-    def law(_t: float, _x: Array, v: Array) -> Array:
-        return -0.3 * np.abs(v) * v
-
-    assert described(law, 7).to_json() == described(law, 7).to_json()
+def test_equal_inputs_give_equal_answers(by_components: ResidualForce) -> None:
+    assert described(component_drag).to_json() == by_components.to_json()
 
 
 def test_signs_of_a_law_with_its_numbers_are_drawn_together():
