@@ -11,12 +11,14 @@ from polyworld.core import buffers
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
+from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import build_joints, joint_rows
 from polyworld.solver.spatial.statics import static_poses
+from polyworld.solver.spatial.system import System
 from polyworld.world import World, geometry
 
 MESH_TRIANGLES = 24  # triangles of a mesh that one body is taken to touch at once, at most
@@ -79,6 +81,15 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.objects, state.statics = n, s
     state.max_manifolds, state.max_contacts = manifolds, contacts
     return state
+
+
+def system_of(geometry: layout.Geometry, state: layout.State, log: Log) -> System:
+    """Return the records of a step by reference, without parameters and joints, which each run writes."""
+    system = System()
+    system.geometry = by_reference(geometry, layout.Geometry)
+    system.state = by_reference(state, layout.State)
+    system.log = by_reference(log, Log)
+    return system
 
 
 def allocate_joints(world: World, state: layout.State) -> Joints:

@@ -10,12 +10,12 @@ from typing import Any
 
 import warp as wp
 
-from polyworld.solver.core.episodes import Log
 from polyworld.solver.spatial.joint_layout import BALL, SPRING, Joints, Moment
 from polyworld.solver.spatial.joint_rows import build_joint_rows, hold_joints
 from polyworld.solver.spatial.joint_step import clear_targets, project_joints
-from polyworld.solver.spatial.layout import Geometry, Parameters, State
+from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.motion import rotated
+from polyworld.solver.spatial.system import System
 from polyworld.solver.spatial.tree_turn import follow_tree
 
 STICKING = wp.float64(1.0 - 1.0e-9)  # friction below this share of its limit lets nothing slip
@@ -157,30 +157,23 @@ def pairing(advance: Any) -> Any:
 
     @wp.func
     def advance_pair(
-        geometry: wp.array[Geometry],
-        parameters: wp.array[Parameters],
-        joints: wp.array[Joints],
-        state: wp.array[State],
-        log: wp.array[Log],
-        w: int,
-        k: int,
-        previous_half: int,
-        gravity: wp.vec3d,
-        start: wp.float64,
-        whole: wp.float64,
+        system: System, w: int, k: int, previous_half: int, gravity: wp.vec3d, start: wp.float64, whole: wp.float64
     ) -> int:
         """Two steps of half the length `whole` from time `start`, extrapolated where motion is smooth.
 
         Returns which half of the contact arrays holds the contacts of the last.
         """
+        joints = system.joints
+        state = system.state
+        lock = system.geometry[0].lock
         if joints[0].tree.count > 0:
-            done, half = follow_tree(geometry, parameters, joints, state, w, k, previous_half, gravity, start, whole)
+            done, half = follow_tree(system, w, k, previous_half, gravity, start, whole)
             if done >= whole:
                 return half
             if done > wp.float64(0.0):
                 h = wp.float64(0.5) * (whole - done)
-                half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + done, h)
-                return advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + done + h, h)
+                half = advance(system, w, k, half, gravity, start + done, h)
+                return advance(system, w, k, half, gravity, start + done + h, h)
         h = wp.float64(0.5) * whole
         lag = wp.float64(0.0)
         next_lag = wp.float64(0.0)
@@ -191,13 +184,13 @@ def pairing(advance: Any) -> Any:
         keep(state, joints[0].at_start, k)
         predict_reactions(joints, state, k, lag)
         begin_step(joints, k, h)
-        half = advance(geometry, parameters, joints, state, log, w, k, previous_half, gravity, start, h)
+        half = advance(system, w, k, previous_half, gravity, start, h)
         if not smooth(joints, state, k):
-            return advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + h, h)
+            return advance(system, w, k, half, gravity, start + h, h)
         keep(state, joints[0].at_middle, k)
         predict_reactions(joints, state, k, next_lag)
         begin_step(joints, k, h)
-        half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start + h, h)
+        half = advance(system, w, k, half, gravity, start + h, h)
         if not smooth(joints, state, k):
             return half
         joints[0].paced[k] = h
@@ -205,13 +198,13 @@ def pairing(advance: Any) -> Any:
         put_back(joints, state, joints[0].at_start, k)
         take_reactions(state, joints[0].at_middle, k)
         begin_step(joints, k, whole)
-        half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, start, whole)
+        half = advance(system, w, k, half, gravity, start, whole)
         if smooth(joints, state, k) and resolved(joints, state, k):
             extrapolate(joints, state, k)
             joints[0].ready[k] = 0
-            project_joints(joints, state, k, geometry[0].lock)
+            project_joints(joints, state, k, lock)
             if joints[0].ready[k] == 0:
-                build_joint_rows(joints, state, k, geometry[0].lock)
+                build_joint_rows(joints, state, k, lock)
             clear_targets(joints, k)
             hold_joints(joints, state, k)
         else:

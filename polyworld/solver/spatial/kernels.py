@@ -5,15 +5,14 @@ from typing import Any
 
 import warp as wp
 
-from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.time_table import Schedule
 from polyworld.solver.spatial.extrapolation import pairing
 from polyworld.solver.spatial.free_step import FREE
-from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_step import JOINED, load_joints
-from polyworld.solver.spatial.layout import OPTIONS, Geometry, Parameters, Samples, State
+from polyworld.solver.spatial.layout import OPTIONS, Parameters, Samples, State
 from polyworld.solver.spatial.prediction import first_diverged, load_bodies
 from polyworld.solver.spatial.step import stepping
+from polyworld.solver.spatial.system import System
 
 wp.set_module_options(OPTIONS)
 
@@ -46,18 +45,12 @@ def activate_objects(
 
 
 @wp.kernel
-def load_worlds(
-    geometry: wp.array[Geometry],
-    parameters: wp.array[Parameters],
-    joints: wp.array[Joints],
-    state: wp.array[State],
-    start: wp.array[wp.float64],
-) -> None:
+def load_worlds(system: System, start: wp.array[wp.float64]) -> None:
     """Put the bodies of world w in row w of the state, where they start."""
     w = wp.tid()
-    load_bodies(geometry, parameters, state, w, w)
-    load_joints(joints, state, w, w)
-    activate_objects(parameters, state, start, w, wp.float64(0.0))
+    load_bodies(system.geometry, system.parameters, system.state, w, w)
+    load_joints(system.joints, system.state, w, w)
+    activate_objects(system.parameters, system.state, start, w, wp.float64(0.0))
 
 
 def _roll_out(advance: Any, together: int) -> Any:
@@ -65,15 +58,7 @@ def _roll_out(advance: Any, together: int) -> Any:
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def roll_out(
-        geometry: wp.array[Geometry],
-        parameters: wp.array[Parameters],
-        schedule: wp.array[Schedule],
-        joints: wp.array[Joints],
-        state: wp.array[State],
-        samples: wp.array[Samples],
-        log: wp.array[Log],
-        first: int,
-        slot: int,
+        system: System, schedule: wp.array[Schedule], samples: wp.array[Samples], first: int, slot: int
     ) -> None:
         """Roll world first + tid out through the segments of its schedule, working in row `slot` of the state.
 
@@ -81,10 +66,12 @@ def _roll_out(advance: Any, together: int) -> Any:
         """
         w = first + wp.tid()
         k = slot
+        parameters = system.parameters
+        state = system.state
         scale = parameters[0].time_scale[w % parameters[0].time_scale.shape[0]]
         gravity = parameters[0].gravity[w % parameters[0].gravity.shape[0]]
-        load_bodies(geometry, parameters, state, w, k)
-        load_joints(joints, state, w, k)
+        load_bodies(system.geometry, parameters, state, w, k)
+        load_joints(system.joints, state, w, k)
         time = wp.float64(0.0)
         half = wp.int32(0)
         own = schedule[0].own[w]
@@ -97,7 +84,7 @@ def _roll_out(advance: Any, together: int) -> Any:
             calls = (steps + together - 1) // together
             for call in range(calls):
                 h = (end - time) / wp.float64(calls - call)
-                half = advance(geometry, parameters, joints, state, log, w, k, half, gravity, time, h)
+                half = advance(system, w, k, half, gravity, time, h)
                 time += h
                 diverged = first_diverged(state, k)
                 if diverged >= 0:
@@ -122,11 +109,7 @@ def _roll_out(advance: Any, together: int) -> Any:
 def _step_worlds(advance: Any) -> Any:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def step_worlds(
-        geometry: wp.array[Geometry],
-        parameters: wp.array[Parameters],
-        joints: wp.array[Joints],
-        state: wp.array[State],
-        log: wp.array[Log],
+        system: System,
         start: wp.array[wp.float64],
         time: wp.array[wp.float64],
         h: wp.array[wp.float64],
@@ -135,10 +118,12 @@ def _step_worlds(advance: Any) -> Any:
     ) -> None:
         """One step of world w; half says which half of its contact arrays holds the last step's contacts."""
         w = wp.tid()
+        parameters = system.parameters
+        state = system.state
         if h[w] <= wp.float64(0.0) or diverged[w] >= 0 or state[0].overflowed[w] == 1:
             return
         gravity = parameters[0].gravity[w % parameters[0].gravity.shape[0]]
-        half[w] = advance(geometry, parameters, joints, state, log, w, w, half[w], gravity, time[w], h[w])
+        half[w] = advance(system, w, w, half[w], gravity, time[w], h[w])
         diverged[w] = first_diverged(state, w)
         activate_objects(parameters, state, start, w, time[w] + h[w])
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
-from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.core.thread_pool import shares
@@ -21,6 +20,7 @@ from polyworld.solver.spatial.buffers import (
     allocate_joints,
     allocate_state,
     check_room,
+    system_of,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints
@@ -64,21 +64,16 @@ class SpatialSimulator(RigidSimulator):
         self._samples = samples
         self._state = allocate_state(self.world, shares(w, self.threads))
         self._joints = allocate_joints(self.world, self._state)
-        self._fixed = [
-            by_reference(self._geometry, layout.Geometry),
-            by_reference(self._schedule, Schedule),
-            by_reference(self._state, layout.State),
-            by_reference(samples, layout.Samples),
-            by_reference(self._log.record, Log),
-        ]
-        self._joints_reference: Any = None
+        self._system = system_of(self._geometry, self._state, self._log.record)
+        self._references = [by_reference(self._schedule, Schedule), by_reference(samples, layout.Samples)]
         fields = ("position", "orientation", "velocity", "angular_velocity")
         self._motion = {name: getattr(samples, name).numpy() for name in fields}
 
     def _write(self, arrays: RigidArrays, worlds: int) -> None:
         self._parameters.write(arrays)
         write_joints(self._joints, arrays, self.world)
-        self._joints_reference = by_reference(self._joints, Joints, self._joints_reference)
+        self._system.parameters = self._parameters.reference
+        self._system.joints = by_reference(self._joints, Joints, self._system.joints)
         for content in self._motion.values():
             content[:worlds] = np.nan
 
@@ -86,9 +81,7 @@ class SpatialSimulator(RigidSimulator):
         return roll_out_kernel(bool(self.world.joints))
 
     def _inputs(self, first: int, index: int, /) -> list[Any]:
-        geometry, schedule, state, samples, log = self._fixed
-        parameters, joints = self._parameters.reference, self._joints_reference
-        return [geometry, parameters, schedule, joints, state, samples, log, first, index]
+        return [self._system, *self._references, first, index]
 
     def _check_room(self, overflowed: NDArray[np.int32]) -> None:
         check_room(self._state, overflowed)

@@ -5,16 +5,14 @@ from typing import Any
 
 import warp as wp
 
-from polyworld.solver.core.episodes import Log
 from polyworld.solver.spatial.constraints import build_rows, note_forces, separate_overlaps, set_contact_targets
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.episodes import record_contacts
 from polyworld.solver.spatial.impacts import set_effect_friction, time_to_impact
-from polyworld.solver.spatial.joint_layout import Joints
-from polyworld.solver.spatial.layout import Geometry, Parameters, State
 from polyworld.solver.spatial.motion import FASTEST, end_orientation, end_position, set_pose
 from polyworld.solver.spatial.prediction import note_reactions, predict, sweep_bodies
 from polyworld.solver.spatial.slipping import end_slips
+from polyworld.solver.spatial.system import System
 
 MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
 # Approaches slower than one step's fall do not rebound: a body at rest would else never come to rest.
@@ -46,22 +44,16 @@ def stepping(joining: Joining) -> Any:
 
     @wp.func
     def advance(
-        geometry: wp.array[Geometry],
-        parameters: wp.array[Parameters],
-        joints: wp.array[Joints],
-        state: wp.array[State],
-        log: wp.array[Log],
-        w: int,
-        k: int,
-        previous_half: int,
-        gravity: wp.vec3d,
-        start: wp.float64,
-        h: wp.float64,
+        system: System, w: int, k: int, previous_half: int, gravity: wp.vec3d, start: wp.float64, h: wp.float64
     ) -> int:
         """One step of length h from time `start`, in as many parts as impacts cut it into.
 
         Returns which half of the contact arrays holds the step's contacts.
         """
+        geometry = system.geometry
+        parameters = system.parameters
+        joints = system.joints
+        state = system.state
         fall = wp.length(gravity) * h
         threshold = fall + SLOWEST_IMPACT
         time = start
@@ -103,8 +95,8 @@ def stepping(joining: Joining) -> Any:
             finish(joints, state, k, half, part, geometry[0].lock)
             if parameters[0].forces > 0 and wp.float64(2.0) * part >= h:
                 note_reactions(state, k, part)
-            if log[0].record == 1:
-                record_contacts(log, state, w, k, half, time, part)
+            if system.log[0].record == 1:
+                record_contacts(system.log, state, w, k, half, time, part)
             left -= part
             time += part
         return half

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
-from polyworld.solver.core.episodes import ContactLog, Log
+from polyworld.solver.core.episodes import ContactLog
 from polyworld.solver.core.references import by_reference
-from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
     SHARED,
     ParameterBuffers,
     allocate_joints,
     allocate_state,
     check_room,
+    system_of,
     zeros,
 )
 from polyworld.solver.spatial.joint_layout import Joints
@@ -54,12 +54,7 @@ class RigidStepper:
         self._diverged = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
         self._parameters = ParameterBuffers(world, n_worlds)
-        self._fixed = [
-            by_reference(self.geometry, layout.Geometry),
-            by_reference(self.state, layout.State),
-            by_reference(self.log.record, Log),
-        ]
-        self._joints_reference: Any = None
+        self._system = system_of(self.geometry, self.state, self.log.record)
         self.write(model.arrays())
 
     def write(self, arrays: RigidArrays) -> None:
@@ -70,20 +65,15 @@ class RigidStepper:
         }
         self._parameters.write(replace(arrays, **wide))
         write_joints(self.joints, replace(arrays, **wide), self.world)
-        self._joints_reference = by_reference(self.joints, Joints, self._joints_reference)
+        self._system.parameters = self._parameters.reference
+        self._system.joints = by_reference(self.joints, Joints, self._system.joints)
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
         self.log.clear()
         self._half.numpy()[:] = 0
         self._diverged.numpy()[:] = -1
-        geometry, state, _ = self._fixed
-        parameters, joints = self._parameters.reference, self._joints_reference
-        buffers.launch(
-            load_worlds,
-            self.n_worlds,
-            [geometry, parameters, joints, state, self._start],
-        )
+        buffers.launch(load_worlds, self.n_worlds, [self._system, self._start])
 
     def launch_step(self, time: Any, h: Any) -> None:
         """Launch one step of every world from time[w] over h[w], Warp arrays (W,) float64 [s].
@@ -93,13 +83,7 @@ class RigidStepper:
         """
         if not self.names:
             return
-        geometry, state, log = self._fixed
-        parameters, joints = self._parameters.reference, self._joints_reference
-        buffers.launch(
-            self._kernel,
-            self.n_worlds,
-            [geometry, parameters, joints, state, log, self._start, time, h, self._half, self._diverged],
-        )
+        buffers.launch(self._kernel, self.n_worlds, [self._system, self._start, time, h, self._half, self._diverged])
 
     def diverged(self) -> NDArray[np.int32]:
         """Index (W,) of the first object whose state cannot be trusted, -1 where there is none.

@@ -5,8 +5,9 @@ import warp as wp
 from polyworld.solver.spatial.contacts import find_contacts
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_step import solve_joint_velocities
-from polyworld.solver.spatial.layout import Geometry, Parameters, State
+from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.prediction import sweep_bodies
+from polyworld.solver.spatial.system import System
 from polyworld.solver.spatial.tree_step import move_tree
 
 NEAREST = wp.float64(1.0 / 16.0)  # part of both steps in which a body near by may be passed without a touch
@@ -14,21 +15,15 @@ NEAREST = wp.float64(1.0 / 16.0)  # part of both steps in which a body near by m
 
 @wp.func(inline=False)
 def follow_tree(
-    geometry: wp.array[Geometry],
-    parameters: wp.array[Parameters],
-    joints: wp.array[Joints],
-    state: wp.array[State],
-    w: int,
-    k: int,
-    previous_half: int,
-    gravity: wp.vec3d,
-    start: wp.float64,
-    whole: wp.float64,
+    system: System, w: int, k: int, previous_half: int, gravity: wp.vec3d, start: wp.float64, whole: wp.float64
 ) -> tuple[wp.float64, int]:
     """Move the bodies on in their joints' freedoms by `whole` from time `start`, or by as much as goes.
 
     Returns by how much [s], and which half of the contact arrays was written last.
     """
+    geometry = system.geometry
+    joints = system.joints
+    state = system.state
     done = wp.float64(0.0)
     half = wp.int32(previous_half)
     if not held_together(joints, state, k, geometry[0].lock):
@@ -44,7 +39,7 @@ def follow_tree(
                 break
             part = NEAREST * whole
         else:
-            gone = move_tree(parameters, joints, state, w, k, gravity, start + done, part)
+            gone = move_tree(system.parameters, joints, state, w, k, gravity, start + done, part)
             done += gone
             if gone < part:
                 break
