@@ -330,10 +330,10 @@ def test_command_line_is_reproducible(tmp_path: Path) -> None:
     for name in ("p", "q"):
         module = "tests.benchmarks.second_generator"
         cmd = [sys.executable, "-m", module, "--out", str(tmp_path / name), "--seed", "3", "--style", "both"]
-        cmd += ["--section", "contaminated", "discs", "--count", "1"]
+        cmd += ["--section", "one", "contaminated", "discs", "--count", "1"]
         subprocess.run(cmd, check=True, cwd=Path(__file__).parents[2], capture_output=True)
         cases = sorted((tmp_path / name / "public").iterdir())
-        assert len(cases) == 4
+        assert len(cases) == 6
         texts.append("".join((c / "data.csv").read_text() + (c / "scene.json").read_text() for c in cases))
         for c in cases:
             truth = json.loads((tmp_path / name / "private" / f"{c.name}.json").read_text())
