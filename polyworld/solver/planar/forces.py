@@ -68,7 +68,7 @@ def find_pushes(
 ) -> Step:
     """Find what pushes each body and how fast the fastest gets; stop a world of which one is too fast."""
     w = step.w
-    step.fastest = ZERO
+    fastest = ZERO
     if scene.contact_laws > 0:
         set_plane_friction(references.scene, references.bodies, w, step.segment, step.h)
     for i in range(scene.bodies):
@@ -83,7 +83,8 @@ def find_pushes(
                 step.diverged = 1
                 samples.outcome.diverged_object[w] = i
                 samples.outcome.diverged_time[w] = step.time
-            step.fastest = wp.max(step.fastest, speed + wp.length(push) * step.h)
+            fastest = wp.max(fastest, speed + wp.length(push) * step.h)
+    step.fastest = fastest
     return step
 
 

@@ -146,8 +146,8 @@ class Step:
     last_h: wp.float64  # h of the last part [s]
     ratio: wp.float64  # h over the last one
     fastest: wp.float64  # [m/s]
-    near: wp.int32  # pairs in the near list
-    room: wp.float64  # motion for which that list still holds [m]
+    room: wp.float64  # motion for which the near list still holds [m]
+    near: wp.int32  # pairs in that list
     half: wp.int32  # which half of the contact rows is this part's
     rows: wp.int32  # how many it has
 

@@ -100,28 +100,40 @@ def placed_shape(geometry: wp.array[Geometry], state: wp.array[State], w: int, j
     return s
 
 
-@wp.func(inline=False)
-def touch(
-    geometry: wp.array[Geometry],
-    state: wp.array[State],
-    w: int,
-    half: int,
-    i: int,
-    j: int,
-    p: int,
-    q: int,
-    sb: Shape,
-    reach: wp.float64,
-    old: int,
-    remembered: int,
-    carried: int,
-) -> int:
-    """Add the manifold of bodies i and j at their shapes p and q, if they come within reach of each other.
+@wp.struct
+class Pair:
+    """Bodies i and j that may come within `reach` of each other [m], at their shapes p and q.
 
-    sb is shape q, or one of its triangles. old is the pair's first manifold of the last step, -1 for none;
-    `remembered` contacts belong to it. carried: 1 where a manifold of this pair already carries the impacts that
-    have not been reported. Returns the new `carried`.
+    half: which half of manifolds and contacts is this step's. old: the pair's first manifold of the last step, -1 for
+    none; `remembered` contacts belong to it. carried: 1 where a manifold of this pair already carries the impacts that
+    have not been reported.
     """
+
+    half: int
+    i: int
+    j: int
+    p: int
+    q: int
+    old: int
+    remembered: int
+    carried: int
+    reach: wp.float64
+
+
+@wp.func(inline=False)
+def touch(geometry: wp.array[Geometry], state: wp.array[State], w: int, pair: Pair, sb: Shape) -> int:
+    """Add the manifold of a pair at two of its shapes, if they come within reach of each other.
+
+    sb is shape q, or one of its triangles. Returns the new `carried`.
+    """
+    half = pair.half
+    i = pair.i
+    j = pair.j
+    p = pair.p
+    q = pair.q
+    reach = pair.reach
+    old = pair.old
+    carried = pair.carried
     sa = geometry[0].shapes[p]
     xa = state[0].bodies[w, i].x
     ra = state[0].bodies[w, i].rotation
@@ -179,7 +191,7 @@ def touch(
         before = wp.int32(0)
         if old >= 0:
             before = state[0].manifolds[w, old].first
-        remember(state, w, base + first + k, before, remembered, SAME_POINT * sa.bound)
+        remember(state, w, base + first + k, before, pair.remembered, SAME_POINT * sa.bound)
     m = Manifold()
     m.a = i
     m.b = j
@@ -206,28 +218,19 @@ def touch(
 
 
 @wp.func(inline=False)
-def touch_mesh(
-    geometry: wp.array[Geometry],
-    state: wp.array[State],
-    w: int,
-    half: int,
-    i: int,
-    j: int,
-    p: int,
-    q: int,
-    reach: wp.float64,
-    old: int,
-    remembered: int,
-    carried: int,
-) -> int:
+def touch_mesh(geometry: wp.array[Geometry], state: wp.array[State], w: int, pair: Pair) -> int:
     """As `touch`, for all triangles of the mesh q that come near shape p."""
+    i = pair.i
+    j = pair.j
+    p = pair.p
+    q = pair.q
     sa = geometry[0].shapes[p]
     sb = geometry[0].shapes[q]
     xa = state[0].bodies[w, i].x
     if geometry[0].placed[p] == 1:
         xa += state[0].bodies[w, i].rotation * geometry[0].offset[p]
     x = wp.transpose(state[0].bodies[w, j].rotation) * (xa - state[0].bodies[w, j].x)
-    far = wp.float32(sa.bound + reach)
+    far = wp.float32(sa.bound + pair.reach)
     centre = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
     box = wp.vec3(far, far, far) * wp.float32(1.00001)
     query = wp.bvh_query_aabb(geometry[0].tree[q], centre - box, centre + box)
@@ -240,40 +243,33 @@ def touch_mesh(
         piece.first_face = sb.first_face + triangle
         piece.first_vertex = sb.first_vertex + 3 * triangle
         piece.bound = sa.bound
-        carried = touch(geometry, state, w, half, i, j, p, q, piece, reach, old, remembered, carried)
-    return carried
+        pair.carried = touch(geometry, state, w, pair, piece)
+    return pair.carried
 
 
 @wp.func(inline=False)
-def touch_pieces(
-    geometry: wp.array[Geometry],
-    state: wp.array[State],
-    w: int,
-    half: int,
-    i: int,
-    j: int,
-    reach: wp.float64,
-    old: int,
-    remembered: int,
-) -> None:
+def touch_pieces(geometry: wp.array[Geometry], state: wp.array[State], w: int, pair: Pair) -> None:
     """As `touch`, for all pieces of two bodies of which at least one has several."""
-    carried = wp.int32(0)
+    i = pair.i
+    j = pair.j
     for p in range(geometry[0].first_shape[i], geometry[0].first_shape[i + 1]):
         sa = geometry[0].shapes[p]
         xa = state[0].bodies[w, i].x
         if geometry[0].placed[p] == 1:
             xa += state[0].bodies[w, i].rotation * geometry[0].offset[p]
         for q in range(geometry[0].first_shape[j], geometry[0].first_shape[j + 1]):
+            pair.p = p
+            pair.q = q
             sb = placed_shape(geometry, state, w, j, q)
             if sb.kind == MESH:
-                carried = touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, carried)
+                pair.carried = touch_mesh(geometry, state, w, pair)
             elif geometry[0].placed[q] == 1:
                 xb = state[0].bodies[w, j].x + state[0].bodies[w, j].rotation * geometry[0].offset[q]
-                far = sa.bound + sb.bound + reach
+                far = sa.bound + sb.bound + pair.reach
                 if wp.length_sq(xa - xb) <= far * far:
-                    carried = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, carried)
-            elif near(sa, xa, sb, state[0].bodies[w, j], reach):
-                carried = touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, carried)
+                    pair.carried = touch(geometry, state, w, pair, sb)
+            elif near(sa, xa, sb, state[0].bodies[w, j], pair.reach):
+                pair.carried = touch(geometry, state, w, pair, sb)
 
 
 @wp.func
@@ -325,10 +321,19 @@ def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, 
                     state[0].manifolds[w, old].approach = wp.max(state[0].manifolds[w, old].approach, approach)
                 remembered += state[0].manifolds[w, k].count
                 k += 1
+            pair = Pair()
+            pair.half = half
+            pair.i = i
+            pair.j = j
+            pair.p = p
+            pair.q = q
+            pair.old = old
+            pair.remembered = remembered
+            pair.reach = reach
             if not alone:
-                touch_pieces(geometry, state, w, half, i, j, reach, old, remembered)
+                touch_pieces(geometry, state, w, pair)
             elif sb.kind == MESH:
-                touch_mesh(geometry, state, w, half, i, j, p, q, reach, old, remembered, 0)
+                touch_mesh(geometry, state, w, pair)
             else:
                 sb = placed_shape(geometry, state, w, j, q)
-                touch(geometry, state, w, half, i, j, p, q, sb, reach, old, remembered, 0)
+                touch(geometry, state, w, pair, sb)
