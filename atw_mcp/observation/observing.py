@@ -16,10 +16,10 @@ from atw_mcp.observation.track_records import TrackRecord, read_record, to_docum
 from atw_mcp.perception.calibration import Calibration
 from atw_mcp.perception.depth_tracks import depth_tracks
 from atw_mcp.perception.flight.placing import Surroundings, with_flights
+from atw_mcp.perception.given_places import unplaced, with_given_places
 from atw_mcp.perception.import_images import import_depth
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observation import ObservedObject as SeenObject
-from atw_mcp.perception.places import unplaced, with_given_places
 from atw_mcp.perception.tracks import estimate_sizes, world_tracks
 from atw_mcp.worlds.building import ObservedObject
 from evidence_store import Case, Content

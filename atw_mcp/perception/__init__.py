@@ -5,6 +5,9 @@ observation = observe("clip.mp4")                     # masks and names, in pixe
 camera = calibrate_from_points(points, pixels, (w, h)).camera
 solids = estimate_sizes(observation, camera)
 tracks = world_tracks(observation, camera, {n: s.solid for n, s in solids.items()}, seconds_per_frame=0.04)
+
+`video` reads, `observe` finds and follows, `calibration` gives the camera, `tracks` turns masks into places in the
+world, `given_places` applies places that are known.
 """
 
 from atw_mcp.perception.calibration import (

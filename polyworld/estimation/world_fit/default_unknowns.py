@@ -17,7 +17,6 @@ from polyworld.world.materials import kinds, material, material_of
 from polyworld.world.parameter_tables import OBJECT_PARAMETERS
 from polyworld.world.parameters import read_parameter, specification
 
-# What the motion of each material shows best, fitted unless asked otherwise.
 # Bounds of initial states reach this many standard deviations, and at least these distances, around the
 # track's own estimate: a polynomial over the first samples is biased where drag or a collision bends it.
 REACH = 5.0

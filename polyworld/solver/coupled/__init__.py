@@ -1,4 +1,5 @@
 """The coupled solver: rigid bodies, ropes, cloth, soft bodies and fluids in one scene.
 
-Read `stage` (what a material provides), `assembly` (which are there), `shard` (a step of all of them) and `simulator`.
+Read `step` first, one coupled step launch by launch; then `stage` (what a material provides), `assembly` (which are
+there), `shard` (worlds and buffers of a thread) and `simulator`.
 """
