@@ -10,8 +10,9 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from polyworld.core import buffers
 from polyworld.pictures.liquid_surface import BALL
-from polyworld.pictures.scene import DEVICE, Hits, light, pixel_to_ray
+from polyworld.pictures.scene import Hits, light, pixel_to_ray
 from polyworld.world.camera import Camera
 
 wp.set_module_options({"enable_backward": False})
@@ -50,22 +51,21 @@ def with_liquid(
         own[label] = np.asarray(value) / 255.0
     radius = BALL * spacing * camera.intrinsics[0][0] / float(np.median(liquid.depth[drawn]))  # [px]
     thickness = (SLICE / (2.0 * BALL) if planar else 1.0) / spacing
-    result: Any = wp.array(color, dtype=wp.vec3, device=DEVICE)
+    result: Any = buffers.array(color, wp.vec3)
     arrays = [(liquid.labels, int), (liquid.normals, wp.vec3), (share, float), (own, wp.vec3), (color, wp.vec3)]
-    wp.launch(
+    buffers.launch(
         lay_over,
-        dim=share.shape,
-        inputs=[
+        share.shape,
+        [
             liquid.mesh.id,
             pixel_to_ray(camera),
             *(wp.vec3(*camera.rotation[axis]) for axis in range(2)),
             wp.vec3(*light(camera)),
             thickness,
             0.35 * radius,
-            *(wp.array(rows, dtype=kind, device=DEVICE) for rows, kind in arrays),
+            *(buffers.array(rows, kind) for rows, kind in arrays),
             result,
         ],
-        device=DEVICE,
     )
     shaded: NDArray[np.float32] = result.numpy()
     return shaded

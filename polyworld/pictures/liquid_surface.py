@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from polyworld.pictures.scene import DEVICE, Surface, smooth_surface
+from polyworld.core import buffers
+from polyworld.pictures.scene import Surface, smooth_surface
 from polyworld.world.representations.fluid import FluidGrid
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ def liquid_surface(points: Array, grid: FluidGrid) -> Surface:
             cells.append(crossed + first)
             values.append(corner_values)
     surface: Any = sparse_marching_cubes_from_cells(
-        np.concatenate(cells).astype(np.int32), np.concatenate(values), device=DEVICE
+        np.concatenate(cells).astype(np.int32), np.concatenate(values), device=buffers.DEVICE
     )
     vertices, indices = (array.numpy() for array in surface)
     places = lower + step * vertices.astype(float)

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.pictures import raycast
 from polyworld.world.camera import Camera
 
@@ -17,7 +18,6 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Color = tuple[int, int, int]
 
-DEVICE = "cpu"
 BACKGROUND = (222, 226, 232)
 
 
@@ -101,11 +101,11 @@ def smooth_surface(vertices: Array, triangles: Ints, tint: Array | None = None, 
 def cast_rays(camera: Camera, things: Sequence[Drawn]) -> Hits:
     """Cast a ray through each pixel of a camera at things."""
     shape = (camera.height, camera.width)
-    arrays: list[Any] = [wp.empty(shape, dtype=kind, device=DEVICE) for kind in (int, float, wp.vec3, wp.vec3)]
+    arrays: list[Any] = [buffers.empty(shape, kind) for kind in (int, float, wp.vec3, wp.vec3)]
     scene, mesh, _rods = _packed(camera.centre, things)
     background = wp.vec3(*(c / 255.0 for c in BACKGROUND))
     view = [pixel_to_ray(camera), wp.vec3(*light(camera)), background, _tile_size(camera)]
-    wp.launch(raycast.cast, dim=shape, inputs=[scene, *view, *arrays], device=DEVICE)
+    buffers.launch(raycast.cast, shape, [scene, *view, *arrays])
     labels, depth, normals, color = (array.numpy() for array in arrays)
     return Hits(labels, depth, normals, color, mesh)
 
@@ -133,7 +133,7 @@ def _packed(eye: Array, things: Sequence[Drawn]) -> tuple[Any, Any, Any]:
     mesh = hierarchy = None
 
     def array(rows: Sequence[Any], dtype: Any) -> Any:
-        return wp.array(np.concatenate(rows).astype(np.int32 if dtype is int else np.float32), dtype, device=DEVICE)
+        return buffers.array(np.concatenate(rows).astype(np.int32 if dtype is int else np.float32), dtype)
 
     if surfaces:
         first = np.cumsum([0, *(len(s.vertices) for _, s in surfaces)])

@@ -7,7 +7,7 @@ from polyworld.effects import Vec8
 
 @wp.struct
 class Effects:
-    """Enabled effects (e,) of worlds of n objects, as in `core.arrays.RigidArrays`.
+    """Enabled effects (e,) of worlds of n objects, as in `model.arrays.RigidArrays`.
 
     kind (e,); acts (e, n): 1 where one acts on an object; parameters (1 or W, e, 8); programs (rows, 4) of expressions.
     """
