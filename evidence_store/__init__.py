@@ -1,6 +1,7 @@
 """Records and lineage in SQLite: cases, observations, worlds, rollouts, fits, evidence. No physics, no MCP.
 
-`worlds` keeps from what and how each world was made, `evidence` which tool was called with which arguments.
+`worlds` keeps a world and the worlds it was made from, `cases` its origin and observation, `evidence` which tool was
+called with which arguments.
 """
 
 from evidence_store.canonical import content_id, to_json
