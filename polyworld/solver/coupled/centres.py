@@ -35,31 +35,30 @@ def centre_motion(
     turned = np.zeros((*centre.shape[:-1], 4))
     turned[..., 0] = 1.0
     if rest is not None:
-        flat = weight.reshape(-1, weight.shape[-1])
-        arms = arm.reshape(-1, *arm.shape[-2:])
-        quaternions = turned.reshape(-1, 4)
-        for k in range(len(arms)):
-            if flat[k].sum() > 0:
-                middle = (flat[k][:, None] * rest).sum(axis=0) / flat[k].sum()
-                quaternions[k] = _rotation(flat[k], rest - middle, arms[k])
-        turned = quaternions.reshape(turned.shape)
+        here = ~empty
+        before = rest - ((weight[here][..., None] * rest).sum(axis=-2) / total[here])[..., None, :]
+        turned[here] = _rotations(weight[here], before, arm[here])
     centre[empty] = np.nan
     drift[empty] = np.nan
     return centre, turned, drift, spin
 
 
-def _rotation(weight: Array, before: Array, after: Array) -> Array:
-    """Quaternion w x y z of the rotation that best takes one set of arms (k, 3) into another."""
-    u, s, vt = np.linalg.svd((weight[:, None] * after).T @ before)
-    if s[1] <= 1e-9 * s[0]:  # a straight line: the least rotation from one direction to the other
-        a, b = vt[0], u[:, 0]
-        axis, cosine = np.cross(a, b), float(a @ b)
-        if cosine < 0.0:
-            axis, cosine = np.cross(a, -b), -cosine
-        sine = float(np.linalg.norm(axis))
-        rotation = Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)) if sine > 1e-12 else Rotation.identity()
-    else:
-        d = np.sign(np.linalg.det(u @ vt))
-        rotation = Rotation.from_matrix(u @ np.diag([1.0, 1.0, d]) @ vt)
-    x, y, z, w = rotation.as_quat(canonical=True)
-    return np.array([w, x, y, z])
+def _rotations(weight: Array, before: Array, after: Array) -> Array:
+    """Quaternions (n, 4) w x y z of the rotations that best take sets of arms (n, k, 3) into others."""
+    u, s, vt = np.linalg.svd(np.swapaxes(weight[..., None] * after, 1, 2) @ before)
+    mirror = np.ones((len(s), 3))
+    mirror[:, 2] = np.sign(np.linalg.det(u @ vt))
+    quaternions = Rotation.from_matrix((u * mirror[:, None]) @ vt).as_quat(canonical=True)
+    for n in np.flatnonzero(s[:, 1] <= 1e-9 * s[:, 0]):
+        quaternions[n] = _least_turn(vt[n, 0], u[n, :, 0]).as_quat(canonical=True)
+    rolled: Array = np.roll(quaternions, 1, axis=1)
+    return rolled
+
+
+def _least_turn(a: Array, b: Array) -> Rotation:
+    """The least rotation that takes a straight line along a to one along b, either way round."""
+    axis, cosine = np.cross(a, b), float(a @ b)
+    if cosine < 0.0:
+        axis, cosine = np.cross(a, -b), -cosine
+    sine = float(np.linalg.norm(axis))
+    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)) if sine > 1e-12 else Rotation.identity()
