@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Form = Literal["line", "sheet", "solid", "liquid"]
 PLANAR = "_planar"  # ends the representation of what moves in the motion plane
 BUILT_IN = ("rope", "cloth", "soft", "fluid")
-WORDS: dict[Form, tuple[str, str]] = {
+MEASURES: dict[Form, tuple[str, str]] = {
     "line": ("length", "m"),
     "sheet": ("area", "m^2"),
     "solid": ("volume", "m^3"),
@@ -120,7 +120,7 @@ def material_of(item: Any) -> Material:
 def measure_of(item: Any) -> tuple[str, str]:
     """Name of an object's size, length, area or volume, and its unit; of a planar liquid its area."""
     form = material_of(item).form
-    return WORDS["sheet" if form == "liquid" and item.representation.endswith(PLANAR) else form]
+    return MEASURES["sheet" if form == "liquid" and item.representation.endswith(PLANAR) else form]
 
 
 def kinds_of(*forms: Form) -> tuple[str, ...]:
