@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from polyworld.model.mesh import DeformableMesh
 from polyworld.model.soft_box import box_tetrahedra
 from polyworld.model.soft_elements import QuadraticMesh, quadratic_slice, quadratic_solid, with_volume
-from polyworld.model.soft_lattice import filled
+from polyworld.model.soft_lattice import MOST, filled
 from polyworld.model.soft_outline import area, nearest_on, outline_triangles, rectangle_triangles, section
 from polyworld.model.soft_round import ball_tetrahedra, cylinder_tetrahedra, disc_triangles
 from polyworld.model.soft_surface import CapsuleSurface, MeshSurface
 from polyworld.world import World
 from polyworld.world.geometry import hull, mass_properties, plane_axes, quaternion_matrix
+from polyworld.world.materials import PLANAR
 from polyworld.world.representations.cloth import SurfaceMesh
 from polyworld.world.representations.soft import Soft
 from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
@@ -57,7 +58,11 @@ def soft_mesh(world: World, item: Soft) -> DeformableMesh:
 
 
 def soft_form(world: World, item: Soft) -> QuadraticMesh:
-    """The body without forces, in its own axes, a slice in those of the motion plane. Equal bytes on every call."""
+    """The body without forces, in its own axes, a slice in those of the motion plane. Equal bytes on every call.
+
+    Raises ValueError for more than `MOST` elements, and for shapes that cannot be divided.
+    """
+    _check_count(item)
     if item.representation == "soft":
         return _solid(item.name, item.shape, edge_length(item))
     axes = plane_axes(world.environment.motion_plane)
@@ -73,14 +78,33 @@ def edge_length(item: Soft) -> float:
 
 def smallest_extent(shape: Shape) -> float:
     """Smallest width of the shape's bounding box in its own axes [m]."""
-    if isinstance(shape, Sphere | Capsule):
-        return 2.0 * shape.radius
+    return float(_extent(shape).min())
+
+
+def _extent(shape: Shape) -> Array:
+    """Widths (3,) of the shape's bounding box in its own axes [m]."""
     if isinstance(shape, Box):
-        return 2.0 * min(shape.half_extents)
-    if isinstance(shape, Cylinder):
-        return 2.0 * min(shape.radius, shape.half_height)
-    vertices = np.asarray(shape.vertices)
-    return float((vertices.max(axis=0) - vertices.min(axis=0)).min())
+        return 2.0 * np.asarray(shape.half_extents, dtype=float)
+    if isinstance(shape, Sphere | Capsule | Cylinder):
+        half = shape.radius if isinstance(shape, Sphere) else shape.half_height
+        half += shape.radius if isinstance(shape, Capsule) else 0.0
+        return 2.0 * np.array([shape.radius, shape.radius, half])
+    vertices = np.asarray(shape.vertices, dtype=float)
+    widths: Array = np.ptp(vertices, axis=0)
+    return widths
+
+
+def _check_count(item: Soft) -> None:
+    """Refuse, before any work, elements of which the bounding box would hold more than `MOST`."""
+    edge = edge_length(item)
+    cells = _extent(item.shape) / edge
+    planar = item.representation.endswith(PLANAR)
+    count = 2.0 * float(np.prod(np.sort(cells)[1:])) if planar else 6.0 * float(np.prod(cells))
+    if count > MOST:
+        raise ValueError(
+            f"soft body {item.name!r}: elements of {edge:.3g} m would be about {count:.2g}, more than {MOST}: give a "
+            "larger resolution"
+        )
 
 
 @lru_cache(maxsize=64)

@@ -150,3 +150,16 @@ def test_surface_with_a_hole_is_refused() -> None:
 def test_resolution_that_asks_for_too_much_is_refused() -> None:
     with pytest.raises(ValueError, match="give a larger resolution"):
         mesh_of(*world_of(Capsule(radius=0.5, half_height=1.0), resolution=0.005))
+
+
+@pytest.mark.parametrize(
+    "shape", [Sphere(radius=0.2), Box(half_extents=(0.2, 0.1, 0.1)), Cylinder(radius=0.1, half_height=0.2)]
+)
+@pytest.mark.parametrize("planar", [False, True])
+def test_too_many_elements_are_refused_before_any_is_made(shape: object, planar: bool) -> None:
+    """At this resolution the nodes alone would fill any memory."""
+    representation = "soft_planar" if planar else "soft"
+    described = {"name": "jelly", "representation": representation, "shape": shape, "position": (0, 0, 0)}
+    item = Soft.model_validate({**described, "resolution": 1e-9})
+    with pytest.raises(ValueError, match=r"'jelly': elements of 1e-09 m would be about .* give a larger resolution"):
+        mesh_of(World(deformables=(item,), environment=Environment(gravity=(0, 0, 0))), item)
