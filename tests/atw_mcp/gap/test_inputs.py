@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from polyworld.world import World
 from tests.atw_mcp.gap.thrown_ball import MASS, flown, world
 from tests.atw_mcp.session import Session
 
+README = Path(__file__).parents[3] / "README.md"
+
 
 def form(*given: str) -> RecordingForm:
     """The form that some options give."""
@@ -30,7 +33,7 @@ def form(*given: str) -> RecordingForm:
 def test_the_table_of_a_spreadsheet_and_a_ball_in_one_option_name_the_drag(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The flights of gap_case in other units and signs, without a column object, rows in reverse order, with notes."""
+    """The flights of `thrown_ball` in other units and signs, without a column object, rows reversed, with notes."""
     rows = [
         f"r{i};{1e3 * t:.4f};{1e3 * x:.3f};{1e3 * y:.3f};{1e3 * z:.3f};ok".replace(".", ",")
         for i, run in enumerate(flown())
@@ -44,6 +47,19 @@ def test_the_table_of_a_spreadsheet_and_a_ball_in_one_option_name_the_drag(
     printed = capsys.readouterr()
     assert printed.out.startswith("identified: quadratic_drag")
     assert "flights.csv: columns not used: Note" in printed.err
+
+
+def test_the_gap_that_the_readme_shows_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    throws = resources.files("atw_mcp") / "demo" / "flights.csv"
+    assert main(["gap", "--data", str(throws), "--object", "ball:sphere:d=40mm:2.7g"]) == 0
+    printed, shown = capsys.readouterr().out, README.read_text()
+    for figures in (
+        "identified: quadratic_drag (coefficient 0.0003774 kg/m, 95% 0.0003748 to 0.00038); next best wind, EBIC 8.335",
+        "gap 0.004693 m before, 0 after, 100% closed; noise 0.001105 m",
+        "null control: nothing_missing in data made from the base world, with its noise",
+    ):
+        assert figures in printed
+        assert figures in shown
 
 
 def test_options_give_the_form_of_a_table() -> None:

@@ -18,7 +18,7 @@ from polyworld.pictures.render import default_camera, render
 from polyworld.probing.predicates import Deformed
 from polyworld.probing.readouts.kinds import Outline, Tension
 from polyworld.probing.readouts.read import check_readable, read
-from polyworld.world import World
+from polyworld.world import World, materials
 from polyworld.world.materials import BUILT_IN, kinds_of, register
 from polyworld.world.materials import material as entry
 from tests.polyworld.materials import flake
@@ -27,6 +27,13 @@ from tests.polyworld.materials.flake import Flake
 ROOT = Path(__file__).parents[3]
 G, K, M, R, STRETCH = 9.81, 100.0, 0.1, 0.2, 0.05
 OMEGA = float(np.sqrt(3.0 * K / M))
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Register the material for one test: others see the built-in ones alone."""
+    monkeypatch.setattr(materials, "_KNOWN", dict(materials._KNOWN))
+    register(flake.MATERIAL)
 
 
 def falling() -> World:
@@ -101,7 +108,7 @@ def test_it_is_moved_described_and_built_like_any_other() -> None:
 
 def test_a_kind_is_registered_once() -> None:
     with pytest.raises(ValueError, match="registered already"):
-        register(entry("flake"))
+        register(flake.MATERIAL)
     assert set(kinds_of("sheet")) == {"cloth", "flake"}
 
 

@@ -19,7 +19,7 @@ from polyworld.model import DeformableMesh
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.world import World
 from polyworld.world.description import ORIGIN, Appearance, Description, Name, Positive, Vec3
-from polyworld.world.materials import Material, Place, register
+from polyworld.world.materials import Material, Place
 from polyworld.world.parameter_tables import ParameterSpec
 
 
@@ -117,21 +117,19 @@ def moved(item: dict[str, Any], place: Place, _turn: Any) -> None:
     item["position"] = place(item["position"])
 
 
-register(
-    Material(
-        kind="flake",
-        description=Flake,
-        form="sheet",
-        density="mass",
-        parameters={
-            "mass": ParameterSpec("kg", 1e-3, 1e3, (0.01, 1.0), "mass of a corner"),
-            "stiffness": ParameterSpec("N/m", 1e-3, 1e6, (10.0, 1e3), "stiffness of a spring"),
-        },
-        fitted=("stiffness",),
-        mesh=mesh,
-        stage=Stage,
-        moved=moved,
-        facts=lambda _world, item, _mesh: {"springs": 3, "stiffness": item.stiffness},
-        planar=False,
-    )
+MATERIAL = Material(
+    kind="flake",
+    description=Flake,
+    form="sheet",
+    density="mass",
+    parameters={
+        "mass": ParameterSpec("kg", 1e-3, 1e3, (0.01, 1.0), "mass of a corner"),
+        "stiffness": ParameterSpec("N/m", 1e-3, 1e6, (10.0, 1e3), "stiffness of a spring"),
+    },
+    fitted=("stiffness",),
+    mesh=mesh,
+    stage=Stage,
+    moved=moved,
+    facts=lambda _world, item, _mesh: {"springs": 3, "stiffness": item.stiffness},
+    planar=False,
 )
