@@ -55,7 +55,7 @@ FLOORS = {
         ("materials",),
     ),
     "atw_mcp": (
-        ("calls", "perception"),
+        ("calls", "perception", "results"),
         ("looking",),
         ("cases",),
         ("models",),

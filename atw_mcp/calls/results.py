@@ -61,56 +61,6 @@ class Answer:
         )
 
 
-_TEXT_OR_NULL = {"anyOf": [{"type": "string"}, {"type": "null"}]}  # some clients refuse a list of types
-
-# Every tool carries this schema: nested objects do not list which of their fields are required.
-RESULT_SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["evidence", "tool", "status", "summary", "case", "source", "objects", "interval", "data"],
-    "properties": {
-        "evidence": {**_TEXT_OR_NULL, "description": "its id, for ReadEvidence"},
-        "tool": {"type": "string"},
-        "status": {"type": "string", "enum": ["running", "completed", "failed", "cancelled", "diverged"]},
-        "summary": {"type": "string"},
-        "case": _TEXT_OR_NULL,
-        "source": {
-            "type": "object",
-            "additionalProperties": False,
-            "properties": {
-                "world": _TEXT_OR_NULL,
-                "rollout": _TEXT_OR_NULL,
-                "observation": _TEXT_OR_NULL,
-            },
-            "description": "what the result was computed from",
-        },
-        "objects": {"type": "array", "items": {"type": "string"}},
-        "interval": {
-            "anyOf": [
-                {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
-                {"type": "null"},
-            ],
-            "description": "seconds the result covers: start, end",
-        },
-        "data": {"type": "object", "description": "the result itself"},
-        "shortened": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "additionalProperties": False,
-                "properties": {
-                    "path": {"type": "string"},
-                    "shown": {"type": "integer"},
-                    "of": {"type": "integer"},
-                },
-            },
-            "description": "lists cut; ReadEvidence(path=...) pages through them",
-        },
-        "resource": {"type": "string", "description": "link to the whole result"},
-    },
-}
-
-
 def to_result(evidence: Evidence) -> CallToolResult:
     """A record as MCP content: compact JSON in both places, or JSON text and pictures without structured content.
 

@@ -9,7 +9,8 @@ import difflib
 import inspect
 import logging
 from collections.abc import Callable
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any, Literal, get_args, get_type_hints
 
 import anyio
 from mcp.server.mcpserver.context import Context
@@ -22,7 +23,8 @@ from pydantic import ValidationError
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, RunningJob
-from atw_mcp.calls.results import RESULT_SCHEMA, Answer, to_result, validation_text
+from atw_mcp.calls.result_schemas import report_mismatch, result_schema
+from atw_mcp.calls.results import Answer, to_result, validation_text
 from atw_mcp.calls.schemas import inlined, without_null
 from evidence_store import StoreError
 
@@ -36,6 +38,7 @@ class WorldTool(Tool):
 
     role: Role
     pictures: bool = False
+    returns: Any = None  # the model of its data, or a union of models; None: not yet declared
 
     async def run(self, arguments: dict[str, Any], context: Context[Any, Any], convert_result: bool = False) -> Any:
         """Check the arguments, call the function, record and shape what it returns.
@@ -50,7 +53,8 @@ class WorldTool(Tool):
             if isinstance(outcome, CallToolResult):
                 return outcome
             if isinstance(outcome, LongWork):
-                return await self._wait(app, arguments, outcome, context)
+                return await self._wait(app, arguments, self._watched(outcome), context)
+            self._compare(outcome)
             record = await anyio.to_thread.run_sync(app.store.evidence.add, outcome.to_evidence(self.name, arguments))
             return to_result(record)
         except (ToolError, MCPError):
@@ -63,6 +67,15 @@ class WorldTool(Tool):
                 f"{self.name} failed unexpectedly ({type(error).__name__}); the server's log has the details. "
                 "Nothing stored was lost: other tools still work, and ReadEvidence returns earlier results."
             ) from error
+
+    def _compare(self, answer: Answer) -> Answer:
+        """Return the answer, having logged where its data is not as declared."""
+        if self.returns is not None:
+            report_mismatch(self.name, self.returns, answer)
+        return answer
+
+    def _watched(self, work: LongWork) -> LongWork:
+        return replace(work, work=lambda progress: self._compare(work.work(progress)))
 
     def checked(self, arguments: dict[str, Any]) -> dict[str, Any]:
         """Validate and convert arguments as given; raises ToolError naming what is wrong."""
@@ -117,18 +130,21 @@ class ToolGroup:
         self.tools: list[WorldTool] = []
 
     def tool(
-        self, name: str, *, title: str, read_only: bool = True, pictures: bool = False
+        self, name: str, *, title: str, read_only: bool = True, pictures: bool = False, returns: Any = None
     ) -> Callable[[ToolFunction], ToolFunction]:
         """Declare a tool. The function's docstring is the description the agent reads.
 
         read_only: whether it leaves the case as it is (the evidence record apart). pictures: whether it
-        returns images, and therefore no structured content.
+        returns images, and therefore no structured content. returns: the model of the data that an agent is shown
+        (`atw_mcp/results`), or a union of models where the arguments decide on the form.
         """
 
         def declare(function: ToolFunction) -> ToolFunction:
             arguments = func_metadata(function, skip_names=["app"], structured_output=False).arg_model
             arguments.model_config["extra"] = "forbid"  # the SDK would drop unknown arguments silently
             arguments.model_rebuild(force=True)
+            data = dict[str, Any] if returns is None else returns
+            output = None if pictures else result_schema(data, long=_may_be_long(function))
             self.tools.append(
                 WorldTool(
                     fn=function,
@@ -136,7 +152,7 @@ class ToolGroup:
                     title=title,
                     description=_unwrapped(function.__doc__ or ""),
                     parameters=without_null(inlined(arguments.model_json_schema(by_alias=True))),
-                    fn_metadata=FuncMetadata(arg_model=arguments, output_schema=None if pictures else RESULT_SCHEMA),
+                    fn_metadata=FuncMetadata(arg_model=arguments, output_schema=output),
                     is_async=False,
                     context_kwarg=None,
                     annotations=ToolAnnotations(
@@ -144,11 +160,17 @@ class ToolGroup:
                     ),
                     role=self.role,
                     pictures=pictures,
+                    returns=returns,
                 )
             )
             return function
 
         return declare
+
+
+def _may_be_long(function: ToolFunction) -> bool:
+    returned = get_type_hints(function)["return"]
+    return returned is LongWork or LongWork in get_args(returned)
 
 
 def _unwrapped(docstring: str) -> str:

@@ -11,13 +11,14 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.fitting.verdict import cure, verdict_of
+from atw_mcp.results.commitment import CommittedWorld
 from atw_mcp.tools.world_arguments import CaseId
 from evidence_store import StoreError
 
 GROUP = ToolGroup("world construction")
 
 
-@GROUP.tool("CommitWorld", title="Commit the world", read_only=False)
+@GROUP.tool("CommitWorld", title="Commit the world", read_only=False, returns=CommittedWorld)
 def commit_world(
     app: App,
     case: CaseId,

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+
 import pytest
 
 from atw_mcp import client
+from atw_mcp.calls import result_schemas
 from atw_mcp.server import build_server
 
 
@@ -13,3 +17,21 @@ def server_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the client's own server run in this process: another one needs seconds to start."""
     monkeypatch.setattr(client, "server_process", build_server)
     monkeypatch.setattr(client, "stdio_client", lambda server, errlog: server)  # noqa: ARG005
+
+
+@pytest.fixture(autouse=True)
+def results_as_declared() -> Iterator[None]:
+    """Fail a test in which a tool of this process returned what its output schema does not allow."""
+    mismatches: list[str] = []
+
+    class Collecting(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            mismatches.append(record.getMessage())
+
+    handler = Collecting(logging.ERROR)
+    result_schemas.logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        result_schemas.logger.removeHandler(handler)
+    assert not mismatches

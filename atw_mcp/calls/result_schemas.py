@@ -1,0 +1,107 @@
+"""Output schemas of tools: the envelope that all results share, with the data of the one tool inside.
+
+What a tool returns is declared as pydantic models in `atw_mcp/results` (`ToolGroup.tool(..., returns=...)`); the
+schema is theirs, and each result is compared with it before it is sent.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from atw_mcp.calls.results import Answer, plain, validation_text
+from atw_mcp.calls.schemas import inlined
+
+logger = logging.getLogger(__name__)
+_TEXT_OR_NULL = {"anyOf": [{"type": "string"}, {"type": "null"}]}  # some clients refuse a list of types
+
+
+class Progress(BaseModel):
+    """How far work is that goes on."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    done: float = Field(description="amount done so far")
+    total: float | None = Field(description="amount in all, null where it is not known")
+    message: str = Field(description="what is being done now")
+
+
+class Unfinished(BaseModel):
+    """Data of a result whose status is running (with progress), failed or cancelled (empty)."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    progress: Progress | None = Field(default=None, description="how far the work is, where it goes on")
+
+
+def result_schema(returns: Any, *, long: bool) -> dict[str, Any]:
+    """JSON schema of the results of a tool.
+
+    returns: the model of its data, or a union of models where its arguments decide on the form. long: whether the
+    work may go on after the call, so that the data may be how far it is.
+    """
+    wanted = returns | Unfinished if long else returns
+    data = inlined(TypeAdapter(wanted).json_schema())
+    return {**_ENVELOPE, "properties": {**_ENVELOPE["properties"], "data": data}}
+
+
+def report_mismatch(tool: str, returns: Any, answer: Answer) -> None:
+    """Log what in the data that an agent is shown differs from the model declared; the answer goes out all the same.
+
+    The tests take this message for a failure.
+    """
+    shown = answer.data if answer.shown is None else answer.shown
+    try:
+        TypeAdapter(returns).validate_python(plain(shown))
+    except ValidationError as error:
+        logger.error("%s returned data that its schema does not allow: %s", tool, validation_text(error))
+
+
+# Nested objects do not list which of their fields are required: they are always all there.
+_ENVELOPE: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["evidence", "tool", "status", "summary", "case", "source", "objects", "interval", "data"],
+    "properties": {
+        "evidence": {**_TEXT_OR_NULL, "description": "its id, for ReadEvidence"},
+        "tool": {"type": "string"},
+        "status": {"type": "string", "enum": ["running", "completed", "failed", "cancelled", "diverged"]},
+        "summary": {"type": "string"},
+        "case": _TEXT_OR_NULL,
+        "source": {
+            "type": "object",
+            "additionalProperties": False,
+            "properties": {
+                "world": _TEXT_OR_NULL,
+                "rollout": _TEXT_OR_NULL,
+                "observation": _TEXT_OR_NULL,
+            },
+            "description": "what the result was computed from",
+        },
+        "objects": {"type": "array", "items": {"type": "string"}},
+        "interval": {
+            "anyOf": [
+                {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+                {"type": "null"},
+            ],
+            "description": "seconds the result covers: start, end",
+        },
+        "data": {"type": "object", "description": "the result itself"},
+        "shortened": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "additionalProperties": False,
+                "properties": {
+                    "path": {"type": "string"},
+                    "shown": {"type": "integer"},
+                    "of": {"type": "integer"},
+                },
+            },
+            "description": "lists cut; ReadEvidence(path=...) pages through them",
+        },
+        "resource": {"type": "string", "description": "link to the whole result"},
+    },
+}
