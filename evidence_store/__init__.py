@@ -15,7 +15,7 @@ from evidence_store.errors import (
     StoreTooNew,
     UnknownRecord,
 )
-from evidence_store.evidence import Evidence, Status
+from evidence_store.evidence import Evidence, EvidencePage, Status
 from evidence_store.jobs import Job
 from evidence_store.store import EvidenceStore
 from evidence_store.worlds import Descent
@@ -28,6 +28,7 @@ __all__ = [
     "ContentTable",
     "Descent",
     "Evidence",
+    "EvidencePage",
     "EvidenceStore",
     "Job",
     "NotAStore",

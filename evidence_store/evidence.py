@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -36,6 +37,17 @@ class Evidence:
     payload: dict[str, Any] = field(default_factory=dict)
     pictures: dict[str, bytes] = field(default_factory=dict)
     id: str = ""
+
+
+@dataclass(frozen=True)
+class EvidencePage:
+    """Records found by a search, latest first, without payload and pictures.
+
+    `cursor` continues the search where this page ended; None where nothing more matches.
+    """
+
+    records: tuple[Evidence, ...]
+    cursor: str | None
 
 
 class EvidenceTable:
@@ -82,6 +94,70 @@ class EvidenceTable:
                 [case, tool, tool],
             )
             return [_evidence(row) for row in rows]
+
+    def search(
+        self,
+        case: str,
+        *,
+        tool: str | None = None,
+        object: str | None = None,
+        interval: tuple[float, float] | None = None,
+        text: str | None = None,
+        status: Status | None = None,
+        limit: int = 20,
+        cursor: str | None = None,
+    ) -> EvidencePage:
+        """Find records of a case, latest first; every condition given must hold.
+
+        tool, status: equal to the record's. object: one of the record's objects. interval [s]: overlaps the record's,
+        ends included; a record without an interval does not match. text: each of its words occurs in the summary, the
+        arguments or the payload, in upper or lower case. limit: most records of a page. cursor: that of the previous
+        page; records added since then appear in none of the following pages.
+
+        Raises ValueError for a limit below 1, an interval that ends before it starts or a text without words, and
+        UnknownRecord for a cursor that no search returned. A case that does not exist has no records.
+        """
+        if limit < 1:
+            raise ValueError(f"limit must be at least 1, got {limit}")
+        if interval is not None and not interval[0] <= interval[1]:
+            raise ValueError(f"interval must be [start, end] with start <= end, got {list(interval)}")
+        words = None if text is None else text.casefold().split()
+        if words == []:
+            raise ValueError("text must contain at least one word")
+        before = None if cursor is None else sequence_number(cursor)
+        searched = "payload" if words else "'{}' AS payload"  # payloads are long: read only where they matter
+        found: list[Evidence] = []
+        with self._connection.read() as database:
+            rows = database.query(
+                "SELECT seq, case_id, tool, arguments, world_id, rollout_id, observation_id, objects, interval, "
+                f"status, summary, {searched}, NULL AS attachments FROM evidence WHERE case_id = ? "
+                "AND (? IS NULL OR tool = ?) AND (? IS NULL OR status = ?) AND (? IS NULL OR seq < ?) "
+                "ORDER BY seq DESC",
+                [case, tool, tool, status, status, before, before],
+            )
+            with closing(rows):
+                for row in rows:
+                    if words and not _contains(row, words):
+                        continue
+                    record = replace(_evidence(row), payload={})
+                    if object is not None and object not in record.objects:
+                        continue
+                    if interval is not None and not _overlap(record.interval, interval):
+                        continue
+                    if len(found) == limit:  # this one is the next page's
+                        return EvidencePage(tuple(found), found[-1].id)
+                    found.append(record)
+        return EvidencePage(tuple(found), None)
+
+
+def _contains(row: dict[str, Any], words: list[str]) -> bool:
+    """Whether every word occurs in the row's text; JSON writes quotes and line breaks of a word as escapes."""
+    text = "\n".join((row["summary"], row["arguments"], row["payload"])).casefold()
+    return all(word in text or json.dumps(word, ensure_ascii=False)[1:-1] in text for word in words)
+
+
+def _overlap(one: tuple[float, float] | None, other: tuple[float, float]) -> bool:
+    return one is not None and one[0] <= other[1] and other[0] <= one[1]
 
 
 def sequence_number(identifier: str) -> int:
