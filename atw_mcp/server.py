@@ -3,8 +3,10 @@
 How a group of tools is written (see `atw_mcp/tools/inspection.py`)
 -------------------------------------------------------------------
 A module in `atw_mcp/tools` has one `GROUP = ToolGroup(role)`; each tool is a plain `def` under
-`@GROUP.tool("ToolName", title=..., read_only=..., pictures=...)`. Add the module to `GROUPS` below; nothing
-else registers it.
+`@GROUP.tool("ToolName", title=..., read_only=..., pictures=...)`. Add the module to `MODULES` in
+`atw_mcp/tools/manifest.py` and run `python -m atw_mcp.tools.manifest`; nothing else registers it. The server lists
+the tools from that manifest and imports a tool's module when it is first called: what few calls need is imported
+where it is needed, so that the others start quickly.
 
 - Arguments: the first is `app: App` (not seen by the agent); every other is typed, bounded and described with
   `Annotated[T, Field(description=..., ge=..., max_length=...)]`. Nested models need `extra="forbid"`. Lists
@@ -44,39 +46,13 @@ from mcp_types import CallToolResult, InputRequiredResult
 
 from atw_mcp.calls import resources
 from atw_mcp.calls.app import App
+from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
-from atw_mcp.tools import (
-    commitment,
-    construction,
-    control,
-    discrepancy,
-    experimentation,
-    identification,
-    inspection,
-    looking,
-    measurement,
-    modelling,
-    models,
-    observation,
-    querying,
-)
+from atw_mcp.tools import manifest
 
-GROUPS: tuple[ToolGroup, ...] = (
-    observation.GROUP,
-    measurement.GROUP,
-    models.GROUP,
-    construction.GROUP,
-    identification.GROUP,
-    modelling.GROUP,
-    discrepancy.GROUP,
-    commitment.GROUP,
-    inspection.GROUP,
-    looking.GROUP,
-    experimentation.GROUP,
-    querying.GROUP,
-    control.GROUP,
-)
+GROUPS: tuple[ToolGroup, ...] = ()
+"""Tools that are served beside those of the manifest: tests add theirs."""
 
 INSTRUCTIONS = """\
 Answer physical questions about a video by building a small executable world that behaves like it, then \
@@ -136,8 +112,9 @@ def build_server(store: Path | None = None) -> MCPServer[App]:
 
 
 def all_tools() -> list[WorldTool]:
-    """Every tool, in the order of the method."""
-    return [tool for group in GROUPS for tool in group.tools]
+    """Every tool, in the order of the method, as yet not imported."""
+    listed: list[WorldTool] = [DeferredTool.from_entry(entry) for entry in manifest.entries()]
+    return listed + [tool for group in GROUPS for tool in group.tools]
 
 
 def server_version() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult
@@ -13,7 +13,9 @@ from mcp_types import CallToolResult
 from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.results import to_result
 from evidence_store import Case, EvidenceStore, UnknownRecord
-from polyworld.world import World
+
+if TYPE_CHECKING:
+    from polyworld.world import World
 
 
 class App:
@@ -124,4 +126,6 @@ class App:
 
 @lru_cache(maxsize=256)
 def _parsed(document: str) -> World:
+    from polyworld.world import World  # the engine: a server that has only been asked what it can do has not loaded it
+
     return World.model_validate_json(document)

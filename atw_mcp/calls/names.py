@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.forms import did_you_mean
 from evidence_store import Case
-from polyworld.world import World
+
+if TYPE_CHECKING:
+    from polyworld.world import World
 
 NAME_FIELDS = ("object", "a", "b")  # of edits and predicates
 # Parts of a world that an edit may remove by name although they are no objects.

@@ -19,7 +19,6 @@ from mcp_types import (
 from atw_mcp.calls.app import App
 from atw_mcp.calls.schemas import inlined
 from evidence_store import StoreError, UnknownRecord
-from polyworld.world import World
 
 MOST_COMPLETIONS = 100  # the protocol's limit
 
@@ -79,6 +78,8 @@ def register(server: MCPServer[Any], app: App) -> None:
         mime_type="application/schema+json",
     )
     def world_schema() -> str:
+        from polyworld.world import World  # the engine
+
         return json.dumps(inlined(World.model_json_schema()))
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from atw_mcp.perception.video import VideoInfo
 from evidence_store import Case, EvidenceStore
+
+if TYPE_CHECKING:
+    from atw_mcp.perception.video import VideoInfo
 
 
 def content_hash(path: Path) -> str:

@@ -14,10 +14,8 @@ from atw_mcp.calls.names import case_hint
 from atw_mcp.calls.results import Answer, page, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.worlds.parts import part_field_schema, part_schema
 from evidence_store import Answer as RecordedAnswer
 from evidence_store import Binding, Evidence, UnknownRecord
-from polyworld.world import World
 
 GROUP = ToolGroup("execution control")
 
@@ -49,6 +47,8 @@ def describe_tool(
         raise ToolError(f"no tool {tool!r}{hint}; tools: {', '.join(names)}")
     properties: dict[str, Any] = found.parameters.get("properties", {})
     if argument is not None and found.name == "BuildWorld" and argument.startswith("parts."):
+        from atw_mcp.worlds.parts import part_field_schema, part_schema  # the engine, whose descriptions these are
+
         kind, _, field = argument.removeprefix("parts.").partition(".")
         if field:
             inner = part_field_schema(kind, field)
@@ -69,6 +69,8 @@ def describe_tool(
             raise ToolError(f"{found.name} has no argument {argument!r}; arguments: {', '.join(properties)}")
         schema = properties[argument]
         if (found.name, argument) == ("BuildWorld", "world"):
+            from polyworld.world import World
+
             schema = inlined(World.model_json_schema())
         return Answer(summary=f"{found.name}.{argument}", data={"schema": schema})
     return Answer(

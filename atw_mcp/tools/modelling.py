@@ -19,7 +19,7 @@ from atw_mcp.observation.observing import latest_camera
 from atw_mcp.perception.known.colour_words import colour_word
 from atw_mcp.tools.known_objects import KnownObject, Sized, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
-from atw_mcp.tools.observation import open_case
+from atw_mcp.tools.opening import open_case
 from atw_mcp.tools.world_arguments import Argument, Patience, PlaneArgument, Point
 from evidence_store import Case, to_json
 

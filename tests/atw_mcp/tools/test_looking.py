@@ -16,7 +16,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer
 from atw_mcp.demo.truth import FOLDER
-from atw_mcp.tools import construction, looking, measurement, observation
+from atw_mcp.tools import construction, looking, measurement, observation, opening
 from polyworld.edits.interventions import Remove, branch
 from polyworld.world import TimeBase
 from tests.atw_mcp.two_discs import case_with, two_discs
@@ -40,7 +40,7 @@ def truth() -> dict[str, Any]:
 def app(tmp_path_factory: pytest.TempPathFactory, truth: dict[str, Any]) -> Iterator[App]:
     """The clip observed, calibrated with its true camera and built into a world; not fitted."""
     app = App(tmp_path_factory.mktemp("store") / "atw.db")
-    observation.open_case(app, video=str(FOLDER / "collision.mp4"), name=CASE)
+    opening.open_case(app, video=str(FOLDER / "collision.mp4"), name=CASE)
     names = [name.replace("_", " ") for name in truth["names"]]
     done(observation.observe_objects(app, CASE, expected=names))
     camera = {key: truth["camera"][key] for key in ("intrinsics", "rotation", "translation")}
@@ -132,7 +132,7 @@ def test_text_beside_pictures_has_one_row_for_each_object_and_its_worst_frame(ap
 def test_time_is_called_the_files_until_a_world_has_its_own(app: App, tmp_path: Path) -> None:
     assert "file" not in looking.inspect_frames(app, CASE, frames=[3]).summary
     fresh = App(tmp_path / "fresh.db")
-    observation.open_case(fresh, video=str(FOLDER / "collision.mp4"), name="new")
+    opening.open_case(fresh, video=str(FOLDER / "collision.mp4"), name="new")
     answer = looking.inspect_frames(fresh, "new", frames=[3])
     assert "the file's" in answer.summary
     assert answer.data["time_is"] == "file time"
@@ -196,7 +196,7 @@ def test_refusals_name_the_valid_choices(app: App, call: Any, complaint: str) ->
 
 def test_nothing_observed_yet_says_what_to_call(tmp_path: Path) -> None:
     app = App(tmp_path / "empty.db")
-    observation.open_case(app, video=str(FOLDER / "collision.mp4"), name="new")
+    opening.open_case(app, video=str(FOLDER / "collision.mp4"), name="new")
     assert "as they are" in looking.inspect_frames(app, "new", frames=[3]).summary
     with pytest.raises(ToolError, match="Next: ObserveObjects"):
         looking.inspect_observed_motion(app, "new", "red_cylinder")

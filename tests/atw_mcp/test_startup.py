@@ -1,0 +1,76 @@
+"""What a process imports: a server loads what a call needs, a client neither the server nor the engine."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from atw_mcp.calls.deferred import DeferredTool
+from atw_mcp.server import all_tools
+from atw_mcp.tools import manifest
+
+HEAVY = ("warp", "polyworld", "cv2", "matplotlib", "scipy", "trimesh", "mujoco")
+
+SERVER = """
+import json, sys
+from pathlib import Path
+import anyio
+from mcp import Client
+from atw_mcp.server import build_server
+
+async def session():
+    async with Client(build_server(Path(sys.argv[1]))) as client:
+        await client.list_tools()
+        for tool, arguments in json.loads(sys.argv[2]):
+            result = await client.call_tool(tool, arguments)
+            assert not result.is_error, result
+
+anyio.run(session)
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
+def packages_after(program: str, *arguments: str) -> set[str]:
+    """Top-level packages that a fresh process has imported when the program ends."""
+    finished = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert finished.returncode == 0, finished.stderr
+    return set(json.loads(finished.stdout.splitlines()[-1]))
+
+
+def test_tools_about_cases_and_evidence_load_no_engine(tmp_path: Path) -> None:
+    calls = [
+        ("OpenCase", {}),
+        ("DescribeTool", {"tool": "BuildWorld"}),
+        ("OpenCase", {"data": str(manifest.FILE), "name": "one", "questions": ["Why?"]}),
+        ("ReadEvidence", {"evidence": "ev-1"}),
+        ("Finish", {"case": "one", "question": "Why?", "evidence": [], "missing": "all of it"}),
+    ]
+    loaded = packages_after(SERVER, str(tmp_path / "atw.db"), json.dumps(calls))
+    assert "evidence_store" in loaded
+    assert not loaded & set(HEAVY)
+
+
+def test_manifest_is_what_the_tools_declare() -> None:
+    declared = manifest.declared_entries()
+    assert manifest.entries() == declared, "changed on purpose? python -m tests.atw_mcp.tools.contract_snapshots"
+
+
+def test_every_module_of_tools_is_in_the_manifest() -> None:
+    with_tools = {path.stem for path in manifest.FILE.parent.glob("*.py") if "\nGROUP = " in path.read_text()}
+    assert with_tools == set(manifest.MODULES)
+
+
+def test_a_listed_tool_is_the_declared_one() -> None:
+    tool = next(tool for tool in all_tools() if tool.name == "OpenCase")
+    assert isinstance(tool, DeferredTool)
+    declared = tool.declared()
+    assert not isinstance(declared, DeferredTool)
+    assert (tool.parameters, tool.output_schema, tool.annotations) == (
+        declared.parameters,
+        declared.output_schema,
+        declared.annotations,
+    )
