@@ -1,4 +1,8 @@
-"""The command line: serve, or be a client of a server that it starts itself."""
+"""The command line: serve, or be a client of a server that it starts itself.
+
+Imports only what reading a command takes. A command that calls tools starts its server before it imports what a client
+needs, so that both load at the same time.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +10,20 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import anyio
-from mcp.shared.exceptions import MCPError
-
-from atw_mcp.calls.forms import did_you_mean
-from atw_mcp.client import Session, ToolFailed, connected
+from atw_mcp import server_process
+from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.gap import command as gap_command
-from atw_mcp.printing import ProgressLine, print_reply, tool_line
-from atw_mcp.script import ScriptError, Step, read_arguments, read_script, run_script, split_pairs
-from atw_mcp.shell import HELP, run_shell
+from atw_mcp.printing import print_reply, tool_line
+from atw_mcp.replies import ServerLost
+from atw_mcp.script import ScriptError, read_arguments, read_script, split_pairs
+from atw_mcp.shell import HELP
+from atw_mcp.tools import manifest
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 PICTURES = Path("atw-pictures")
-
-
-class ServerLost(Exception):
-    """The server that a command started has ended before the command."""
 
 
 SCRIPT_HELP = """\
@@ -157,12 +153,12 @@ def _add_store(parser: argparse.ArgumentParser) -> None:
 
 
 class _ShowVersion(argparse.Action):
-    """Finds the version out only when it is asked for: that imports the whole server."""
+    """Finds the version out only when it is asked for."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from atw_mcp.server import server_version
+        from atw_mcp.version import installed_version
 
-        print(f"atw-mcp {server_version()}")
+        print(f"atw-mcp {installed_version()}")
         parser.exit()
 
 
@@ -187,66 +183,58 @@ def _serve(options: argparse.Namespace) -> int:
 
 
 def _tools(options: argparse.Namespace) -> int:
-    from atw_mcp.server import all_tools
-
-    tools = {tool.name: tool for tool in all_tools()}
+    tools = {entry["name"]: entry for entry in manifest.entries()}
     if options.tool is None:
-        for tool in tools.values():
-            print(tool_line(tool.name, tool.description))
+        for entry in tools.values():
+            print(tool_line(entry["name"], entry["description"]))
         return OK
     if options.tool not in tools:
         near = did_you_mean(options.tool, tools)
         raise ScriptError(f"there is no tool {options.tool!r}{near}; tools: {', '.join(tools)}")
     chosen = tools[options.tool]
-    print(f"{chosen.name} ({chosen.role})\n\n{chosen.description}\n\n{json.dumps(chosen.parameters, indent=2)}")
+    schema = json.dumps(chosen["parameters"], indent=2)
+    print(f"{chosen['name']} ({chosen['role']})\n\n{chosen['description']}\n\n{schema}")
     return OK
 
 
 def _call(options: argparse.Namespace) -> int:
-    pairs = split_pairs(options.pairs)
+    arguments = read_arguments(split_pairs(options.pairs), manifest.schemas(), options.tool)
+    show = partial(print_reply, indent=options.indent, pictures=options.pictures)
+    with server_process.started(options.store) as server:
+        from atw_mcp.sessions import call_tool
 
-    async def session(server: Session) -> None:
-        arguments = read_arguments(pairs, server.schemas, options.tool)
-        print_reply(await server.call(options.tool, arguments), indent=options.indent, pictures=options.pictures)
-
-    return _with_server(options.store, session)
+        return OK if call_tool(server, options.tool, arguments, show) else FAILED
 
 
 def _run(options: argparse.Namespace) -> int:
     steps = read_script(options.script)
     variables = {"folder": str(options.script.absolute().parent), **split_pairs(options.pairs)}
+    show = partial(print_reply, indent=options.indent, pictures=options.pictures)
+    with server_process.started(options.store) as server:
+        from atw_mcp.sessions import call_steps
 
-    def begin(step: Step, said: str | None) -> None:
-        if said:
-            print(said, file=sys.stderr)
-        print(f"{step.name + ': ' if step.name else ''}{step.tool}", file=sys.stderr)
-
-    async def session(server: Session) -> None:
-        async for _, reply in run_script(steps, server, variables, begin):
-            print_reply(reply, indent=options.indent, pictures=options.pictures)
-
-    return _with_server(options.store, session)
+        return OK if call_steps(server, steps, variables, show) else FAILED
 
 
 def _shell(options: argparse.Namespace) -> int:
     known = {"folder": str(Path.cwd()), **split_pairs(options.pairs)}
     show = partial(print_reply, indent=options.indent, pictures=options.pictures)
-    with _lost_server_named():
-        return OK if run_shell(options.store, known, show, ProgressLine()) else FAILED
+    with server_process.started(options.store) as server:
+        from atw_mcp.sessions import call_lines
+
+        return OK if call_lines(server, known, show) else FAILED
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from atw_mcp.demo.narrate import demo
-
-    async def session(server: Session) -> None:
-        await demo(server, options.which, options.output, sys.stdout)
-
-    if options.store is not None:
-        return _with_server(options.store, session)
     import tempfile
 
-    with tempfile.TemporaryDirectory(prefix="atw-demo-") as folder:
-        return _with_server(Path(folder) / "demo.db", session)
+    with (
+        tempfile.TemporaryDirectory(prefix="atw-demo-") as folder,
+        server_process.started(options.store or Path(folder) / "demo.db") as server,
+    ):
+        from atw_mcp.sessions import show_demo
+
+        return OK if show_demo(server, options.which, options.output) else FAILED
 
 
 def _schema(options: argparse.Namespace) -> int:
@@ -264,39 +252,3 @@ def _warmup(options: argparse.Namespace) -> int:
     for name, seconds in warm_up():
         print(f"{name}: {seconds:.1f} s", file=sys.stderr)
     return OK
-
-
-def _with_server(store: Path | None, session: Callable[[Session], Any]) -> int:
-    progress = ProgressLine()
-
-    async def connect() -> int:
-        async with connected(store, progress) as server:
-            try:
-                await session(server)
-            except ToolFailed as error:
-                print(f"atw-mcp: {error}", file=sys.stderr)
-                return FAILED
-        return OK
-
-    with _lost_server_named():
-        return anyio.run(connect)
-
-
-@contextmanager
-def _lost_server_named() -> Iterator[None]:
-    """Unwrap what the SDK's task groups wrap; raise ServerLost where the server has ended."""
-    try:
-        yield
-    except (BaseExceptionGroup, MCPError) as raised:
-        error = _innermost(raised)
-        if isinstance(error, MCPError):
-            raise ServerLost(error.message) from raised
-        if isinstance(error, ScriptError):
-            raise error from raised
-        raise
-
-
-def _innermost(error: BaseException) -> BaseException:
-    while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
-        error = error.exceptions[0]
-    return error

@@ -8,7 +8,7 @@ import textwrap
 import time
 from pathlib import Path
 
-from atw_mcp.client import Reply, save_pictures
+from atw_mcp.replies import Reply, save_pictures
 
 
 def tool_line(name: str, description: str | None) -> str:

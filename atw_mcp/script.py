@@ -24,8 +24,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from atw_mcp.calls.forms import did_you_mean
-from atw_mcp.client import Reply, ToolCaller
+from atw_mcp.calls.spelling import did_you_mean
+from atw_mcp.replies import Reply, ToolCaller
 
 NAME = r"[A-Za-z_][\w-]*"
 REFERENCE = re.compile(rf"\$(?:\$|\{{(?P<braced>{NAME}(?:\.[\w-]+)*)\}}|(?P<bare>{NAME}(?:\.[\w-]+)*))")

@@ -32,7 +32,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +49,7 @@ from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
 from atw_mcp.tools import manifest
+from atw_mcp.version import installed_version
 
 GROUPS: tuple[ToolGroup, ...] = ()
 """Tools that are served beside those of the manifest: tests add theirs."""
@@ -101,7 +101,7 @@ def build_server(store: Path | None = None) -> MCPServer[App]:
         "asking-the-world",
         title="Asking the World",
         instructions=INSTRUCTIONS,
-        version=server_version(),
+        version=installed_version(),
         tools=list[Tool](app.tools),
         lifespan=lifespan,
         log_level="WARNING",
@@ -115,11 +115,3 @@ def all_tools() -> list[WorldTool]:
     """Every tool, in the order of the method, as yet not imported."""
     listed: list[WorldTool] = [DeferredTool.from_entry(entry) for entry in manifest.entries()]
     return listed + [tool for group in GROUPS for tool in group.tools]
-
-
-def server_version() -> str:
-    """The version of this program as installed."""
-    try:
-        return version("atw-mcp")
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        return "0+source"

@@ -1,27 +1,21 @@
-"""A prompt, or a pipe, of tool calls over one connection to one server."""
+"""A prompt, or a pipe, of tool calls, however they are made."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from threading import Event
 from typing import Any
 
-import platformdirs
-from anyio.from_thread import start_blocking_portal
-from mcp_types import Tool
-
-from atw_mcp.calls.forms import did_you_mean
 from atw_mcp.calls.schemas import argument_lines
-from atw_mcp.client import ProgressDisplay, Reply, ToolFailed, connected
+from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.printing import tool_line
+from atw_mcp.replies import Reply, ToolFailed
 from atw_mcp.script import ScriptError, read_line, resolved, step_arguments
 
 PROMPT, CONTINUED = "atw> ", "...> "
 LAST = "last"  # name of the result of the call before
-CANCEL_WAIT = 5.0  # [s] for a cancelled call to leave the terminal alone
 LEAVE = ("exit", "quit")
 HELP = """\
 [NAME:] TOOL key=value ...   call a tool; a value is JSON where the tool wants it, @path is a file's content
@@ -32,17 +26,20 @@ help                         show this
 exit, or Ctrl-D              leave; Ctrl-C cancels the call that runs
 """
 Call = Callable[[str, dict[str, Any]], Reply]
+Entry = Mapping[str, Any]
 
 
 class Shell:
     """Runs one line after another: tool calls in the syntax of scripts, and `help` and `tools`.
 
-    known: what `$name` refers to at first. show: prints the reply of a call.
+    tools: their entries of the manifest. known: what `$name` refers to at first. show: prints the reply of a call.
     """
 
-    def __init__(self, call: Call, tools: list[Tool], known: Mapping[str, Any], show: Callable[[Reply], None]) -> None:
+    def __init__(
+        self, call: Call, tools: Sequence[Entry], known: Mapping[str, Any], show: Callable[[Reply], None]
+    ) -> None:
         self._call, self._show = call, show
-        self._tools = {tool.name: tool for tool in tools}
+        self._tools = {tool["name"]: tool for tool in tools}
         self._known = dict(known)
 
     def run(self, line: str) -> bool:
@@ -73,7 +70,7 @@ class Shell:
         step = read_line(line)
         if step is None:
             return
-        schemas = {name: tool.input_schema for name, tool in self._tools.items()}
+        schemas = {name: tool["parameters"] for name, tool in self._tools.items()}
         reply = self._call(step.tool, step_arguments(step, self._known, schemas))
         self._known[LAST] = reply.body
         if step.name is not None:
@@ -85,49 +82,28 @@ class Shell:
             if name not in self._tools:
                 raise ScriptError(f"there is no tool {name!r}{did_you_mean(name, self._tools)}")
             tool = self._tools[name]
-            print(f"{name}\n\n{tool.description}\n")
-            for line in argument_lines(tool.input_schema):
+            print(f"{name}\n\n{tool['description']}\n")
+            for line in argument_lines(tool["parameters"]):
                 needed = "required, " if line["required"] else ""
                 print(f"  {line['argument']}: {needed}{line['type']}\n      {line['description']}")
         if not names:
             for tool in self._tools.values():
-                print(tool_line(tool.name, tool.description))
+                print(tool_line(tool["name"], tool["description"]))
         sys.stdout.flush()
 
 
-def run_shell(
-    store: Path | None, known: Mapping[str, Any], show: Callable[[Reply], None], progress: ProgressDisplay
-) -> bool:
-    """Read lines from stdin and run each on one server; returns whether all of a pipe's calls succeeded.
+def run_shell(call: Call, tools: Sequence[Entry], known: Mapping[str, Any], show: Callable[[Reply], None]) -> bool:
+    """Read lines from stdin and run each; returns whether all of a pipe's calls succeeded.
 
-    At a terminal a failed call is no failure of the session. Raises MCPError where the server is gone.
+    At a terminal a failed call is no failure of the session.
     """
     at_terminal = sys.stdin.isatty() and sys.stdout.isatty()
     succeeded = True
-    with start_blocking_portal() as portal, portal.wrap_async_context_manager(connected(store, progress)) as session:
-
-        def call(tool: str, arguments: dict[str, Any]) -> Reply:
-            ended = Event()
-
-            async def work() -> Reply:
-                try:
-                    return await session.call(tool, arguments)
-                finally:
-                    ended.set()
-
-            future = portal.start_task_soon(work)
-            try:
-                return future.result()
-            except KeyboardInterrupt:
-                future.cancel()  # the client notifies the server, which stops the work
-                ended.wait(CANCEL_WAIT)
-                raise
-
-        shell = Shell(call, session.tools, known, show)
-        for line in _typed_lines(session.tools) if at_terminal else _joined(sys.stdin):
-            if line.strip() in LEAVE:
-                break
-            succeeded &= shell.run(line)
+    shell = Shell(call, tools, known, show)
+    for line in _typed_lines(tools) if at_terminal else _joined(sys.stdin):
+        if line.strip() in LEAVE:
+            break
+        succeeded &= shell.run(line)
     return succeeded or at_terminal
 
 
@@ -145,7 +121,7 @@ def _joined(lines: Iterator[str] | Any) -> Iterator[str]:
         yield pending
 
 
-def _typed_lines(tools: list[Tool]) -> Iterator[str]:
+def _typed_lines(tools: Sequence[Entry]) -> Iterator[str]:
     """Yield what is typed at the prompt, with history and completion where there is readline; ends at Ctrl-D."""
     history = _with_readline(tools)
     pending = ""
@@ -169,16 +145,18 @@ def _typed_lines(tools: list[Tool]) -> Iterator[str]:
         history()
 
 
-def _with_readline(tools: list[Tool]) -> Callable[[], None]:
+def _with_readline(tools: Sequence[Entry]) -> Callable[[], None]:
     """Set up history and completion of tool and argument names; returns what saves the history."""
     try:
         import readline
     except ImportError:  # Windows
         return lambda: None
+    import platformdirs
+
     path = Path(platformdirs.user_state_dir("atw-mcp", appauthor=False)) / "history"
     with suppress(OSError):
         readline.read_history_file(path)
-    arguments = {tool.name: sorted(tool.input_schema.get("properties", {})) for tool in tools}
+    arguments = {tool["name"]: sorted(tool["parameters"].get("properties", {})) for tool in tools}
 
     def complete(text: str, state: int) -> str | None:
         before = readline.get_line_buffer()[: readline.get_begidx()].split()

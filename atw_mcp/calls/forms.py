@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, get_args
 
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, ValidationError
 
 from atw_mcp.calls.results import validation_text
-
-NEAR = 0.65  # how alike words must be to be meant: delete is not release
+from atw_mcp.calls.spelling import did_you_mean
 
 
 def tagged(given: Any, union: Any, tag: str, *, what: str, example: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -47,12 +45,6 @@ def read_form(given: Mapping[str, Any], union: Any, tag: str, *, what: str) -> A
         return form.model_validate(given)
     except ValidationError as error:
         raise ToolError(f"{what}: {given[tag]}: {validation_text(error)}") from error
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """' (did you mean ...?)' where one of the known words is near, else nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
-    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def _forms(union: Any, tag: str) -> dict[str, type[BaseModel]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.calls.app import App
-from atw_mcp.calls.forms import did_you_mean
+from atw_mcp.calls.spelling import did_you_mean
 from evidence_store import Case
 
 if TYPE_CHECKING:

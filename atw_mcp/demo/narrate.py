@@ -12,9 +12,10 @@ from typing import Any, TextIO
 import cv2
 import numpy as np
 
-from atw_mcp.client import Reply, Session
+from atw_mcp.client import Session
 from atw_mcp.demo.truth import FOLDER, Collision, TrueRun, hidden_pull, rms_distance, true_runs
 from atw_mcp.looking.overlay import contact_sheet
+from atw_mcp.replies import Reply
 from atw_mcp.script import Step, read_script, run_script
 
 WIDTH = 100  # characters of a line

@@ -8,9 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from atw_mcp.calls.results import validation_text
 from atw_mcp.gap.options import add_recording_options, add_world_options
 
 OK, FAILED, USAGE = 0, 1, 2
@@ -58,6 +55,10 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from pydantic import ValidationError
+
+    from atw_mcp.calls.results import validation_text
+
     try:
         return _run(options)
     except ValidationError as error:

@@ -41,6 +41,11 @@ def entries() -> list[dict[str, Any]]:
     return listed
 
 
+def schemas() -> dict[str, dict[str, Any]]:
+    """Return the JSON schema of the arguments of every tool, by name."""
+    return {entry["name"]: entry["parameters"] for entry in entries()}
+
+
 def declared_entries() -> list[dict[str, Any]]:
     """Return what the manifest should be: imports every tool."""
     from atw_mcp.calls.deferred import entry_of

@@ -14,9 +14,9 @@ from typing import Any
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import ValidationError
 
-from atw_mcp.calls.forms import did_you_mean
 from atw_mcp.calls.results import validation_text
 from atw_mcp.calls.schemas import inlined, without_null
+from atw_mcp.calls.spelling import did_you_mean
 from polyworld.world.description import Description
 from polyworld.world.materials import kinds, material
 from polyworld.world.representations.attachment import Attachment

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import pytest
 
-from atw_mcp import client
+from atw_mcp import server_process
 from atw_mcp.calls import result_schemas
 from atw_mcp.server import build_server
 
@@ -15,8 +16,7 @@ from atw_mcp.server import build_server
 @pytest.fixture
 def server_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the client's own server run in this process: another one needs seconds to start."""
-    monkeypatch.setattr(client, "server_process", build_server)
-    monkeypatch.setattr(client, "stdio_client", lambda server, errlog: server)  # noqa: ARG005
+    monkeypatch.setattr(server_process, "started", lambda store: nullcontext(build_server(store)))
 
 
 @pytest.fixture(autouse=True)

@@ -10,14 +10,15 @@ import pytest
 from mcp import Client
 
 from atw_mcp import server
-from atw_mcp.client import Session, ToolFailed, _errors_shown
+from atw_mcp.client import Session
 from atw_mcp.demo.truth import FOLDER
+from atw_mcp.replies import ToolFailed
+from atw_mcp.server_process import forward_errors
 from tests.atw_mcp.stdio_process import SLOW
 
 
 def test_lines_of_the_server_are_shown_but_for_the_missing_gpu(capfd: pytest.CaptureFixture[str]) -> None:
-    with _errors_shown() as errors:
-        errors.write("Warp CUDA warning: no driver\nsomething is wrong\n")
+    forward_errors(["Warp CUDA warning: no driver\n", "something is wrong\n"])
     assert capfd.readouterr().err == "something is wrong\n"
 
 
@@ -46,8 +47,7 @@ def with_session(store: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> Re
 
     async def run() -> None:
         async with Client(server.build_server(store)) as client:
-            tools = (await client.list_tools()).tools
-            session = Session(client, tools, progress)
+            session = Session(client, {}, progress)
             opened = await session.call("OpenCase", {"video": str(FOLDER / "collision.mp4")})
             await work(session, opened.body["case"])
 

@@ -8,7 +8,7 @@ from typing import Any
 import anyio
 import pytest
 
-from atw_mcp.client import Reply, ToolFailed
+from atw_mcp.replies import Reply, ToolFailed
 from atw_mcp.script import ScriptError, Step, read_arguments, read_script, resolved, run_script, split_pairs
 
 SCHEMAS: dict[str, Any] = {

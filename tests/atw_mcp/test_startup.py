@@ -32,8 +32,23 @@ print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
 """
 
 
-def packages_after(program: str, *arguments: str) -> set[str]:
-    """Top-level packages that a fresh process has imported when the program ends."""
+CLIENT = """
+import json, sys
+from atw_mcp.cli import main
+assert main(["call", "OpenCase", "--store", sys.argv[1]]) == 0
+print(json.dumps(sorted(sys.modules)))
+"""
+
+COMMAND_LINE = """
+import json, sys
+from atw_mcp.cli import main
+assert main(["tools", "BuildWorld"]) == 0
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
+def imports_of(program: str, *arguments: str) -> set[str]:
+    """What a program that prints a list of its imports has imported, run in a process of its own."""
     finished = subprocess.run(
         [sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=120, check=False
     )
@@ -49,9 +64,20 @@ def test_tools_about_cases_and_evidence_load_no_engine(tmp_path: Path) -> None:
         ("ReadEvidence", {"evidence": "ev-1"}),
         ("Finish", {"case": "one", "question": "Why?", "evidence": [], "missing": "all of it"}),
     ]
-    loaded = packages_after(SERVER, str(tmp_path / "atw.db"), json.dumps(calls))
+    loaded = imports_of(SERVER, str(tmp_path / "atw.db"), json.dumps(calls))
     assert "evidence_store" in loaded
     assert not loaded & set(HEAVY)
+
+
+def test_a_client_loads_neither_server_nor_engine(tmp_path: Path) -> None:
+    loaded = imports_of(CLIENT, str(tmp_path / "atw.db"))
+    assert "atw_mcp.client" in loaded
+    assert not loaded & {*HEAVY, "numpy", "evidence_store", "atw_mcp.server", "atw_mcp.calls.toolbox"}
+
+
+def test_the_command_line_reads_commands_with_the_standard_library_alone() -> None:
+    loaded = imports_of(COMMAND_LINE)
+    assert not loaded & {*HEAVY, "numpy", "mcp", "anyio", "pydantic", "evidence_store", "platformdirs"}
 
 
 def test_manifest_is_what_the_tools_declare() -> None:
