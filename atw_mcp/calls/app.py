@@ -12,6 +12,7 @@ from mcp_types import CallToolResult
 
 from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.results import to_result
+from atw_mcp.calls.waiting import WaitingCalls
 from evidence_store import Case, EvidenceStore, UnknownRecord
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ class App:
     def __init__(self, store_path: Path) -> None:
         self.store = EvidenceStore(store_path)
         self.jobs = JobRunner(self.store)
+        self.waiting = WaitingCalls()
         self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
 
     # --- cases and stages ---

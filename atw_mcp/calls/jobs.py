@@ -86,7 +86,7 @@ class JobRunner:
         with self._guard, self._store.transaction():
             other = self._store.jobs.working_on(work.key)
             if other is not None:
-                return self._running.get(other.evidence) or RunningJob(other.evidence, None, threading.Event())
+                return self.running(other.evidence)
             record = self._store.evidence.add(replace(work.draft, status="running").to_evidence(tool, arguments))
             self._store.jobs.start(record.id, work.key)
             job = RunningJob(record.id, Progress(), threading.Event())
@@ -103,8 +103,12 @@ class JobRunner:
         if job is not None and job.progress is not None:
             job.progress.cancel()
 
+    def running(self, evidence: str) -> RunningJob:
+        """Return the job of an evidence record; without progress where this process does not work on it."""
+        return self._running.get(evidence) or RunningJob(evidence, None, threading.Event())
+
     def wait_for(self, evidence: str, seconds: float) -> Evidence:
-        """The record once its work has ended, or as it is after `seconds`."""
+        """The record once its work has ended, or as it is after `seconds`. Blocks: for threads of work only."""
         deadline = time.monotonic() + seconds
         while True:
             record = self._store.read_evidence(evidence)

@@ -26,10 +26,11 @@ from atw_mcp.calls.jobs import LongWork, RunningJob
 from atw_mcp.calls.result_schemas import report_mismatch, result_schema
 from atw_mcp.calls.results import Answer, to_result, validation_text
 from atw_mcp.calls.schemas import inlined, without_null
+from atw_mcp.calls.waiting import Waiting
 from evidence_store import StoreError
 
 Role = Literal["world construction", "gap", "world inspection", "world experimentation", "execution control"]
-ToolFunction = Callable[..., Answer | LongWork | CallToolResult]
+ToolFunction = Callable[..., Answer | LongWork | Waiting | CallToolResult]
 logger = logging.getLogger(__name__)
 
 
@@ -52,6 +53,8 @@ class WorldTool(Tool):
             outcome = await anyio.to_thread.run_sync(lambda: self.fn(app, **checked))
             if isinstance(outcome, CallToolResult):
                 return outcome
+            if isinstance(outcome, Waiting):
+                return await self._wait_for_evidence(app, outcome, context)
             if isinstance(outcome, LongWork):
                 return await self._wait(app, arguments, self._watched(outcome), context)
             self._compare(outcome)
@@ -107,6 +110,11 @@ class WorldTool(Tool):
         if record.status == "failed":
             raise ToolError(f"{record.summary} (evidence {record.id})")
         return await anyio.to_thread.run_sync(app.evidence_result, job.evidence)
+
+    async def _wait_for_evidence(self, app: App, waiting: Waiting, context: Context[App, Any]) -> CallToolResult:
+        with app.waiting.counted(waiting.evidence), anyio.move_on_after(waiting.seconds):
+            await self._follow(app, app.jobs.running(waiting.evidence), context)
+        return await anyio.to_thread.run_sync(waiting.then)
 
     async def _follow(self, app: App, job: RunningJob, context: Context[App, Any]) -> None:
         reported = -1.0

@@ -14,6 +14,7 @@ from atw_mcp.calls.names import case_hint
 from atw_mcp.calls.results import Answer, page, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.calls.waiting import Waiting
 from evidence_store import Answer as RecordedAnswer
 from evidence_store import Binding, Evidence, UnknownRecord
 
@@ -21,6 +22,7 @@ GROUP = ToolGroup("execution control")
 
 CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
 EVIDENCE_PATTERN = r"^ev-\d{1,15}$"
+CANCEL_SECONDS = 5.0  # [s] to wait for cancelled work to stop; it looks once a chunk, within about a second
 
 
 @GROUP.tool("DescribeTool", title="Describe a tool")
@@ -114,7 +116,7 @@ def read_evidence(
         float, Field(ge=0, le=600, description="of running work: how long to wait for its result")
     ] = 0.0,
     cancel: Annotated[bool, Field(description="stop the work if it is still running")] = False,
-) -> CallToolResult:
+) -> CallToolResult | Waiting:
     """Return an earlier result without running anything again. Of work still running it gives the progress
     (cancel=true stops it); of a long result it returns the part at `path`, list items from `cursor` on."""
     if evidence is None:
@@ -131,12 +133,16 @@ def read_evidence(
         if record.status != "running":
             raise ToolError(f"{evidence} is {record.status} already: there is nothing to cancel")
         app.jobs.cancel(evidence)
-        record = app.jobs.wait_for(evidence, seconds=5.0)
+        wait_seconds = max(wait_seconds, CANCEL_SECONDS)
+
+    def result() -> CallToolResult:
+        if path is not None:
+            return to_result(page(app.store.read_evidence(evidence), path, cursor, limit))
+        return app.evidence_result(evidence)
+
     if record.status == "running" and wait_seconds > 0:
-        record = app.jobs.wait_for(evidence, wait_seconds)
-    if path is not None:
-        return to_result(page(record, path, cursor, limit))
-    return app.evidence_result(evidence)
+        return Waiting(evidence, wait_seconds, result)
+    return result()
 
 
 def _listing(app: App, case: str, cursor: int, limit: int) -> Evidence:

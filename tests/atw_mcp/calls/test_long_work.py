@@ -14,8 +14,11 @@ from typing import Any
 import anyio
 import pytest
 from mcp import Client
+from mcp.server import MCPServer
 
 from atw_mcp import server
+from atw_mcp.calls.app import App
+from atw_mcp.calls.waiting import WaitingCalls
 from evidence_store import EvidenceStore
 from tests.atw_mcp import stdio_process
 from tests.atw_mcp.connections import REPOSITORY, connection
@@ -90,6 +93,59 @@ def test_running_work_is_cancelled_by_read_evidence(store: Path) -> None:
 
     with connection("memory", store, "auto") as client:
         anyio.run(session, client)
+
+
+def test_many_waiting_calls_leave_the_other_tools_free(store: Path) -> None:
+    async def session(client: Client) -> None:
+        async with client, anyio.create_task_group() as waiting:
+            call = {"case": "c", "seconds": 60, "patience_seconds": 0.1}
+            evidence = body(await client.call_tool("WorkSlowly", call))["evidence"]
+            ended: list[str] = []
+
+            async def wait() -> None:
+                answer = await client.call_tool("ReadEvidence", {"evidence": evidence, "wait_seconds": 50})
+                ended.append(body(answer)["status"])
+
+            for _ in range(60):  # more than there are worker threads
+                waiting.start_soon(wait)
+            await anyio.sleep(0.3)
+            with anyio.fail_after(10):
+                assert body(await client.call_tool("OpenCase", {}))["data"]["cases"]
+            assert ended == []
+            with anyio.fail_after(20):
+                stopped = await client.call_tool("ReadEvidence", {"evidence": evidence, "cancel": True})
+                assert body(stopped)["status"] == "cancelled"
+                while len(ended) < 60:
+                    await anyio.sleep(0.05)
+        assert ended == ["cancelled"] * 60
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+
+
+def test_more_waiting_calls_than_allowed_are_refused_and_may_read_at_once(store: Path) -> None:
+    served = server.build_server(store)
+    app: App = anyio.run(_app_of, served)
+    app.waiting = WaitingCalls(most=1)
+
+    async def session() -> None:
+        async with Client(served) as client, anyio.create_task_group() as waiting:
+            call = {"case": "c", "seconds": 60, "patience_seconds": 0.1}
+            evidence = body(await client.call_tool("WorkSlowly", call))["evidence"]
+            waiting.start_soon(client.call_tool, "ReadEvidence", {"evidence": evidence, "wait_seconds": 50})
+            await anyio.sleep(0.3)
+            refused = await client.call_tool("ReadEvidence", {"evidence": evidence, "wait_seconds": 50})
+            assert refused.is_error
+            assert "without wait_seconds" in refused.content[0].text
+            assert body(await client.call_tool("ReadEvidence", {"evidence": evidence}))["status"] == "running"
+            waiting.cancel_scope.cancel()
+
+    anyio.run(session)
+
+
+async def _app_of(served: MCPServer[App]) -> App:
+    async with served._lowlevel_server.lifespan(served._lowlevel_server) as app:
+        return app
 
 
 def test_work_of_another_process_can_be_watched_joined_and_cancelled_and_stops_with_it(store: Path) -> None:
