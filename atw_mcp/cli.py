@@ -178,7 +178,7 @@ def _serve(options: argparse.Namespace) -> int:
     else:
         if sys.stdin.isatty():
             print("waiting for an MCP client on stdin; atw-mcp --help lists the other commands", file=sys.stderr)
-        serve_stdio(server, legacy_only=options.legacy_only)
+        return serve_stdio(server, legacy_only=options.legacy_only)
     return OK
 
 

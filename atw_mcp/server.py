@@ -95,7 +95,7 @@ def build_server(store: Path | None = None) -> MCPServer[App]:
             yield app
         finally:
             with anyio.CancelScope(shield=True):
-                await anyio.to_thread.run_sync(app.jobs.shutdown)
+                await anyio.to_thread.run_sync(app.stop_work)
 
     server = WorldServer(
         "asking-the-world",

@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from typing import Any
 
 import anyio
 from mcp.server import MCPServer
-from mcp.server.runner import serve_loop
-from mcp.server.stdio import stdio_server
+from mcp.server.runner import serve_dual_era_loop, serve_loop
 from mcp_types import UNSUPPORTED_PROTOCOL_VERSION
 from mcp_types.version import HANDSHAKE_PROTOCOL_VERSIONS
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from atw_mcp.calls.app import App
+from atw_mcp.transports.ending import ending_in_order
+from atw_mcp.transports.lines import stdio_streams
 
 PATH = "/mcp"
 
 
-def serve_stdio(server: MCPServer[App], *, legacy_only: bool = False) -> None:
-    """Serve one client over stdin and stdout until it leaves.
+def serve_stdio(server: MCPServer[App], *, legacy_only: bool = False) -> int:
+    """Serve one client over stdin and stdout until it leaves or a signal ends the process; returns the exit code.
 
     legacy_only: speak only the handshake-era revisions. For clients that probe the newer era and then
     initialize in the older one, which a connection whose era is settled by its first request refuses.
     """
-    if legacy_only:
-        anyio.run(_serve_stdio_handshake_only, server)
-    else:
-        server.run("stdio")
+    return anyio.run(_serve_stdio, server, legacy_only)
+
+
+async def _serve_stdio(server: MCPServer[App], legacy_only: bool) -> int:
+    lowlevel = server._lowlevel_server  # the SDK has no public way to choose the era of a stdio connection
+    serve: Any = serve_loop if legacy_only else serve_dual_era_loop
+    loop, serving = asyncio.get_running_loop(), anyio.CancelScope()
+    with ending_in_order(lambda: loop.call_soon_threadsafe(serving.cancel)) as ending:
+        async with lowlevel.lifespan(lowlevel) as app:
+            ending.last_resort = app.close
+            with serving:
+                async with stdio_streams(on_end=ending.begin) as (incoming, outgoing):
+                    options = lowlevel.create_initialization_options()
+                    await serve(lowlevel, incoming, outgoing, lifespan_state=app, init_options=options)
+        await anyio.to_thread.run_sync(app.close)
+    return ending.exit_code
 
 
 def serve_http(server: MCPServer[App], *, host: str = "127.0.0.1", port: int = 8000, legacy_only: bool = False) -> None:
@@ -72,15 +86,3 @@ class HandshakeOnly:
         start = {"type": "http.response.start", "status": 400, "headers": [(b"content-type", b"application/json")]}
         await send(start)
         await send({"type": "http.response.body", "body": json.dumps(body).encode()})
-
-
-async def _serve_stdio_handshake_only(server: MCPServer[App]) -> None:
-    lowlevel = server._lowlevel_server  # the SDK has no public way to choose the era of a stdio connection
-    async with stdio_server() as (read_stream, write_stream), lowlevel.lifespan(lowlevel) as state:
-        await serve_loop(
-            lowlevel,
-            read_stream,
-            write_stream,
-            lifespan_state=state,
-            init_options=lowlevel.create_initialization_options(),
-        )

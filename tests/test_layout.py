@@ -65,6 +65,7 @@ FLOORS = {
         ("probing",),
         ("gap",),
         ("tools",),
+        ("transports",),
     ),
 }
 """Rooms of a package from the ground up; those of one floor may import each other."""

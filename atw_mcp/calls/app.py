@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import sqlite3
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,10 +15,12 @@ from mcp_types import CallToolResult
 from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.results import to_result
 from atw_mcp.calls.waiting import WaitingCalls
-from evidence_store import Case, EvidenceStore, UnknownRecord
+from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
 
 if TYPE_CHECKING:
     from polyworld.world import World
+
+logger = logging.getLogger(__name__)
 
 
 class App:
@@ -27,6 +31,23 @@ class App:
         self.jobs = JobRunner(self.store)
         self.waiting = WaitingCalls()
         self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
+
+    # --- the end ---
+
+    def stop_work(self, wait: float = 3.0) -> None:
+        """Cancel the work of this process and record how it ended; waits at most `wait` seconds for it."""
+        try:
+            self.jobs.shutdown(wait)
+        except StoreError as error:  # such as a full disk: nothing is left to do but to say so
+            logger.error("unfinished work could not be recorded: %s", error)
+
+    def close(self) -> None:
+        """Stop the work that is left at once and close the store."""
+        self.stop_work(0.0)
+        try:
+            self.store.close()
+        except (StoreError, sqlite3.Error) as error:
+            logger.error("the evidence store could not be closed: %s", error)
 
     # --- cases and stages ---
 

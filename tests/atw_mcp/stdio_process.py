@@ -43,6 +43,14 @@ def work_slowly(
     return LongWork(key, work, Answer(summary="counting", data={}, case=case), patience_seconds)
 
 
+@SLOW.tool("BlockThread", title="Block a thread")
+def block_thread(app: App, seconds: Annotated[float, Field(ge=0)]) -> Answer:
+    """Sleep without a look at whether to stop, as a call into a foreign library does."""
+    del app
+    time.sleep(seconds)
+    return Answer(summary="slept", data={})
+
+
 if __name__ == "__main__":
     server.GROUPS = (*server.GROUPS, SLOW)
-    serve_stdio(server.build_server(Path(sys.argv[1])), legacy_only="--legacy-only" in sys.argv)
+    sys.exit(serve_stdio(server.build_server(Path(sys.argv[1])), legacy_only="--legacy-only" in sys.argv))
