@@ -26,7 +26,7 @@ class Ending:
         self.last_resort: Callable[[], None] = lambda: None
         self._stop = stop
         self._seconds = seconds
-        self._begun = False
+        self._started = False
         self._signal = 0
 
     @property
@@ -36,8 +36,8 @@ class Ending:
 
     def begin(self) -> None:
         """End the process after the time allowed, even where a thread or the interpreter's own end is stuck."""
-        if not self._begun:
-            self._begun = True
+        if not self._started:
+            self._started = True
             timer = threading.Timer(self._seconds, self._force)
             timer.daemon = True
             timer.start()

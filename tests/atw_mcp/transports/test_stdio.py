@@ -93,8 +93,8 @@ def store(tmp_path: Path) -> Path:
 def working(server: Pipes) -> None:
     """Begin work that takes a minute, whose record is ev-1."""
     call = {"case": "c", "seconds": 60, "patience_seconds": 0.1}
-    begun = server.request(1, "tools/call", name="WorkSlowly", arguments=call)
-    assert json.loads(begun["result"]["content"][0]["text"])["status"] == "running"
+    started = server.request(1, "tools/call", name="WorkSlowly", arguments=call)
+    assert json.loads(started["result"]["content"][0]["text"])["status"] == "running"
 
 
 def left_in_order(store: Path) -> None:
