@@ -3,26 +3,41 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from sqlite_utils import Database
 
-from evidence_store.errors import NotAStore, StoreError, StoreLocked, StoreReadOnly, StoreTooNew
+from evidence_store.checksums import stamped, verified
+from evidence_store.errors import (
+    NotAStore,
+    StoreDamaged,
+    StoreDiskError,
+    StoreError,
+    StoreFull,
+    StoreLocked,
+    StoreReadOnly,
+    StoreTooNew,
+)
+from evidence_store.migrations import migrate
 from evidence_store.schema import APPLICATION_ID, TABLES, VERSION
 
 BUSY_TIMEOUT = 10.0  # [s] to wait for another writer; a transaction of ours takes milliseconds
+NO_ROOM = 1 << 20  # [bytes] free on a disk that is as good as full: SQLite writes its log in pieces of some 100 kB
+APPLICATION_ID_AT = 68  # [bytes] from the start of an SQLite file, https://www.sqlite.org/fileformat2.html
 
 
 class Connection:
-    """Opens the file on first use in each thread, creating and stamping it where there is none.
+    """Opens the file on first use in each thread, creating and stamping it where there is none, migrating an older one.
 
     path: the file; its folder is created. busy_timeout [s]: how long to wait for another writer, default
     `BUSY_TIMEOUT`.
-    Raises NotAStore, StoreTooNew, StoreReadOnly or StoreLocked.
+    Raises NotAStore, StoreTooNew, StoreDamaged, StoreReadOnly, StoreDiskError or StoreLocked.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float | None = None) -> None:
@@ -51,13 +66,35 @@ class Connection:
             database.conn.execute("BEGIN IMMEDIATE")
             try:
                 yield database
+                database.conn.commit()  # where that fails (a full disk), no later write may join what is left open
             except BaseException:
                 database.conn.rollback()
                 raise
-            database.conn.commit()
+
+    def insert(self, table: str, row: Mapping[str, Any], *, ignore: bool = False) -> None:
+        """Store a row with its checksums; ignore: leave a row that is there already. Inside `write`."""
+        marked = stamped(table, row)
+        verb = "INSERT OR IGNORE" if ignore else "INSERT"
+        marks = ", ".join("?" * len(marked))
+        self._database().conn.execute(
+            f"{verb} INTO {table} ({', '.join(marked)}) VALUES ({marks})", list(marked.values())
+        )
+
+    def change(self, table: str, key: str, row: Mapping[str, Any]) -> None:
+        """Replace the values of the row whose `key` is the same, and its checksums. Inside `write`."""
+        marked = stamped(table, row)
+        values = ", ".join(f"{name} = ?" for name in marked)
+        self._database().conn.execute(f"UPDATE {table} SET {values} WHERE {key} = ?", [*marked.values(), row[key]])
+
+    def verified(self, table: str, rows: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Return the rows; raises RecordDamaged naming the first that is not as it was written."""
+        return verified(self.path, table, rows)
 
     def close(self) -> None:
-        """Close every thread's connection."""
+        """Bring what the write-ahead log holds into the file, as far as other processes let it, and close."""
+        # Where this fails (a full disk, a busy reader), the log stays and whoever opens the store next reads it.
+        with suppress(StoreError), self._plain_errors():
+            self._database().conn.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
         with self._guard:
             for connection in self._opened:
                 connection.close()
@@ -70,6 +107,7 @@ class Connection:
             return existing
         # Each thread uses only its own connection; check_same_thread is off so that close() may close them all.
         connection = sqlite3.connect(self.path, timeout=self._busy_timeout, check_same_thread=False)
+        connection.text_factory = _text
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = NORMAL")
         database = Database(connection)
@@ -107,6 +145,19 @@ class Connection:
                     f"the evidence store {self.path} cannot be written: give write permission to the file and "
                     "its folder, or choose another store with --store PATH"
                 )
+            self._migrate()
+
+    def _migrate(self) -> None:
+        if self._version(self._database()) == VERSION:
+            return
+        with self.write() as database:
+            migrate(database.conn, self._version(database), VERSION)  # nothing where another process was faster
+            database.conn.execute(f"PRAGMA user_version = {VERSION}")
+
+    @staticmethod
+    def _version(database: Database) -> int:
+        (version,) = database.conn.execute("PRAGMA user_version").fetchone()
+        return int(version)
 
     @staticmethod
     def _is_blank(database: Database) -> bool:
@@ -116,7 +167,7 @@ class Connection:
 
     def _check_stamp(self, database: Database) -> None:
         (stamp,) = database.conn.execute("PRAGMA application_id").fetchone()
-        (version,) = database.conn.execute("PRAGMA user_version").fetchone()
+        version = self._version(database)
         if stamp != APPLICATION_ID:
             raise NotAStore(
                 f"{self.path} is an SQLite database of another program, left untouched: choose another file with "
@@ -132,24 +183,68 @@ class Connection:
     def _plain_errors(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.OperationalError as error:
-            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                raise StoreLocked(
-                    f"the evidence store {self.path} is locked by another process for more than "
-                    f"{self._busy_timeout:g} s: end that process, or call again when it is done; nothing was changed"
-                ) from error
-            if code in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_CANTOPEN):
-                raise StoreReadOnly(
-                    f"the evidence store {self.path} cannot be written ({error}): give write permission to the file "
-                    "and its folder, or choose another store with --store PATH; nothing was changed"
-                ) from error
-            raise StoreError(f"the evidence store {self.path} failed ({error}); nothing was changed") from error
-        except sqlite3.DatabaseError as error:
-            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
-                raise NotAStore(
-                    f"{self.path} is not an evidence store ({error}), left untouched: choose another file with "
-                    "--store PATH"
-                ) from error
-            raise StoreError(f"the evidence store {self.path} failed ({error}); nothing was changed") from error
+        except sqlite3.Error as error:
+            raise self._plain_error(error) from error
+
+    def _plain_error(self, error: sqlite3.Error) -> StoreError:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            return StoreLocked(
+                f"the evidence store {self.path} is locked by another process for more than "
+                f"{self._busy_timeout:g} s: end that process, or call again when it is done; nothing was changed"
+            )
+        if code in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_CANTOPEN):
+            return StoreReadOnly(
+                f"the evidence store {self.path} cannot be written ({error}): give write permission to the file "
+                "and its folder, or choose another store with --store PATH; nothing was changed"
+            )
+        if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+            free = self._free()
+            if code == sqlite3.SQLITE_FULL or free < NO_ROOM:
+                return StoreFull(
+                    f"the evidence store {self.path} cannot grow ({error}; {free / 1e6:.1f} MB free on its disk): free "
+                    f"space there, or `atw-mcp prune --store {self.path}` drops cached results that no evidence refers "
+                    "to; nothing was changed"
+                )
+            return StoreDiskError(
+                f"the evidence store {self.path} could not be read or written ({error}; {free / 1e6:.1f} MB free on "
+                "its disk): check the disk, and the limit of file sizes with `ulimit -f`; nothing was changed"
+            )
+        if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
+            if self._is_ours():
+                return StoreDamaged(
+                    f"the evidence store {self.path} is damaged ({error}). Next: end the servers that use it; "
+                    f"`atw-mcp doctor --store {self.path} --repair` writes what can be read of it to a new file"
+                )
+            return NotAStore(
+                f"{self.path} is not an evidence store ({error}), left untouched: choose another file with --store PATH"
+            )
+        return StoreError(f"the evidence store {self.path} failed ({error}); nothing was changed")
+
+    def _is_ours(self) -> bool:
+        try:
+            with self.path.open("rb") as file:
+                file.seek(APPLICATION_ID_AT)
+                return file.read(4) == APPLICATION_ID.to_bytes(4, "big")
+        except OSError:
+            return False
+
+    def _free(self) -> int:
+        try:
+            return shutil.disk_usage(self.path.parent).free
+        except OSError:
+            return 0
+
+
+def next_number(database: Database, table: str) -> int:
+    """The `seq` of the next row; that of evidence is never used twice, even where the last record was deleted."""
+    if table == "evidence":
+        found = database.conn.execute("SELECT seq FROM sqlite_sequence WHERE name = 'evidence'").fetchone()
+        return 1 + (0 if found is None else int(found[0]))
+    (last,) = database.conn.execute(f"SELECT coalesce(max(seq), 0) FROM {table}").fetchone()
+    return 1 + int(last)
+
+
+def _text(raw: bytes) -> str:
+    """Text of a value; bytes that are no UTF-8, in a damaged row, become characters that its checksum does not fit."""
+    return raw.decode("utf-8", "surrogateescape")

@@ -40,7 +40,7 @@ class ContentTable:
         return self._row(self.key(kind, inputs))
 
     def get(self, identifier: str) -> Content:
-        """The result with this id; raises UnknownRecord."""
+        """The result with this id; raises UnknownRecord or RecordDamaged."""
         found = self._row(identifier)
         if found is None:
             raise UnknownRecord(f"no {self._table.rstrip('s')} has the id {identifier!r}")
@@ -56,8 +56,8 @@ class ContentTable:
             "document": to_json(document),
             "arrays": pack_arrays(arrays),
         }
-        with self._connection.write() as database:
-            database.table(self._table).insert(row, pk="id", ignore=True)
+        with self._connection.write():
+            self._connection.insert(self._table, row, ignore=True)
         return self.get(identifier)
 
     def get_or_compute(
@@ -72,7 +72,9 @@ class ContentTable:
 
     def _row(self, identifier: str) -> Content | None:
         with self._connection.read() as database:
-            rows = list(database.query(f"SELECT * FROM {self._table} WHERE id = ?", [identifier]))
+            rows = self._connection.verified(
+                self._table, database.query(f"SELECT * FROM {self._table} WHERE id = ?", [identifier])
+            )
         if not rows:
             return None
         row = rows[0]

@@ -2,7 +2,7 @@
 
 
 class StoreError(Exception):
-    """The store could not do what was asked; nothing already stored was lost."""
+    """The store could not do what was asked, and changed nothing."""
 
 
 class StoreLocked(StoreError):
@@ -13,12 +13,28 @@ class StoreReadOnly(StoreError):
     """The store's file or folder cannot be written."""
 
 
+class StoreDiskError(StoreError):
+    """The operating system could not read or write the store's file."""
+
+
+class StoreFull(StoreDiskError):
+    """The disk has no room for what should be stored."""
+
+
 class NotAStore(StoreError):
     """The file exists but is no evidence store: some other database, or no database at all."""
 
 
 class StoreTooNew(StoreError):
     """The store was written by a newer version of this package."""
+
+
+class StoreDamaged(StoreError):
+    """The store's file is damaged: some of what was stored cannot be read."""
+
+
+class RecordDamaged(StoreDamaged):
+    """One record is not as it was written; other records can be read."""
 
 
 class UnknownRecord(StoreError):

@@ -10,10 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from evidence_store.canonical import pack_arrays, to_json, unpack_arrays
-from evidence_store.connection import Connection
+from evidence_store.checksums import COLUMNS, intact, label
+from evidence_store.connection import Connection, next_number
 from evidence_store.errors import UnknownRecord
 
 Status = Literal["running", "completed", "failed", "cancelled", "diverged"]
+
+HEAD = ", ".join((*COLUMNS["evidence"], "checksum"))  # all but payload and pictures, which may be long
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,13 @@ class Evidence:
 class EvidencePage:
     """Records found by a search, latest first, without payload and pictures.
 
-    `cursor` continues the search where this page ended; None where nothing more matches.
+    `cursor` continues the search where this page ended; None where nothing more matches. `damaged` names the records
+    looked at for this page that are not intact and therefore not returned, whatever they said.
     """
 
     records: tuple[Evidence, ...]
     cursor: str | None
+    damaged: tuple[str, ...] = ()
 
 
 class EvidenceTable:
@@ -59,41 +64,54 @@ class EvidenceTable:
     def add(self, evidence: Evidence) -> Evidence:
         """Store a record and give it its id."""
         with self._connection.write() as database:
-            cursor = database.conn.execute(
-                "INSERT INTO evidence (case_id, tool, arguments, world_id, rollout_id, observation_id, objects, "
-                "interval, status, summary, payload, attachments) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                [evidence.case, evidence.tool, to_json(evidence.arguments), *_changeable(evidence)],
-            )
-            seq = cursor.lastrowid
+            seq = next_number(database, "evidence")
+            row = {
+                "seq": seq,
+                "case_id": evidence.case,
+                "tool": evidence.tool,
+                "arguments": to_json(evidence.arguments),
+                **_changeable(evidence),
+            }
+            self._connection.insert("evidence", row)
         return replace(evidence, id=f"ev-{seq}")
 
     def update(self, evidence: Evidence) -> None:
         """Store what became of a record that was running; its tool, case and arguments stay."""
+        seq = sequence_number(evidence.id)
         with self._connection.write() as database:
-            database.conn.execute(
-                "UPDATE evidence SET world_id = ?, rollout_id = ?, observation_id = ?, objects = ?, interval = ?, "
-                "status = ?, summary = ?, payload = ?, attachments = ? WHERE seq = ?",
-                [*_changeable(evidence), sequence_number(evidence.id)],
+            stored = self._connection.verified(
+                "evidence", database.query(f"SELECT {HEAD} FROM evidence WHERE seq = ?", [seq])
             )
+            if not stored:
+                raise UnknownRecord(f"no evidence has the id {evidence.id!r}")
+            self._connection.change("evidence", "seq", {**stored[0], **_changeable(evidence)})
 
     def get(self, identifier: str) -> Evidence:
-        """One record; raises UnknownRecord."""
+        """One record; raises UnknownRecord or RecordDamaged."""
         with self._connection.read() as database:
-            rows = list(database.query("SELECT * FROM evidence WHERE seq = ?", [sequence_number(identifier)]))
+            rows = self._connection.verified(
+                "evidence", database.query("SELECT * FROM evidence WHERE seq = ?", [sequence_number(identifier)])
+            )
         if not rows:
             raise UnknownRecord(f"no evidence has the id {identifier!r}")
         return _evidence(rows[0])
 
     def of_case(self, case: str, *, tool: str | None = None) -> list[Evidence]:
-        """The records of a case, oldest first, without payload and pictures."""
+        """The intact records of a case, oldest first, without payload and pictures; `damaged` names the others."""
+        return [_evidence(row) for row in self._heads(case, tool) if intact("evidence", row)]
+
+    def damaged(self, case: str) -> list[str]:
+        """Names of the records of a case that are damaged, payload and pictures not looked at."""
+        return [label("evidence", row) for row in self._heads(case, None) if not intact("evidence", row)]
+
+    def _heads(self, case: str, tool: str | None) -> list[dict[str, Any]]:
         with self._connection.read() as database:
-            rows = database.query(
-                "SELECT seq, case_id, tool, arguments, world_id, rollout_id, observation_id, objects, interval, "
-                "status, summary, '{}' AS payload, NULL AS attachments FROM evidence "
-                "WHERE case_id = ? AND (? IS NULL OR tool = ?) ORDER BY seq",
-                [case, tool, tool],
+            return list(
+                database.query(
+                    f"SELECT {HEAD} FROM evidence WHERE case_id = ? AND (? IS NULL OR tool = ?) ORDER BY seq",
+                    [case, tool, tool],
+                )
             )
-            return [_evidence(row) for row in rows]
 
     def search(
         self,
@@ -125,29 +143,33 @@ class EvidenceTable:
         if words == []:
             raise ValueError("text must contain at least one word")
         before = None if cursor is None else sequence_number(cursor)
-        searched = "payload" if words else "'{}' AS payload"  # payloads are long: read only where they matter
+        columns = f"{HEAD}, payload" if words else HEAD  # payloads are long: read only where they matter
         found: list[Evidence] = []
+        damaged: list[str] = []
+        following = None
         with self._connection.read() as database:
             rows = database.query(
-                "SELECT seq, case_id, tool, arguments, world_id, rollout_id, observation_id, objects, interval, "
-                f"status, summary, {searched}, NULL AS attachments FROM evidence WHERE case_id = ? "
-                "AND (? IS NULL OR tool = ?) AND (? IS NULL OR status = ?) AND (? IS NULL OR seq < ?) "
-                "ORDER BY seq DESC",
+                f"SELECT {columns} FROM evidence WHERE case_id = ? AND (? IS NULL OR tool = ?) "
+                "AND (? IS NULL OR status = ?) AND (? IS NULL OR seq < ?) ORDER BY seq DESC",
                 [case, tool, tool, status, status, before, before],
             )
             with closing(rows):
                 for row in rows:
+                    if not intact("evidence", row):
+                        damaged.append(label("evidence", row))
+                        continue
                     if words and not _contains(row, words):
                         continue
-                    record = replace(_evidence(row), payload={})
+                    record = _evidence({name: value for name, value in row.items() if name != "payload"})
                     if object is not None and object not in record.objects:
                         continue
                     if interval is not None and not _overlap(record.interval, interval):
                         continue
                     if len(found) == limit:  # this one is the next page's
-                        return EvidencePage(tuple(found), found[-1].id)
+                        following = found[-1].id
+                        break
                     found.append(record)
-        return EvidencePage(tuple(found), None)
+        return EvidencePage(tuple(found), following, tuple(damaged))
 
 
 def _contains(row: dict[str, Any], words: list[str]) -> bool:
@@ -168,23 +190,24 @@ def sequence_number(identifier: str) -> int:
     return int(tail)
 
 
-def _changeable(evidence: Evidence) -> list[Any]:
+def _changeable(evidence: Evidence) -> dict[str, Any]:
     pictures = {name: np.frombuffer(data, dtype=np.uint8) for name, data in evidence.pictures.items()}
-    return [
-        evidence.world,
-        evidence.rollout,
-        evidence.observation,
-        to_json(list(evidence.objects)),
-        None if evidence.interval is None else to_json(list(evidence.interval)),
-        evidence.status,
-        evidence.summary,
+    return {
+        "world_id": evidence.world,
+        "rollout_id": evidence.rollout,
+        "observation_id": evidence.observation,
+        "objects": to_json(list(evidence.objects)),
+        "interval": None if evidence.interval is None else to_json(list(evidence.interval)),
+        "status": evidence.status,
+        "summary": evidence.summary,
         # not sorted: read again, a result reads as it did the first time
-        json.dumps(evidence.payload, separators=(",", ":"), ensure_ascii=False, allow_nan=False),
-        pack_arrays(pictures),
-    ]
+        "payload": json.dumps(evidence.payload, separators=(",", ":"), ensure_ascii=False, allow_nan=False),
+        "attachments": pack_arrays(pictures),
+    }
 
 
 def _evidence(row: dict[str, Any]) -> Evidence:
+    """Return a row as a record; one read without payload and pictures has none."""
     interval = None if row["interval"] is None else json.loads(row["interval"])
     return Evidence(
         id=f"ev-{row['seq']}",
@@ -198,6 +221,6 @@ def _evidence(row: dict[str, Any]) -> Evidence:
         interval=None if interval is None else (interval[0], interval[1]),
         status=row["status"],
         summary=row["summary"],
-        payload=json.loads(row["payload"]),
-        pictures={name: array.tobytes() for name, array in unpack_arrays(row["attachments"]).items()},
+        payload=json.loads(row.get("payload", "{}")),
+        pictures={name: array.tobytes() for name, array in unpack_arrays(row.get("attachments")).items()},
     )

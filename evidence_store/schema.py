@@ -2,11 +2,14 @@
 
 Records addressed by content (worlds, observations, rollouts, fits) carry no time. Order of creation is
 the `seq` of the relations that tie them to a case; wall-clock times appear only in `jobs`, where they show
-which worker is still alive.
+which worker is still alive. Every record has a checksum (`evidence_store.checksums`); jobs, which change every second
+and say nothing about the world, have none.
+
+A change of the tables needs a higher VERSION and a step in `evidence_store.migrations`.
 """
 
 APPLICATION_ID = 0x41545731  # "ATW1"
-VERSION = 1
+VERSION = 2
 
 TABLES = """
 CREATE TABLE cases (
@@ -16,12 +19,14 @@ CREATE TABLE cases (
     path TEXT NOT NULL,                -- where the content was last seen
     facts TEXT NOT NULL,               -- JSON
     committed_world TEXT REFERENCES worlds(id),
-    seq INTEGER NOT NULL UNIQUE
+    seq INTEGER NOT NULL UNIQUE,
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE questions (
     seq INTEGER PRIMARY KEY,
     case_id TEXT NOT NULL REFERENCES cases(id),
     text TEXT NOT NULL,
+    checksum TEXT NOT NULL DEFAULT '',
     UNIQUE (case_id, text)
 );
 CREATE TABLE observations (
@@ -29,24 +34,28 @@ CREATE TABLE observations (
     kind TEXT NOT NULL,
     inputs TEXT NOT NULL,              -- JSON: everything that determined the content
     document TEXT NOT NULL,            -- JSON
-    arrays BLOB                        -- npz
+    arrays BLOB,                       -- npz
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE case_observations (
     seq INTEGER PRIMARY KEY,
     case_id TEXT NOT NULL REFERENCES cases(id),
     kind TEXT NOT NULL,
-    observation_id TEXT NOT NULL REFERENCES observations(id)
+    observation_id TEXT NOT NULL REFERENCES observations(id),
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE INDEX case_observations_by_case ON case_observations (case_id, kind, seq);
 CREATE TABLE worlds (
     id TEXT PRIMARY KEY,
-    document TEXT NOT NULL             -- canonical JSON
+    document TEXT NOT NULL,            -- canonical JSON
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE world_parents (
     child TEXT NOT NULL REFERENCES worlds(id),
     parent TEXT NOT NULL REFERENCES worlds(id),
     how TEXT NOT NULL,                 -- built | fitted | intervention | effect | committed ...
     detail TEXT NOT NULL,              -- JSON
+    checksum TEXT NOT NULL DEFAULT '',
     PRIMARY KEY (child, parent, how, detail)
 );
 CREATE TABLE case_worlds (
@@ -55,6 +64,7 @@ CREATE TABLE case_worlds (
     world_id TEXT NOT NULL REFERENCES worlds(id),
     origin TEXT NOT NULL,
     observation_id TEXT REFERENCES observations(id),   -- the tracks it models
+    checksum TEXT NOT NULL DEFAULT '',
     UNIQUE (case_id, world_id)
 );
 CREATE TABLE rollouts (
@@ -62,14 +72,16 @@ CREATE TABLE rollouts (
     kind TEXT NOT NULL,
     inputs TEXT NOT NULL,
     document TEXT NOT NULL,
-    arrays BLOB
+    arrays BLOB,
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE fits (
     id TEXT PRIMARY KEY,
     kind TEXT NOT NULL,
     inputs TEXT NOT NULL,
     document TEXT NOT NULL,
-    arrays BLOB
+    arrays BLOB,
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE evidence (
     seq INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -84,7 +96,10 @@ CREATE TABLE evidence (
     status TEXT NOT NULL CHECK (status IN ('running', 'completed', 'failed', 'cancelled', 'diverged')),
     summary TEXT NOT NULL,
     payload TEXT NOT NULL,             -- JSON
-    attachments BLOB                   -- npz of byte arrays: pictures
+    attachments BLOB,                  -- npz of byte arrays: pictures
+    payload_checksum TEXT NOT NULL DEFAULT '',
+    attachments_checksum TEXT NOT NULL DEFAULT '',
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE INDEX evidence_by_case ON evidence (case_id, seq);
 CREATE TABLE bindings (
@@ -93,7 +108,8 @@ CREATE TABLE bindings (
     name TEXT NOT NULL,                -- as the question says it
     track TEXT,
     object TEXT,
-    reason TEXT NOT NULL
+    reason TEXT NOT NULL,
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE answers (
     seq INTEGER PRIMARY KEY,
@@ -102,7 +118,8 @@ CREATE TABLE answers (
     answer TEXT,                       -- NULL: unresolved
     confidence REAL,
     evidence TEXT NOT NULL,            -- JSON list of evidence ids
-    missing TEXT NOT NULL
+    missing TEXT NOT NULL,
+    checksum TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE jobs (
     evidence_seq INTEGER PRIMARY KEY REFERENCES evidence(seq),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 from evidence_store.cases import Cases
 from evidence_store.connection import Connection
 from evidence_store.content import ContentTable
+from evidence_store.errors import StoreFull, StoreReadOnly
 from evidence_store.evidence import Evidence, EvidenceTable
 from evidence_store.jobs import Jobs
 from evidence_store.worlds import Worlds
@@ -39,28 +40,28 @@ class EvidenceStore:
             yield
 
     def read_evidence(self, identifier: str) -> Evidence:
-        """One record of evidence; one whose worker died while it ran is marked `failed` first."""
+        """One record of evidence; one whose worker died while it ran is `failed`, and marked so where that can be."""
         record = self.evidence.get(identifier)
         if record.status != "running":
             return record
         job = self.jobs.get(identifier)
         if job is not None and job.alive():
             return record
-        with self.transaction():
+        where = "" if job is None else f" (process {job.pid} on {job.host})"
+        summary = f"the process that worked on this{where} ended before it was done; "
+        summary += f"call {record.tool} again with the same arguments"
+        with suppress(StoreFull, StoreReadOnly), self.transaction():  # as true where it cannot be written down
             record = self.evidence.get(identifier)
-            if record.status != "running":  # it finished between the two looks
-                return record
-            where = "" if job is None else f" (process {job.pid} on {job.host})"
-            record = replace(
-                record,
-                status="failed",
-                summary=f"the process that worked on this{where} ended before it was done; "
-                f"call {record.tool} again with the same arguments",
-            )
-            self.evidence.update(record)
-            self.jobs.finish(identifier)
-        return record
+            if record.status == "running":  # else it finished between the two looks
+                record = replace(record, status="failed", summary=summary)
+                self.evidence.update(record)
+                self.jobs.finish(identifier)
+        return replace(record, status="failed", summary=summary) if record.status == "running" else record
 
     def close(self) -> None:
-        """Close the file."""
+        """Bring the write-ahead log into the file and close it, whatever the state of the disk.
+
+        Nothing acknowledged is lost where this is never called; but a copy of the file alone then lacks what its log
+        holds.
+        """
         self._connection.close()

@@ -36,17 +36,18 @@ class Worlds:
         detail: dict[str, Any] | None = None,
     ) -> None:
         """Store a world's canonical JSON under its content id, with where it came from."""
-        with self._connection.write() as database:
-            database.table("worlds").insert({"id": identifier, "document": document}, ignore=True)
+        with self._connection.write():
+            self._connection.insert("worlds", {"id": identifier, "document": document}, ignore=True)
             if parent is not None and parent != identifier:
-                database.table("world_parents").insert(
-                    {"child": identifier, "parent": parent, "how": how, "detail": to_json(detail or {})}, ignore=True
-                )
+                row = {"child": identifier, "parent": parent, "how": how, "detail": to_json(detail or {})}
+                self._connection.insert("world_parents", row, ignore=True)
 
     def document(self, identifier: str) -> str:
-        """Canonical JSON of a world; raises UnknownRecord."""
+        """Canonical JSON of a world; raises UnknownRecord or RecordDamaged."""
         with self._connection.read() as database:
-            rows = list(database.query("SELECT document FROM worlds WHERE id = ?", [identifier]))
+            rows = self._connection.verified(
+                "worlds", database.query("SELECT * FROM worlds WHERE id = ?", [identifier])
+            )
         if not rows:
             raise UnknownRecord(f"no world has the id {identifier!r}")
         return str(rows[0]["document"])
@@ -54,5 +55,8 @@ class Worlds:
     def parents(self, identifier: str) -> list[Descent]:
         """Where a world came from, one entry for each way it was made."""
         with self._connection.read() as database:
-            rows = list(database.query("SELECT * FROM world_parents WHERE child = ? ORDER BY rowid", [identifier]))
+            rows = self._connection.verified(
+                "world_parents",
+                database.query("SELECT * FROM world_parents WHERE child = ? ORDER BY rowid", [identifier]),
+            )
         return [Descent(row["parent"], row["how"], json.loads(row["detail"])) for row in rows]

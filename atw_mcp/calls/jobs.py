@@ -125,9 +125,13 @@ class JobRunner:
                 job.progress.cancel()
         for job in jobs:
             if not job.ended.wait(max(0.0, deadline - time.monotonic())):
-                record = self._store.evidence.get(job.evidence)
-                summary = f"the server stopped before this was done; call {record.tool} again with the same arguments"
-                self._close(replace(record, status="failed", summary=summary))
+                try:
+                    record = self._store.evidence.get(job.evidence)
+                    again = f"call {record.tool} again with the same arguments"
+                    summary = f"the server stopped before this was done; {again}"
+                    self._close(replace(record, status="failed", summary=summary))
+                except StoreError as error:  # whoever reads the record next finds that its process has ended
+                    logger.warning("%s could not be marked failed: %s", job.evidence, error)
 
     def _run(self, record: Evidence, job: RunningJob, work: LongWork) -> None:
         progress = job.progress
@@ -152,6 +156,8 @@ class JobRunner:
                 ended = replace(record, status="failed", summary=summary)
         try:
             self._close(ended)
+        except StoreError as error:
+            logger.error("the result of %s (%s) could not be stored: %s", record.tool, record.id, error)
         except Exception:
             logger.exception("the result of %s could not be stored", record.tool)
         finally:
@@ -171,6 +177,9 @@ class JobRunner:
             try:
                 self._store.jobs.beat(job.evidence, progress.done, progress.total, progress.message)
                 seen = self._store.jobs.get(job.evidence)
+            except StoreError as error:
+                logger.warning("could not report progress of %s: %s", job.evidence, error)
+                continue
             except Exception:
                 logger.warning("could not report progress of %s", job.evidence, exc_info=True)
                 continue

@@ -18,6 +18,7 @@ from pydantic import ValidationError
 from evidence_store import Evidence, Status, StoreError, to_json
 
 ROOM = 40_000  # characters of JSON an agent is shown at once: about 15k tokens, below the 25k that clients cut at
+NAMED_AT_MOST = 10  # damaged records named in a summary
 DIGITS = 6  # significant digits shown; the evidence keeps all of them
 
 
@@ -199,6 +200,15 @@ def explained(next_step: str = "") -> Iterator[None]:
     except (KeyError, ValueError, StoreError, OSError) as error:
         text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
         raise ToolError(_sentence(text, next_step)) from error
+
+
+def damage_note(damaged: list[str]) -> str:
+    """Name the damaged records that a listing leaves out, as the end of a summary; empty where there are none."""
+    if not damaged:
+        return ""
+    more = f" and {len(damaged) - NAMED_AT_MOST} more" if len(damaged) > NAMED_AT_MOST else ""
+    named = ", ".join(damaged[:NAMED_AT_MOST])
+    return f"; damaged in the store and left out: {named}{more} (`atw-mcp doctor` lists what is damaged)"
 
 
 def validation_text(error: ValidationError) -> str:

@@ -68,7 +68,7 @@ class WorldTool(Tool):
             logger.exception("%s failed", self.name)
             raise ToolError(
                 f"{self.name} failed unexpectedly ({type(error).__name__}); the server's log has the details. "
-                "Nothing stored was lost: other tools still work, and ReadEvidence returns earlier results."
+                "Other tools still work, and ReadEvidence returns earlier results."
             ) from error
 
     def _compare(self, answer: Answer) -> Answer:

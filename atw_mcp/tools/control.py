@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.names import case_hint
-from atw_mcp.calls.results import Answer, page, to_result
+from atw_mcp.calls.results import Answer, damage_note, page, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.calls.waiting import Waiting
@@ -154,7 +154,7 @@ def _listing(app: App, case: str, cursor: int, limit: int) -> Evidence:
         tool="ReadEvidence",
         arguments={},
         case=case,
-        summary=f"{len(shown)} of {len(rows)} records, latest first",
+        summary=f"{len(shown)} of {len(rows)} records, latest first{damage_note(app.store.evidence.damaged(case))}",
         payload={"data": {"records": shown, "next_cursor": rest, "of": len(rows)}},
     )
 

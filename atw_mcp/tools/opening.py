@@ -9,7 +9,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from atw_mcp.calls.app import App
-from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.results import Answer, damage_note, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.cases import cases
 from evidence_store import Case
@@ -46,7 +46,8 @@ def open_case(
         if name is not None or questions:
             raise ToolError("OpenCase needs a file to open with it: video=PATH, data=PATH or case=ID")
         listed = [{"case": c.id, "path": c.path, "committed_world": c.committed_world} for c in app.store.cases.all()]
-        return Answer(summary=f"{len(listed)} cases", data={"cases": listed})
+        damaged = damage_note(app.store.cases.damaged())
+        return Answer(summary=f"{len(listed)} cases{damaged}", data={"cases": listed})
     if case is not None:
         if name is not None:
             raise ToolError("name is given to a file that is opened: OpenCase(video=PATH, name=...)")
