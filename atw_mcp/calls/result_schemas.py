@@ -15,6 +15,15 @@ from atw_mcp.calls.results import Answer, plain, validation_text
 from atw_mcp.calls.schemas import inlined
 
 logger = logging.getLogger(__name__)
+_FOR_WRITERS = {
+    "pattern",
+    "minLength",
+    "maxLength",
+    "minimum",
+    "exclusiveMinimum",
+    "maximum",
+    "exclusiveMaximum",
+}
 _TEXT_OR_NULL = {"anyOf": [{"type": "string"}, {"type": "null"}]}  # some clients refuse a list of types
 
 
@@ -43,8 +52,26 @@ def result_schema(returns: Any, *, long: bool) -> dict[str, Any]:
     work may go on after the call, so that the data may be how far it is.
     """
     wanted = returns | Unfinished if long else returns
-    data = inlined(TypeAdapter(wanted).json_schema())
+    data = _to_read(inlined(TypeAdapter(wanted).json_schema()))
     return {**_ENVELOPE, "properties": {**_ENVELOPE["properties"], "data": data}}
+
+
+def _to_read(schema: Any) -> Any:
+    """The schema without what concerns writers alone: bounds and patterns.
+
+    Of lists those of fixed length keep it; long results are shown with the others cut.
+    """
+    if isinstance(schema, list):
+        return [_to_read(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    fixed = schema.get("minItems") == schema.get("maxItems")
+    left_out = _FOR_WRITERS if fixed else _FOR_WRITERS | {"minItems", "maxItems"}
+    return {
+        key: {name: _to_read(part) for name, part in item.items()} if key == "properties" else _to_read(item)
+        for key, item in schema.items()
+        if key not in left_out
+    }
 
 
 def report_mismatch(tool: str, returns: Any, answer: Answer) -> None:

@@ -19,6 +19,7 @@ from atw_mcp.observation.importing import mesh_of
 from atw_mcp.observation.observing import UNKNOWN_RATE, derivation, derived_tracks, latest_camera, track_record
 from atw_mcp.observation.track_records import TrackRecord
 from atw_mcp.perception.flight.placing import Surroundings
+from atw_mcp.results.construction import BuiltWorld, GivenWorld
 from atw_mcp.tools.known_objects import corners_of
 from atw_mcp.tools.world_arguments import (
     CaseId,
@@ -43,7 +44,7 @@ from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, W
 GROUP = ToolGroup("world construction")
 
 
-@GROUP.tool("BuildWorld", title="Build a world", read_only=False)
+@GROUP.tool("BuildWorld", title="Build a world", read_only=False, returns=BuiltWorld | GivenWorld)
 def build_world_tool(
     app: App,
     case: CaseId,

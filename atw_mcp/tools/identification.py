@@ -24,6 +24,7 @@ from atw_mcp.fitting.fitting import (
 from atw_mcp.fitting.reading import CONTACTS, doubts, lower_draft, next_step, open_questions, verdict_in_words
 from atw_mcp.observation.observing import modelled_tracks
 from atw_mcp.probing.ensembles import keep_sample, sample_in_words, stored_sample
+from atw_mcp.results.identification import FittedWorld
 from atw_mcp.tools.world_arguments import CaseId, ParameterArgument, Patience
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -35,7 +36,7 @@ RESTARTS = {"prefixes": 3, "cem": 1, "random_search": 1, "refine": 1}
 STATES = {path.rpartition(".")[0] for path in STATE_PARAMETERS}
 
 
-@GROUP.tool("FitWorld", title="Fit a world to the observation", read_only=False)
+@GROUP.tool("FitWorld", title="Fit a world to the observation", read_only=False, returns=FittedWorld)
 def fit_world(
     app: App,
     case: CaseId,

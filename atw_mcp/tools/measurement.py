@@ -24,6 +24,14 @@ from atw_mcp.perception.calibration import (
     calibrate_from_points,
     calibrate_given,
 )
+from atw_mcp.results.measurement import (
+    CalibratedCamera,
+    ImportedDepth,
+    ImportedMesh,
+    ImportedRecording,
+    ImportedTracks,
+)
+from atw_mcp.results.observation import ObservedObjects
 from atw_mcp.tools.observation import observed_answer
 from atw_mcp.tools.world_arguments import Argument, CaseId, Pixel, Point
 from evidence_store import Case
@@ -34,7 +42,12 @@ Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)
 Unread = SkipJsonSchema[dict[str, Any]]
 
 
-@GROUP.tool("ImportObservation", title="Import an observation", read_only=False)
+@GROUP.tool(
+    "ImportObservation",
+    title="Import an observation",
+    read_only=False,
+    returns=ImportedTracks | ImportedRecording | ObservedObjects | CalibratedCamera | ImportedDepth | ImportedMesh,
+)
 def import_observation(
     app: App,
     case: CaseId,
@@ -226,7 +239,7 @@ class CameraArgument(Argument):
     translation: Point = Field(description="t, the world's origin in camera axes [m]")
 
 
-@GROUP.tool("CalibrateCamera", title="Calibrate the camera", read_only=False)
+@GROUP.tool("CalibrateCamera", title="Calibrate the camera", read_only=False, returns=CalibratedCamera)
 def calibrate_camera(
     app: App,
     case: CaseId,

@@ -14,6 +14,7 @@ from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.models import Limits, Prompt, available, find_model
 from atw_mcp.models.folders import how_to_add
 from atw_mcp.observation.model_runs import KnownObject, RunRequest, prepare
+from atw_mcp.results.models import ModelDepth, ModelList, ModelMasks, ModelMeshes, ModelPoints, ModelPoses
 from atw_mcp.tools.world_arguments import Argument, Patience, Pixel
 
 GROUP = ToolGroup("world construction")
@@ -46,7 +47,12 @@ class ModelledObject(Argument):
     mesh: str | None = Field(default=None, max_length=64, description="pose: id of its mesh")
 
 
-@GROUP.tool("RunModel", title="Run a learned model", read_only=False)
+@GROUP.tool(
+    "RunModel",
+    title="Run a learned model",
+    read_only=False,
+    returns=ModelList | ModelMasks | ModelPoints | ModelDepth | ModelPoses | ModelMeshes,
+)
 def run_model(
     app: App,
     model: Annotated[str | None, Field(max_length=200, description="its name; without it, models are listed")] = None,

@@ -30,6 +30,7 @@ from atw_mcp.perception.known.observe import observe_known
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes
+from atw_mcp.results.observation import MeasuredShapes, ObservedObjects
 from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, known_of, known_places
 from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, Point
 from evidence_store import Case
@@ -80,7 +81,12 @@ class CorrectionArgument(Argument):
     name: str | None = Field(default=None, max_length=64, description="split, rename: the new name")
 
 
-@GROUP.tool("ObserveObjects", title="Find and follow objects", read_only=False)
+@GROUP.tool(
+    "ObserveObjects",
+    title="Find and follow objects",
+    read_only=False,
+    returns=ObservedObjects | MeasuredShapes,
+)
 def observe_objects(
     app: App,
     case: CaseId,

@@ -12,12 +12,13 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer, damage_note, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.cases import cases
+from atw_mcp.results.observation import CaseList, OpenedCase
 from evidence_store import Case
 
 GROUP = ToolGroup("world construction")
 
 
-@GROUP.tool("OpenCase", title="Open a case", read_only=False)
+@GROUP.tool("OpenCase", title="Open a case", read_only=False, returns=OpenedCase | CaseList)
 def open_case(
     app: App,
     video: Annotated[str | None, Field(description="path of a video file on the server's machine")] = None,
