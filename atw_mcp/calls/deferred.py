@@ -52,6 +52,11 @@ class DeferredTool(WorldTool):
             ) from error
         return next(tool for tool in group.tools if tool.name == self.name)
 
+    @property
+    def full_output(self) -> dict[str, Any]:
+        """Schema of all that it returns; imports the tool."""
+        return self.declared().full_output
+
     async def run(self, arguments: dict[str, Any], context: Context[Any, Any], convert_result: bool = False) -> Any:
         """Import the tool in a worker thread and run it."""
         tool = await anyio.to_thread.run_sync(self.declared, abandon_on_cancel=True)

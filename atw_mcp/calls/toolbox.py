@@ -41,6 +41,11 @@ class WorldTool(Tool):
     pictures: bool = False
     returns: Any = None  # the model of its data, or a union of models; None: not yet declared
 
+    @property
+    def full_output(self) -> dict[str, Any]:
+        """Schema of all that it returns, also where it is sent with pictures and therefore as text alone."""
+        return result_schema(dict[str, Any] if self.returns is None else self.returns, long=_may_be_long(self.fn))
+
     async def run(self, arguments: dict[str, Any], context: Context[Any, Any], convert_result: bool = False) -> Any:
         """Check the arguments, call the function, record and shape what it returns.
 

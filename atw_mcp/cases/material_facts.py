@@ -8,7 +8,7 @@ import numpy as np
 
 from polyworld.model import mesh_of, model_of
 from polyworld.world import Deformable, World
-from polyworld.world.materials import material_of, measure_of
+from polyworld.world.materials import BUILT_IN, material_of, measure_of
 
 
 def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
@@ -30,7 +30,8 @@ def about_deformable(world: World, item: Deformable) -> dict[str, Any]:
         held = [a.name for a in world.attachments if item.name in (a.object, a.to)]
         if held:
             facts["held_by"] = held
-    facts |= material.facts(world, item, mesh)
+    own = material.facts(world, item, mesh)
+    facts |= own if material.kind in BUILT_IN else {"facts": own}
     if len(mesh.nodes):
         reach = material.reach(world, item, mesh)
         facts["starts_in"] = [reach.min(axis=0).tolist(), reach.max(axis=0).tolist()]

@@ -142,7 +142,7 @@ def rollout_answer(ensemble: Ensemble, horizon: float) -> dict[str, Any]:
                 **({"occurrence": ordinal} if ordinal > 1 else {}),
                 **_counted_true(len(found), len(completed)),
                 f"time_{PERCENT}": interval_of(np.array([time for time, _ in found])),
-                f"place_of_{objects[0]}_{PERCENT}": _place(np.array([place for _, place in found])),
+                f"place_{PERCENT}": _place(np.array([place for _, place in found])),
             }
         )
     rows.sort(key=lambda row: row[f"time_{PERCENT}"]["median"])
@@ -201,9 +201,9 @@ def trajectory_answer(
         "cells": f"over the members: median, and the {PERCENT} interval from, to",
         "rows": [[*stamp, *row] for stamp, row in zip(timed, cells, strict=True)],
         "motion": {
-            key: interval_of(np.array([motion[key] for motion in motions if key in motion]))
+            key: interval_of(known)
             for key in ("displacement", "path_length", "highest_speed", "final_speed")
-            if any(key in motion for motion in motions)
+            if len(known := np.array([m[key] for m in motions if key in m and np.isfinite(m[key])]))
         },
     }
     axes = sorted({axis for found in periods for axis in found})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from atw_mcp.results.base import Result
-from atw_mcp.results.values import Json, Vector
+from atw_mcp.results.values import AnyJson, Vector
 
 
 class DeformableFacts(Result):
@@ -28,7 +28,7 @@ class DeformableFacts(Result):
     thickness: float | None = Field(default=None, description="of cloth [m]")
     ends: list[Vector] | None = Field(default=None, description="of a rope: where its two ends start [m]")
     wraps_deg: dict[str, float] | None = Field(default=None, description="angle around each pulley [deg]")
-    facts: dict[str, Json] | None = Field(default=None, description="of a registered material")
+    facts: dict[str, AnyJson] | None = Field(default=None, description="of a registered material")
     starts_in: list[Vector] | None = Field(default=None, description="lower and upper corner of the box [m]")
     start_frame: int | None = Field(default=None, description="left out where it is there from the first frame")
 

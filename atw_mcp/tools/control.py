@@ -11,21 +11,38 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.names import case_hint
+from atw_mcp.calls.result_schemas import Unfinished
 from atw_mcp.calls.results import Answer, damage_note, page, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.calls.waiting import Waiting
+from atw_mcp.results.control import (
+    Bindings,
+    DescribedFields,
+    DescribedSchema,
+    DescribedTool,
+    EvidencePart,
+    Finished,
+    Records,
+    Tools,
+)
+from atw_mcp.results.values import Json
 from evidence_store import Answer as RecordedAnswer
 from evidence_store import Binding, Evidence, UnknownRecord
 
 GROUP = ToolGroup("execution control")
 
 CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
+RESULT = "result"  # instead of an argument of DescribeTool
 EVIDENCE_PATTERN = r"^ev-\d{1,15}$"
 CANCEL_SECONDS = 5.0  # [s] to wait for cancelled work to stop; it looks once a chunk, within about a second
 
 
-@GROUP.tool("DescribeTool", title="Describe a tool")
+@GROUP.tool(
+    "DescribeTool",
+    title="Describe a tool",
+    returns=Tools | DescribedTool | DescribedFields | DescribedSchema,
+)
 def describe_tool(
     app: App,
     tool: Annotated[str | None, Field(description="name of a tool; without it, every tool in one line")] = None,
@@ -33,7 +50,7 @@ def describe_tool(
         str | None,
         Field(
             description="one argument, to get its full JSON schema (BuildWorld: 'world', or a kind of part as "
-            "'parts.rope', or a field of it as 'parts.hinge.motor')"
+            "'parts.rope', or a field of it as 'parts.hinge.motor'); 'result': the JSON schema of the tool's results"
         ),
     ] = None,
 ) -> Answer:
@@ -66,9 +83,11 @@ def describe_tool(
             summary=f"part {kind}: {described['description'].split('. ')[0]}",
             data={"fields": lines, "about": described["description"]},
         )
+    if argument == RESULT:
+        return Answer(summary=f"result of {found.name}", data={"schema": found.full_output})
     if argument is not None:
         if argument not in properties:
-            raise ToolError(f"{found.name} has no argument {argument!r}; arguments: {', '.join(properties)}")
+            raise ToolError(f"{found.name} has no argument {argument!r}; arguments: {', '.join([*properties, RESULT])}")
         schema = properties[argument]
         if (found.name, argument) == ("BuildWorld", "world"):
             from polyworld.world import World
@@ -83,9 +102,8 @@ def describe_tool(
             "stage": STAGES[found.role],
             "description": found.description,
             "arguments": argument_lines(found.parameters),
-            "result": "pictures, with their data as JSON text"
-            if found.pictures
-            else "JSON, also as structured content",
+            "result": ("pictures, with their data as JSON text" if found.pictures else "JSON, also structured content")
+            + f"; DescribeTool(tool={found.name!r}, argument={RESULT!r}) gives its schema",
         },
     )
 
@@ -99,7 +117,9 @@ STAGES = {
 }
 
 
-@GROUP.tool("ReadEvidence", title="Read evidence again", pictures=True)
+@GROUP.tool(
+    "ReadEvidence", title="Read evidence again", pictures=True, returns=Records | EvidencePart | Unfinished | Json
+)
 def read_evidence(
     app: App,
     evidence: Annotated[str | None, Field(description="evidence id, e.g. ev-12; or give case to list them")] = None,
@@ -169,7 +189,7 @@ class Correction(BaseModel):
     object: str | None = Field(default=None, max_length=64, description="object of the world it stands for")
 
 
-@GROUP.tool("UpdateBindings", title="Correct what names stand for", read_only=False)
+@GROUP.tool("UpdateBindings", title="Correct what names stand for", read_only=False, returns=Bindings)
 def update_bindings(
     app: App,
     case: CaseId,
@@ -203,7 +223,7 @@ def update_bindings(
     )
 
 
-@GROUP.tool("Finish", title="Answer a question", read_only=False)
+@GROUP.tool("Finish", title="Answer a question", read_only=False, returns=Finished)
 def finish(
     app: App,
     case: CaseId,

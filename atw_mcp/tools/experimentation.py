@@ -23,6 +23,7 @@ from atw_mcp.observation.shape_reading import readout_schema, shape_rows
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensemble_answers import rollout_answer, rollout_in_words, trajectory_answer, trajectory_in_words
 from atw_mcp.probing.ensembles import EnsembleSize, compute_ensemble, lineage
+from atw_mcp.results.experimentation import Events, RolloutMade, Shape, Timeline, Trajectory, VariantsMade
 from atw_mcp.worlds.rollout_cost import cost, size_in_words
 from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
 from evidence_store import Case
@@ -68,7 +69,7 @@ class _Plan:
         return size_in_words(self.world, self.horizon)
 
 
-@GROUP.tool("Rollout", title="Run a world forward", read_only=False)
+@GROUP.tool("Rollout", title="Run a world forward", read_only=False, returns=RolloutMade | VariantsMade)
 def roll_out(
     app: App,
     case: CaseId,
@@ -285,7 +286,7 @@ def _where(result: Rollout) -> str:
     return f"{result.diverged_object}, node {result.diverged_element}"
 
 
-@GROUP.tool("ReadEvents", title="Read a rollout's events")
+@GROUP.tool("ReadEvents", title="Read a rollout's events", returns=Events)
 def read_events(
     app: App,
     rollout: RolloutId,
@@ -341,7 +342,7 @@ def read_events(
     )
 
 
-@GROUP.tool("ReadTrajectory", title="Read an object's simulated motion")
+@GROUP.tool("ReadTrajectory", title="Read an object's simulated motion", returns=Trajectory | Shape)
 def read_trajectory(
     app: App,
     rollout: RolloutId,
@@ -472,7 +473,7 @@ def _shape_answer(
     )
 
 
-@GROUP.tool("ReadTimeline", title="Read what happens in order")
+@GROUP.tool("ReadTimeline", title="Read what happens in order", returns=Timeline)
 def read_timeline(
     app: App,
     rollout: RolloutId,

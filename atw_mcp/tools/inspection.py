@@ -14,6 +14,7 @@ from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.cases.material_facts import about_deformable, mass, nodes_of, size_of
 from atw_mcp.cases.origins import knowledge, lineage
+from atw_mcp.results.inspection import InspectedWorld, Properties
 from evidence_store import Case
 from polyworld.effects import CATALOGUE
 from polyworld.probing.margins import ABOUT
@@ -37,7 +38,7 @@ SCALARS = tuple(OBJECT_PARAMETERS)
 SHOWN_OTHERWISE = {"objects", "deformables", "statics", "environment", "effects", "time", "camera"}
 
 
-@GROUP.tool("InspectWorld", title="Inspect a world")
+@GROUP.tool("InspectWorld", title="Inspect a world", returns=InspectedWorld)
 def inspect_world(
     app: App,
     case: CaseId,
@@ -97,7 +98,7 @@ def inspect_world(
     )
 
 
-@GROUP.tool("ReadProperty", title="Read a property")
+@GROUP.tool("ReadProperty", title="Read a property", returns=Properties)
 def read_property(
     app: App,
     case: CaseId,

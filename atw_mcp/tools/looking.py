@@ -31,6 +31,7 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import PerceptionCancelled, read_frames
 from atw_mcp.probing import readouts
 from atw_mcp.probing.rollout_view import RolloutView, case_tracks, draw_observed
+from atw_mcp.results.looking import ObservedMotion, OutlinedFrames, PlainFrames, SimulatedFrames
 from atw_mcp.worlds.rollout_cost import size_in_words
 from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
 from evidence_store import Case
@@ -55,7 +56,7 @@ PATIENCE = 40.0  # [s]
 BORDER = 2  # [px] a mask this near to the image's edge touches it
 
 
-@GROUP.tool("InspectFrames", title="Look at frames", pictures=True)
+@GROUP.tool("InspectFrames", title="Look at frames", pictures=True, returns=PlainFrames | OutlinedFrames)
 def inspect_frames(
     app: App,
     case: CaseId,
@@ -179,7 +180,7 @@ def _frames_answer(
     )
 
 
-@GROUP.tool("InspectObservedMotion", title="Read an object's observed motion")
+@GROUP.tool("InspectObservedMotion", title="Read an object's observed motion", returns=ObservedMotion)
 def inspect_observed_motion(
     app: App,
     case: CaseId,
@@ -266,7 +267,7 @@ def inspect_observed_motion(
     )
 
 
-@GROUP.tool("InspectRollout", title="Look at a rollout", pictures=True)
+@GROUP.tool("InspectRollout", title="Look at a rollout", pictures=True, returns=SimulatedFrames)
 def inspect_rollout(
     app: App,
     case: CaseId,

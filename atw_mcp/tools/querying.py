@@ -27,6 +27,7 @@ from atw_mcp.probing.ensemble_answers import (
     together,
 )
 from atw_mcp.probing.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
+from atw_mcp.results.querying import Answered, AnsweredSeveral, ComparedRollouts
 from atw_mcp.tools.experimentation import PATIENCE, Objects, RolloutId, diverged_in_words, end_of
 from atw_mcp.worlds.rollouts import sample_seconds_of, stored_rollout
 from evidence_store import Case
@@ -65,7 +66,7 @@ class _Question:
         return query(rollout, world, predicate, self.asked(world), self.aggregation)
 
 
-@GROUP.tool("QueryWorld", title="Ask whether something holds")
+@GROUP.tool("QueryWorld", title="Ask whether something holds", returns=Answered | AnsweredSeveral)
 def query_world(
     app: App,
     rollout: RolloutId,
@@ -235,10 +236,20 @@ def _answered(
     return text, {
         "verdict": verdict,
         **answer.to_dict(),
+        "evidence": _grounds(answer.evidence),
         "predicate": statement.model_dump(mode="json", exclude_none=True),
         "aggregation": aggregation,
         "covers": None if answer.covered is None else span.shown(),
     }
+
+
+def _grounds(evidence: dict[str, Any]) -> dict[str, Any]:
+    """The numbers of a verdict, those of the quantity that a state compares under one name."""
+    grounds: dict[str, Any] = {}
+    for name, found in evidence.items():
+        state = isinstance(found, dict) and "lowest" in found
+        grounds |= {"extremes": {"quantity": name, **found}} if state else {name: found}
+    return grounds
 
 
 def _joining(world: World, predicate: Predicate, asked: tuple[float, float] | None) -> str:
@@ -257,7 +268,7 @@ def _how_near(answer: QueryResult) -> str:
     return f"; closest approach of the surfaces {nearest['gap_m']:.3g} m at {nearest['time']:.4g} s"
 
 
-@GROUP.tool("CompareWorlds", title="Compare two rollouts")
+@GROUP.tool("CompareWorlds", title="Compare two rollouts", returns=ComparedRollouts)
 def compare_worlds(
     app: App,
     base: Annotated[RolloutId, Field(description="rollout id of the world as it was, or any other")],

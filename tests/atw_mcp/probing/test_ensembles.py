@@ -115,7 +115,7 @@ def test_the_interval_of_the_stop_holds_the_law(session: Session) -> None:
     about = session("Rollout", case="slide", horizon_seconds=2.0, ensemble=64)["data"]["ensemble"]
     (rest,) = (row for row in about["timeline"] if row["what"] == "comes to rest")
     assert rest["true"] == 64
-    spread, place = rest["time_90%"], rest["place_of_block_90%"]
+    spread, place = rest["time_90%"], rest["place_90%"]
     assert spread["from"] - 0.04 <= SPEED / (FRICTION * 9.81) <= spread["to"] + 0.04  # sampled every 0.04 s
     assert place["from"][0] <= stopping_distance(FRICTION, SPEED) <= place["to"][0]
 

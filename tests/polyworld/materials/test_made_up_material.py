@@ -97,7 +97,7 @@ def test_it_is_moved_described_and_built_like_any_other() -> None:
     higher = branch(world, [Move(object="flake", position=(1.0, 0.0, 4.0))])
     assert mesh_of(higher, higher.deformable("flake")).nodes.mean(axis=0) == pytest.approx([1.0, 0.0, 4.0])
     facts = about_deformable(world, world.deformable("flake"))
-    assert facts["springs"] == 3
+    assert facts["facts"]["springs"] == 3
     assert facts["mass"] == pytest.approx(3 * M)
     assert "circumradius" in takes("flake")
     assert read_part("flake", {"name": "flake", "position": (0, 0, 3), "circumradius": R}).stiffness == 100.0
