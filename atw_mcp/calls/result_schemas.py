@@ -10,6 +10,7 @@ import logging
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.json_schema import GenerateJsonSchema
 
 from atw_mcp.calls.results import Answer, plain, validation_text
 from atw_mcp.calls.schemas import inlined
@@ -51,8 +52,26 @@ def result_schema(returns: Any, *, long: bool) -> dict[str, Any]:
     returns: the model of its data, or a union of models where its arguments decide on the form. long: whether the
     work may go on after the call, so that the data may be how far it is.
     """
-    wanted = returns | Unfinished if long else returns
-    data = _to_read(inlined(TypeAdapter(wanted).json_schema()))
+    return _enveloped(_to_read(inlined(_data(returns, long).json_schema())))
+
+
+def referenced_schema(returns: Any, *, long: bool) -> dict[str, Any]:
+    """The same schema with each model once, under `$defs`: shorter, for those who follow references."""
+    data = _data(returns, long).json_schema(schema_generator=_Untitled)
+    definitions = data.pop("$defs", {})
+    return {**_enveloped(data), "$defs": definitions}
+
+
+class _Untitled(GenerateJsonSchema):
+    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
+        return False
+
+
+def _data(returns: Any, long: bool) -> TypeAdapter[Any]:
+    return TypeAdapter(returns | Unfinished if long else returns)
+
+
+def _enveloped(data: dict[str, Any]) -> dict[str, Any]:
     return {**_ENVELOPE, "properties": {**_ENVELOPE["properties"], "data": data}}
 
 

@@ -23,7 +23,7 @@ from pydantic import ValidationError
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, RunningJob
-from atw_mcp.calls.result_schemas import report_mismatch, result_schema
+from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, result_schema
 from atw_mcp.calls.results import Answer, to_result, validation_text
 from atw_mcp.calls.schemas import inlined, without_null
 from atw_mcp.calls.waiting import Waiting
@@ -43,8 +43,8 @@ class WorldTool(Tool):
 
     @property
     def full_output(self) -> dict[str, Any]:
-        """Schema of all that it returns, also where it is sent with pictures and therefore as text alone."""
-        return result_schema(dict[str, Any] if self.returns is None else self.returns, long=_may_be_long(self.fn))
+        """Schema of all that it returns, also where that is sent with pictures and therefore as text alone."""
+        return referenced_schema(dict[str, Any] if self.returns is None else self.returns, long=_may_be_long(self.fn))
 
     async def run(self, arguments: dict[str, Any], context: Context[Any, Any], convert_result: bool = False) -> Any:
         """Check the arguments, call the function, record and shape what it returns.
